@@ -74,6 +74,21 @@ Amplitudes = dict[str, float]
 """True parameters under the catalogue's names; for causes whose parameters mean the same there."""
 
 
+@dataclass(frozen=True)
+class Hidden:
+    """A law that no catalogue has, as its right answers word it.
+
+    Attributes:
+        where: Places that are right: joint number, `rail`, `scale`, `tracker`.
+        what: Pairs of kind and variable that are right.
+        order: Periods per turn; None where any order is right.
+    """
+
+    where: tuple[int | str, ...]
+    what: tuple[tuple[str, str], ...]
+    order: float | None = None
+
+
 Plant = Callable[[Setup, float, Course], Amplitudes | None]
 """Puts a secret of a size (in typical sizes of the catalogue) into a set-up."""
 
@@ -87,12 +102,15 @@ class Secret:
         place: Where in the cell it sits, as the diagnosis words it; `a | b` where it joins parts.
         known: True when the catalogue has it (perhaps in another form).
         plant: Puts it in.
+        law: What it is a law of; None where the catalogue has it, or where it follows nothing that
+            a pull varies.
     """
 
     label: str
     place: str
     known: bool
     plant: Plant
+    law: Hidden | None = None
 
 
 def straight(c: float) -> Law:

@@ -55,6 +55,27 @@ class Size:
 
 
 @dataclass(frozen=True)
+class Found:
+    """What was said of a law that no catalogue has.
+
+    Attributes:
+        named: A law that nobody listed is among the causes.
+        place: Causes are named, and all of them sit where the law does.
+        what: A law of the right place has the right kind and variable.
+        order: The same with the right order.
+        halved: The cross-validation error falls to half, or less.
+        beyond: What of it exceeds the scatter of the readings does, squares subtracted.
+    """
+
+    named: bool
+    place: bool
+    what: bool
+    order: bool
+    halved: bool
+    beyond: bool
+
+
+@dataclass(frozen=True)
 class Score:
     """What came of one answer.
 
@@ -72,6 +93,7 @@ class Score:
         remainder: What is left with the causes over the scatter found, root mean square.
         apart: Sigmas that the proposed poses promise between the pair they separate worst; None
             where nothing is proposed.
+        law: Of a secret that is a law no catalogue has.
     """
 
     verdict: str
@@ -86,6 +108,7 @@ class Score:
     left_out_mm: float | None
     remainder: float | None
     apart: float | None
+    law: Found | None = None
 
     @property
     def detected(self) -> bool:
@@ -131,7 +154,7 @@ def score(truth: Json, answer: Json | None, known: Twins) -> Score:
     secrets = truth["secrets"]
     want = {same(secret["label"], known) for secret in secrets}
     places = {place for secret in secrets for place in secret["place"].split(" | ")}
-    got = {same(label(cause), known) for cause in causes}
+    got = {_name(cause, secrets, known) for cause in causes}
     stated = tuple(said for cause in causes for said in _stated(cause, want, known))
     listed = got | {said.label for said in stated if said.probability > LISTED}
     worth = causes[0]["gain"] if causes else None
@@ -141,13 +164,66 @@ def score(truth: Json, answer: Json | None, known: Twins) -> Score:
         right=want == got,
         in_list=want <= listed,
         strayed=not got <= want,
-        misplaced=any((cause.get("location") or "data") not in places for cause in causes),
+        misplaced=any(not _placed(cause, secrets, places) for cause in causes),
         stated=stated,
         sizes=tuple(size for cause in causes for size in _sizes(cause, secrets)),
         gain=(worth["reduction"], *worth["ci95"]) if worth and worth["ci95"] else None,
         left_out_mm=(answer["joint_springs"]["validation"] or {}).get("held_out_rms_mm"),
         remainder=diagnosis["detection"]["remainder_over_scatter"],
         apart=_apart(diagnosis["next_poses"]),
+        law=_law(secrets, causes, places, diagnosis["noise_floor_mm"]),
+    )
+
+
+UNLISTED = "unlisted_law"
+
+
+def _name(cause: Json, secrets: list[Json], known: Twins) -> str:
+    """A cause's label; that of the secret where it is the law that it hides."""
+    hit = (one["label"] for one in secrets if _fits(cause, one.get("law")))
+    return next(hit, same(label(cause), known))
+
+
+def _placed(cause: Json, secrets: list[Json], places: set[str]) -> bool:
+    laws = [one["law"] for one in secrets if one.get("law")]
+    if cause["name"] == UNLISTED and laws:
+        return any(cause["where"] in law["where"] for law in laws)
+    return (cause.get("location") or "data") in places
+
+
+def _fits(cause: Json, law: Json | None) -> bool:
+    """Whether a cause is a law of the right place, kind and variable."""
+    said = cause.get("law")
+    if said is None or law is None or cause["where"] not in law["where"]:
+        return False
+    return [said["kind"], said["variable"]] in [list(pair) for pair in law["what"]]
+
+
+def _law(
+    secrets: list[Json], causes: list[Json], places: set[str], floor: float | None
+) -> Found | None:
+    """What was said of the first secret that is a law."""
+    law = next((one["law"] for one in secrets if one.get("law")), None)
+    if law is None:
+        return None
+    right = [cause for cause in causes if _fits(cause, law)]
+    gain = next((cause["gain"] for cause in causes if cause["gain"]), None)
+    before, after = (
+        (gain["held_out_rms_before_mm"] or 0.0, gain["held_out_rms_after_mm"] or 0.0)
+        if gain
+        else (1.0, 1.0)
+    )
+    least = (floor or 0.0) ** 2
+    return Found(
+        named=any(cause["name"] == UNLISTED for cause in causes),
+        place=bool(causes) and all(_placed(cause, secrets, places) for cause in causes),
+        what=bool(right),
+        order=any(
+            law["order"] is None or abs(cause["law"]["order"] - law["order"]) < 0.5
+            for cause in right
+        ),
+        halved=after <= before / 2,
+        beyond=after**2 - least <= (before**2 - least) / 4,
     )
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -145,7 +145,14 @@ def play(
     files = _measure(one, course, true_tool, plan, for_noise, rules, name)
     truth: dict[str, Any] = {
         "secrets": [
-            {"label": s.label, "place": s.place, "known": s.known, "size": size, "amplitudes": true}
+            {
+                "label": s.label,
+                "place": s.place,
+                "known": s.known,
+                "size": size,
+                "amplitudes": true,
+                "law": s.law and asdict(s.law),
+            }
             for (s, size), true in zip(secrets, sizes, strict=True)
         ],
         "stiffness": stiffness.tolist(),

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 from scipy import stats
 
-from bench.league.judge import Score, Stated
+from bench.league.judge import UNLISTED, Score, Stated
 from bench.league.run import MOST, NEVER, STEPS, Played
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.facts import APART
@@ -77,6 +77,7 @@ def rows(games: Sequence[Played]) -> list[tuple[str, str, str]]:
             "<= 2 %",
         ),
         ("cause outside the catalogue noticed", share(g.score.detected for g in strange), ""),
+        *_laws(strange, clean, known),
         ("two causes: both named, nothing else", share(g.score.right for g in pairs), "90 %"),
         (
             "twins never named singly",
@@ -164,6 +165,45 @@ def settled(game: Played, most: int) -> bool:
 def rivalled(score: Score) -> bool:
     """Whether a name is open because of a rival, not because of what it gains."""
     return any(said.probability < CERTAIN for said in score.stated if _is_named(said, score))
+
+
+def _laws(
+    strange: Sequence[Played], clean: Sequence[Played], known: Sequence[Played]
+) -> list[tuple[str, str, str]]:
+    """Laws that nobody listed."""
+    found = [g.score.law for g in strange if g.score.law and g.score.detected]
+    named = [law for law in found if law.named]
+    aimless = [g.score for g in strange if g.score.law is None]
+    return [
+        (
+            "law outside the catalogue, of something that a pull varies, once noticed: right place",
+            share(law.place for law in found),
+            "90 %",
+        ),
+        ("... right kind and variable", share(law.what for law in found), "70 %"),
+        ("... and right order", share(law.order for law in found), ""),
+        ("... cross-validation error at least halved", share(law.halved for law in found), "60 %"),
+        (
+            "... what of it exceeds the scatter of the readings at least halved",
+            share(law.beyond for law in found),
+            "",
+        ),
+        ("... named as such a law", share(law.named for law in found), ""),
+        ("... of these in the right place", share(law.place for law in named), ""),
+        ("... of these right kind and variable", share(law.what for law in named), ""),
+        (
+            "such a law named where something acts that follows nothing a pull varies",
+            share(_unlisted(score) for score in aimless),
+            "",
+        ),
+        ("... in clean campaigns", share(_unlisted(g.score) for g in clean), "<= 0.5 %"),
+        ("... for causes of the catalogue", share(_unlisted(g.score) for g in known), "<= 3 %"),
+    ]
+
+
+def _unlisted(score: Score) -> bool:
+    """Whether a law that nobody listed is among the causes."""
+    return any(name.partition(":")[0] == UNLISTED for name in score.named)
 
 
 def _next(doubtful: Sequence[Played]) -> list[tuple[str, str, str]]:

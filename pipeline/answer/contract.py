@@ -409,15 +409,26 @@ class Evidence(Fact):
 
 
 class Law(Fact):
-    """A law that nobody listed: by how much a joint turns more than its encoder says."""
+    """A law that nobody listed.
+
+    In campaigns of positions by how much a joint turns more than its encoder says; in campaigns of
+    pulls what a joint, the rail, the scale or the tracker does that the model leaves out.
+    """
 
     kind: Literal["periodic", "smooth", "step", "coupling"]
-    variable: Literal["angle", "torque", "position", "temperature", "time"]
-    joint: int = Field(description="that it moves, from 1")
+    variable: Literal["angle", "torque", "position", "temperature", "time", "direction", "force"]
+    part: str | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="what of the place follows it in campaigns of pulls: spring, friction, roll, "
+        "...; absent for positions",
+    )
+    joint: int | None = Field(description="that it moves, from 1; null for scale, tracker, guides")
     source_joint: int | None = Field(description="whose angle or torque it is of, where another")
     order: Number = Field(
-        description="periods per turn, or degree; of a smooth law of an angle how many of the "
-        "lengths over which it remembers make a turn"
+        description="periods per turn or per metre, degree, or 0 of a step; of a smooth law of an "
+        "angle of a campaign of positions how many of the lengths over which it remembers make a "
+        "turn"
     )
     range: tuple[Number, Number] = Field(description="of the variable, where it was taught, SI")
     text: str

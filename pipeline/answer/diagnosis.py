@@ -12,7 +12,7 @@ from pipeline.answer.contract import Equilibrium, NoiseFrom, Predicted
 from pipeline.answer.findings import Findings
 from pipeline.answer.judged import axis_values
 from pipeline.answer.numbers import left_out_mm
-from pipeline.answer.words import why
+from pipeline.answer.words import law_told, why
 from pipeline.diagnosis.facts import (
     Alone,
     Amplitude,
@@ -26,6 +26,7 @@ from pipeline.diagnosis.facts import (
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import Mistake
 from pipeline.machine.effect import Effect
+from pipeline.machine.law import Law
 from pipeline.machine.robot import Robot
 from pipeline.machine.room import room_of, unchecked
 from pipeline.system.estimate import left_out
@@ -113,7 +114,7 @@ def _scatter(found: Scatter) -> contract.Scatter:
 
 def placed(effect: Effect) -> dict[str, Any]:
     """Name, place and law of an effect."""
-    return _at(effect) | {"form": effect.form or None}
+    return _at(effect) | {"form": effect.law.kind if effect.law else effect.form or None}
 
 
 def _at(effect: Effect) -> dict[str, Any]:
@@ -127,7 +128,7 @@ def _cause(cause: Cause) -> contract.Cause:
         **placed(effect),
         location=effect.location,
         probability=cause.probability,
-        parameters=tuple(map(_amplitude, cause.amplitudes)),
+        parameters=tuple(map(_amplitude, (cause.height,) if cause.height else cause.amplitudes)),
         p_value=cause.p_value,
         times_typical=cause.largest.times_typical,
         rivals=tuple(
@@ -138,6 +139,21 @@ def _cause(cause: Cause) -> contract.Cause:
         signature=effect.signature,
         needs=effect.needs,
         gain=_gain(cause),
+        law=None if effect.law is None else _law(effect, effect.law, cause),
+    )
+
+
+def _law(effect: Effect, law: Law, cause: Cause) -> contract.Law:
+    """What nobody listed, in the form of campaigns of positions."""
+    return contract.Law(
+        kind=law.kind,
+        variable=law.variable,
+        part=law.part,
+        joint=law.where if isinstance(law.where, int) else 1 if law.part == "drive" else None,
+        source_joint=law.source if law.source and law.source != law.where else None,
+        order=law.order,
+        range=(law.low, law.high),
+        text=law_told(cause),
     )
 
 

@@ -199,6 +199,17 @@ def enormous(cause: Cause) -> str | None:
     )
 
 
+def law_told(cause: Cause) -> str:
+    """A law that nobody listed, with its amplitude."""
+    size = cause.height
+    if size is None:
+        return cause.effect.called
+    unit = size.parameter.unit
+    factor, letter = (1.0, "") if unit == "1" else common_prefix([size.value])
+    shown = "" if unit == "1" else f" {prefixed(unit, letter)}"
+    return f"{cause.effect.called}, {with_std(size.value / factor, size.std / factor)}{shown}"
+
+
 def hangs_on(cause: Effect, most: Carried) -> str | None:
     """That a cause rests on one pull; None where it does not.
 

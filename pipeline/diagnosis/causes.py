@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Noise, Pulls
 from pipeline.machine.effects.nameless import mounting
+from pipeline.machine.effects.unlisted import height
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system import alarms
 from pipeline.system.system import Scatter
@@ -67,9 +69,21 @@ def of_displacements(
                 twins=known.of(effect.label),
                 gain=worth,
                 test_pose_change_m=change,
+                height=_height(effect, held[0]),
             )
         )
     return tuple(out)
+
+
+def _height(effect: Effect, first: Hypothesis) -> Amplitude | None:
+    """Amplitude of a law that nobody listed, from the likeliest set of causes."""
+    if effect.law is None or effect not in first.effects:
+        return None
+    found, names = first.sized or first.estimate, [p.name for p in effect.parameters]
+    at = [k for k, p in enumerate(found.parameters) if p.name in names]
+    parameter = replace(effect.parameters[0], name="amplitude", lower=0.0)
+    value, std = height(effect.law, found.value[at], found.cov[np.ix_(at, at)])
+    return Amplitude.symmetric(parameter, value, std)
 
 
 def _alike(case: Case, found: Found, rng: np.random.Generator) -> list[tuple[AsGood, ...]]:

@@ -19,6 +19,7 @@ from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.separability import separation
 from pipeline.diagnosis.suspect_statistics import clues, misfits
 from pipeline.diagnosis.undecided import next_poses
+from pipeline.diagnosis.unlisted import beyond
 from pipeline.diagnosis.unloaded_geometry import as_stiff, corrected, standing
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect, Noise
@@ -83,6 +84,7 @@ def diagnose(
         case, spread = case_of(cell, data, estimate, whole, known, noise)
     case = replace(case, refuted=stood.visible, shape=shape, room=room)
     case, spread, found = _searched(case, spread, estimate.value, rng)
+    case, found = beyond(case, found, estimate.value)
     worth = _gain(case, found, rng)
     facts = replace(_facts(case, found, spread), gain=worth)
     sets = hypotheses(case, found, stood.believed, facts.helps)

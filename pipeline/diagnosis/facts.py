@@ -305,6 +305,7 @@ class Cause(Locked):
             scatter and for a drift that the base reflectors show.
         test_pose_change_m: By how much the predicted deflection at the test pose changes [m]; None
             where that is not known.
+        height: Amplitude of a law that nobody listed; None for causes of the catalogue.
     """
 
     effect: Effect
@@ -317,6 +318,7 @@ class Cause(Locked):
     twins: tuple[str, ...] = ()
     gain: Gain | None = None
     test_pose_change_m: float | None = None
+    height: Amplitude | None = None
 
     @property
     def largest(self) -> Amplitude:

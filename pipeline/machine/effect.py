@@ -12,6 +12,7 @@ from dataclasses import dataclass, field, fields
 import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Locked, Parameter, Strings
+from pipeline.machine.law import Law
 from pipeline.machine.robot import Configuration, Robot
 from pipeline.machine.robot.letters import Letter, changed
 
@@ -155,6 +156,10 @@ _OWNED = ("payload_mass", "payload_center")
 """Causes of a thing and not at a place."""
 
 
+_WHOLE = ("rail", "scale", "tracker")
+"""Where a law that nobody listed sits, if not in a joint."""
+
+
 def in_place(where: int | str | None, name: str = "", axis: str | None = None) -> str:
     """` in joint 3 (A2)`, ` in the forearm`, ` at P2`, ` of ballast`, or nothing."""
     if where is None:
@@ -162,6 +167,7 @@ def in_place(where: int | str | None, name: str = "", axis: str | None = None) -
     if isinstance(where, int):
         return f" in joint {where}{f' ({axis})' if axis else ''}"
     parts = {"upper_arm": " in the upper arm", "forearm": " in the forearm"}
+    parts |= {name: f" at the {name}" for name in _WHOLE}
     return parts.get(where, f" {'of' if name in _OWNED else 'at'} {where}")
 
 
@@ -191,6 +197,7 @@ class Effect:
         odds: How likely it is before the data speak, over any other cause [1].
         size: Its expected size over the typical one of its parameters [1].
         axis: Axis of the controller that moves the joint of `where`, if one does.
+        law: What it is of, where nobody listed it.
     """
 
     name: str
@@ -209,6 +216,7 @@ class Effect:
     odds: float = 1.0
     size: float = 1.0
     axis: str | None = field(default=None, compare=False)
+    law: Law | None = None
 
     def everywhere(self, robot: Robot) -> tuple[Effect, ...]:
         """An entry of the catalogue: the effect, the same on any robot."""
@@ -232,7 +240,7 @@ class Effect:
     @property
     def location(self) -> str:
         """Where in the cell it sits: `rail`, `joint 3`, `upper_arm`, `force`, `metrology` ..."""
-        if self.where is None or self.place == "metrology":
+        if self.where is None or self.place == "metrology" or self.where in _WHOLE:
             return self.place
         return f"joint {self.where}" if self.place == "joint" else str(self.where)
 

@@ -19,7 +19,7 @@ from pipeline.diagnosis.average import average
 from pipeline.machine.cell import Cell, Prediction, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
 from pipeline.machine.effect import Effect, Noise, Observation, Pulls, Wrench
-from pipeline.machine.effects import catalogue
+from pipeline.machine.effects import catalogue, unlisted
 from pipeline.machine.effects.nameless import nameless
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.mdh import parse as parse_robot
@@ -463,6 +463,9 @@ def _named(robot: Robot, label: str, form: str, file: str) -> Effect:
     for effect in (*catalogue(robot), *nameless(robot)):
         if effect.label == label and effect.form == form:
             return effect
+    law = unlisted.named(robot, label, form)
+    if law is not None:
+        return law
     raise InputError(
         f"{robot.name} has no effect {label} {form}".rstrip(),
         "load it with the version of the pipeline that wrote it",

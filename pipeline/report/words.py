@@ -17,11 +17,12 @@ from pipeline.prediction.decision import Decision
 def nouns() -> dict[str, str]:
     """Each cause as a noun, so that it fits into any sentence."""
     from pipeline.faults import FAULTS
-    from pipeline.machine.effects import catalogue, payload, table
+    from pipeline.machine.effects import catalogue, payload, table, unlisted
     from pipeline.machine.robot import SHIPPED, load
 
     known = {e.name: e.noun for robot in SHIPPED for e in catalogue(load(robot))}
-    return known | payload.NOUNS | table.NOUNS | {fault.name: fault.noun for fault in FAULTS}
+    known |= payload.NOUNS | table.NOUNS | {unlisted.NAME: "law outside the catalogue"}
+    return known | {fault.name: fault.noun for fault in FAULTS}
 
 
 SOURCES = {

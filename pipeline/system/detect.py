@@ -10,7 +10,7 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.system import alarms
-from pipeline.system.beside import Beside
+from pipeline.system.beside import Base, Beside
 from pipeline.system.elimination import eliminate
 from pipeline.system.whitened import Whitened, by_pose_drop
 
@@ -44,8 +44,7 @@ def threshold(
 
     Where no suspect leaves a row to tell the scatter from, none can be found, and nothing is drawn.
     """
-    S = eliminate(view.M, base)
-    bases = [basis for basis in _bases(view, S) if basis.shape[1] < dof]
+    bases = [basis for basis in _bases(view, base) if basis.shape[1] < dof]
     if not bases:
         return Threshold(alarms.SUSPECT, 1.0)
     inside = sum(basis.shape[0] for basis in bases[:1])
@@ -61,21 +60,32 @@ def threshold(
     return Threshold(-np.expm1(np.log1p(-alarms.SUSPECT) / tests), float(tests))
 
 
-def _bases(view: Whitened, S: Array) -> list[Array]:
+def _bases(view: Whitened, base: Ints) -> list[Array]:
     """Orthonormal bases of what each suspect adds to the base, in coordinates of them all."""
-    K = len(view.owner)
-    whole = np.maximum(np.diag(view.M)[view.first : view.first + K], 1e-300)
-    size = np.sqrt(whole)
-    G = S[view.first : view.first + K, view.first : view.first + K] / np.outer(size, size)
-    values, vectors = linear.directions(G)
-    kept = values > linear.LEFT
-    coordinates = (np.sqrt(values[kept]) * vectors[:, kept]).T
+    coordinates = _coordinates(view, base)
     bases = []
     for suspect in range(len(view.suspects)):
         U = linear.span(coordinates[:, view.owner == suspect], float(np.sqrt(linear.LEFT)))
         if U.shape[1]:
             bases.append(U)
     return bases
+
+
+def _coordinates(view: Whitened, base: Ints) -> Array:
+    """What the base leaves of all suspects' columns, in an orthonormal basis of it, (d, K).
+
+    From the products of columns or of rows, whichever are fewer.
+    """
+    mine = view.first + np.arange(len(view.owner))
+    size = np.sqrt(np.maximum(np.diag(view.M)[mine], 1e-300))
+    if len(mine) <= len(view.A):
+        S = eliminate(view.M, base)
+        values, vectors = linear.directions(S[np.ix_(mine, mine)] / np.outer(size, size))
+        kept = values > linear.LEFT
+        return np.asarray((np.sqrt(values[kept]) * vectors[:, kept]).T)
+    left = Base.of(view.A[:, base], view.A[:, -1]).beyond(view.A[:, mine] / size)
+    values, vectors = linear.directions(left @ left.T)
+    return np.asarray(vectors[:, values > linear.LEFT].T @ left)
 
 
 @dataclass(frozen=True)

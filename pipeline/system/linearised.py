@@ -68,6 +68,8 @@ class Linearised(Locked):
 
     def beside(self, more: tuple[Effect, ...]) -> Linearised:
         """The same with further effects tested, behind the suspects."""
+        if not more:
+            return self
         flat = replace(self.model.cell, equilibrium="undeformed")
         at = (self.data.pull, self.data.target)
         columns = sensitivity(flat, self.data.pulls, self.model.values, more)[at]

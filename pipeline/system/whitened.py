@@ -7,6 +7,7 @@ from its part of each pose.
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -157,7 +158,9 @@ class Whitened(Locked):
     @cached_property
     def at(self) -> Ints:
         """Columns of each suspect, -1 where it has fewer, shape (n, k)."""
-        return padded([self.columns([i]) for i in range(len(self.suspects))])
+        first = np.searchsorted(self.owner, np.arange(len(self.suspects) + 1))  # one by one
+        every = self.first + np.arange(len(self.owner))
+        return padded([every[a:b] for a, b in itertools.pairwise(first.tolist())])
 
     @cached_property
     def bounds(self) -> Array:

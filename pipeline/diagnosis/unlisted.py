@@ -1,0 +1,198 @@
+"""Laws that nobody listed, where the catalogue leaves structure in the displacements.
+
+Thousands of columns (`effects/unlisted.py`) stand beside the springs, or beside the causes that the
+catalogue offers. A law may join the suspects only if the largest statistic of all of them is as
+large neither by scatter nor by structure that has nothing to do with it:
+
+- scatter: p = 1 - (1 - p_F)^m, m the number of independent tests that draws of the noise model find
+  (`detect.threshold`),
+- structure: the residuals of whole poses with their signs flipped, which keeps what the pulls of a
+  pose share and destroys what depends on where the robot stands (decision 27).
+
+From there on it is a suspect like any other: it must beat the listed causes on the evidence, with
+odds that hold all that was tried, and predict poses that were left out.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array
+from pipeline.base.bootstrap import interval
+from pipeline.diagnosis.identify import NAMELESS, WORTH, Case, Found, search
+from pipeline.diagnosis.verdict import CERTAIN
+from pipeline.machine.cell import load
+from pipeline.machine.effect import Effect
+from pipeline.machine.effects import unlisted
+from pipeline.machine.effects.nameless import nameless
+from pipeline.system.beside import Base
+from pipeline.system.detect import threshold
+from pipeline.system.evidence import Scores
+from pipeline.system.whitened import Whitened
+
+ALPHA = 1e-3
+"""Chance to find a law in data without one, as for campaigns of positions [1]."""
+
+_FLIPS = 3000
+"""Copies whose poses have other signs: the smallest p is a third of `ALPHA`."""
+
+_DRAWS = 1000
+"""Draws of scatter."""
+
+_WITHIN = 7.0
+"""Laws within so much log evidence of the best one (1000 to 1) may be in its place."""
+
+_FORMS = 2
+"""So many laws of one place."""
+
+_MOST = 6
+"""So many laws in all."""
+
+_SEED = 20261123
+"""Of draws of its own, so that campaigns without such laws draw what they drew."""
+
+
+def beyond(case: Case, found: Found, start: Array) -> tuple[Case, Found]:
+    """The case and what is found in it, with laws that nobody listed among the suspects.
+
+    The same as before where the catalogue explains the data, where nothing generated is found in
+    them, or where that does not predict left-out poses better.
+
+    Args:
+        case: The case.
+        found: What the catalogue makes of it.
+        start: Compliances to begin with.
+    """
+    rng = np.random.default_rng(_SEED)
+    if open_(found, rng):
+        case, found = _searched(case, found, (), start, rng)
+        if found.accepted and open_(found, rng):
+            case, found = _searched(case, found, found.accepted, start, rng)
+    return case, found
+
+
+def _searched(
+    case: Case, found: Found, beside: tuple[int, ...], start: Array, rng: np.random.Generator
+) -> tuple[Case, Found]:
+    """With laws among the suspects, where one is accepted and carries over to other poses."""
+    laws = _likely(case, found, beside, rng)
+    if not laws:
+        return case, found
+    wider = replace(case, suspects=case.suspects + laws, nameless=())
+    other = search(wider, start, rng)
+    new = _named(wider, other) - _named(case, found)
+    return (wider, other) if new and _carries(wider, other, rng) else (case, found)
+
+
+def open_(found: Found, rng: np.random.Generator) -> bool:
+    """Whether something was detected that the catalogue does not certainly explain.
+
+    It leaves something, something nameless may stand there, or left-out poses are not certainly
+    predicted better.
+    """
+    if not found.detected:
+        return False
+    stranger = found.stranger.probability if found.stranger else 0.0
+    return not found.explains or stranger > 1 - CERTAIN or _gain(found.plain, (), rng) <= 0
+
+
+def _gain(view: Whitened, kept: tuple[int, ...], rng: np.random.Generator) -> float:
+    """Lower end of the 95 % interval of what a model gains over some of its causes.
+
+    By the cross-validation error, all estimated without each pose, poses drawn with replacement.
+    """
+    base = np.concatenate([np.arange(view.first), view.columns(kept)])
+    before, after = view.left_out(base), view.left_out(view.base)
+    return interval(before, after, view.pose[: len(view.rows)], rng)[1][0]
+
+
+def _named(case: Case, found: Found) -> set[tuple[str, str]]:
+    effects = [case.suspects[i] for i in found.accepted]
+    return {(one.label, one.form) for one in effects if one.law is not None}
+
+
+def _likely(
+    case: Case, found: Found, accepted: tuple[int, ...], rng: np.random.Generator
+) -> tuple[Effect, ...]:
+    """Laws that chance does not make beside some causes, the likeliest first."""
+    view, laws = _view(case, found, accepted)
+    now = view.beside(view.base)
+    first = len(accepted)
+    evidence, p = now.log_evidence[first:], now.p()[first:]
+    limit = threshold(view, view.base, now.dof, rng, _DRAWS)
+    by_scatter = -np.expm1(limit.independent * np.log1p(-np.minimum(p, 1 - 1e-15)))
+    able = (evidence > WORTH) & (by_scatter < ALPHA)
+    if not able.any():
+        return ()
+    able &= _by_structure(view, now, rng)[first:] < ALPHA
+    if not able.any():
+        return ()
+    best = evidence[able].max()
+    out: list[Effect] = []
+    for i in np.argsort(-evidence, kind="stable"):
+        same = sum(one.label == laws[i].label for one in out)
+        if able[i] and evidence[i] > best - _WITHIN and same < _FORMS and len(out) < _MOST:
+            out.append(laws[i])
+    return tuple(out)
+
+
+def _view(
+    case: Case, found: Found, accepted: tuple[int, ...]
+) -> tuple[Whitened, tuple[Effect, ...]]:
+    """The campaign beside some causes, with every law as a suspect behind them."""
+    few = case.only(accepted)
+    near = found.seen if accepted else found.first.seen
+    model = few.model(tuple(range(len(accepted))), near.model.values)
+    seen = few.linearised(model, near)
+    unnamed = nameless(case.cell.robot)
+    loaded = load(model.cell, case.data.pulls, model.values)
+    laws = tuple(
+        replace(one, odds=NAMELESS * len(unnamed) * one.odds)
+        for one in unlisted.effects(case.cell.robot, loaded)
+    )
+    return few.whitened(seen.beside(laws)), laws
+
+
+def _by_structure(view: Whitened, now: Scores, rng: np.random.Generator) -> Array:
+    """Chance of so much anywhere with the residuals of whole poses at random signs, (n,).
+
+    T_j = g' N^+ g of each copy, g = sum over poses of s_p D_p' P y. Blocks of other ranks compare
+    by -dof / 2 ln(1 - T / rest) - rank / 2 ln dof (Schwarz, Annals of Statistics 6, 1978).
+    """
+    base = Base.of(view.A[:, view.base], view.A[:, -1])
+    left = base.blocks.rows(base.left)
+    D = base.beyond(view.A[:, view.first : view.first + len(view.owner)])
+    parts = np.zeros((view.poses + 1, D.shape[1]))
+    np.add.at(parts, view.pose, D * left[:, None])  # priors, -1, are the last
+    signs = rng.choice([-1.0, 1.0], (_FLIPS, len(parts)))
+    at = view.at
+    size, axes = linear.directions(now.cov)
+    g = parts[:, np.maximum(at - view.first, 0)] * (at >= 0)
+    half = np.einsum("pni,nij->pnj", g, axes) * np.sqrt(np.maximum(size, 0.0))
+    most = np.full(_FLIPS, -np.inf)
+    for rank in np.unique(now.rank[now.rank > 0]):
+        mine = half[:, now.rank == rank]
+        drop = np.sum(
+            (signs @ mine.reshape(len(parts), -1)).reshape(_FLIPS, -1, at.shape[1]) ** 2, axis=2
+        )
+        most = np.maximum(most, _likelihood(drop.max(axis=1), rank, now))
+    own = _likelihood(now.drop, now.rank, now)
+    return np.asarray((1 + (most[:, None] >= own * (1 - 1e-9)).sum(axis=0)) / (1 + _FLIPS))
+
+
+def _likelihood(drop: Array, rank: Array, now: Scores) -> Array:
+    share = np.clip(drop / now.rest, 0.0, 1 - 1e-12)
+    return np.asarray(-0.5 * now.dof * np.log1p(-share) - 0.5 * rank * np.log(now.dof))
+
+
+def _carries(case: Case, found: Found, rng: np.random.Generator) -> bool:
+    """Whether every accepted law makes left-out poses better, estimated without each of them.
+
+    At 95 %, poses drawn with replacement, beside all else that is accepted.
+    """
+    laws = [i for i in found.accepted if case.suspects[i].law is not None]
+    rest = [tuple(i for i in found.accepted if i != law) for law in laws]
+    return all(_gain(found.plain, kept, rng) > 0 for kept in rest)

@@ -1,0 +1,590 @@
+"""Laws that nobody listed: what every place of a cell could do, of everything that a pull varies.
+
+The catalogue is a list, and a list ends. Here suspects are made instead of written:
+
+    WHERE  each joint, the guides of the rail, the scale, the tracker
+    OF     its angle, its torque, another joint's angle or torque, position on the rail, size and
+           direction of the force, time
+    WHAT   waves of 1 to 20 periods a turn, polynomials, steps, one joint moving another
+
+A spring of compliance c(v) = c + sum_k b_k g_k(v) yields sum_k b_k g_k(v) tau beside c tau, so that
+each law is a block of columns of the one linear system, like a cause of the catalogue. None has a
+name of its own: all are `unlisted_law`.
+"""
+
+from __future__ import annotations
+
+from collections import Counter
+from collections.abc import Callable, Iterator
+from dataclasses import replace
+from functools import partial
+from itertools import combinations
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Effect, Elastic, Loaded, Observation, Pulls, Wrench
+from pipeline.machine.effects._anatomy import compliance, rail, rated_torque, turning
+from pipeline.machine.effects._carriage import ACROSS, ALONG, UP, rotation, translation
+from pipeline.machine.effects.tracker_drift import HOUR_S
+from pipeline.machine.law import Law, parse
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.configuration import rotation_about, torque, translation_along
+
+NAME = "unlisted_law"
+
+ORDERS = tuple(range(1, 21))
+"""Periods per turn: eccentric wheels have one, cycloidal and strain-wave gears some more; poses of
+one campaign tell no finer waves apart."""
+
+_COUPLED = (1, 2, 3)
+"""Periods per turn of another joint: what turns with it pulls once, twice or three times."""
+
+_PER_RAIL = (1, 2, 3, 4, 5, 6)
+"""Periods over the length of the rail that the poses span: supports, joints of the rails."""
+
+_STEPS = 12
+"""So many places of a step are tried."""
+
+_SIDES = 3
+"""Poses on either side of a step, at least."""
+
+_KNEES = (0.15, 0.3, 0.45, 0.6, 0.75)
+"""Where a gear changes its slope, over the largest torque."""
+
+_PART = 0.15
+"""Typical part of a joint's compliance that follows a law, as of a hardening gear."""
+
+_TIPS_NM = 60.0
+"""Moment at which a bearing has tipped over through its play [N m], an estimate."""
+
+_GUIDES = {
+    "lateral": (partial(translation, axis=ACROSS), 5e-9, "m/N"),
+    "vertical": (partial(translation, axis=UP), 5e-9, "m/N"),
+    "roll": (partial(rotation, axis=ALONG), 1e-8, "rad/(N m)"),
+    "pitch": (partial(rotation, axis=ACROSS), 1e-8, "rad/(N m)"),
+}
+"""Guides of the carriage: screw, typical compliance as in the catalogue, unit."""
+
+_LARGE = {"m/N": 1000.0, "rad/(N m)": 3000.0}
+"""Load on a guide at which power laws have the typical deflection [N] or [N m]."""
+
+_MOST = 20.0
+"""Bounds of an amplitude, in typical sizes."""
+
+
+def effects(robot: Robot, loaded: Loaded) -> tuple[Effect, ...]:
+    """Every law that these pulls could show, each with its share of odds that add up to one.
+
+    All families of laws are alike beforehand, and so are the members of a family.
+    """
+    laws = list(_laws(robot, loaded))
+    members = Counter(law.family for law in laws)
+    return tuple(
+        replace(effect(robot, law), odds=1.0 / (members[law.family] * len(members))) for law in laws
+    )
+
+
+def named(robot: Robot, label: str, form: str) -> Effect | None:
+    """The effect of a label and a form, None where they are no law of this file."""
+    name, _, where = label.partition(":")
+    try:
+        return effect(robot, parse(where, form)) if name == NAME else None
+    except (ValueError, IndexError, KeyError):
+        return None
+
+
+def effect(robot: Robot, law: Law) -> Effect:
+    """The law as an effect; its parameters are amplitudes, zero where it is absent."""
+    if law.where == "scale":
+        return _of_scale(law)
+    if law.where == "tracker":
+        return _of_tracker(law)
+    if law.where == "rail":
+        return _of_guide(robot, law) if law.part in _GUIDES else _of_joint(robot, law, 1)
+    return _of_joint(robot, law, int(law.where))
+
+
+# what is tried
+
+
+def _laws(robot: Robot, loaded: Loaded) -> Iterator[Law]:
+    pulls, tau = loaded.pulls, torque(loaded.configuration.twists, loaded.load_point, loaded.force)
+    for joint in turning(robot):
+        yield from _of_angles(robot, pulls, joint)
+        yield from _of_torques(pulls, tau[:, joint - 1], joint)
+        yield from _of_time(pulls, joint, "spring")
+        yield from _since_zero(pulls, joint)
+        if rail(robot):
+            yield from _of_position(pulls, joint, "spring")
+    for one, other in combinations(turning(robot), 2):
+        low, high = _ends(tau[:, other - 1])
+        yield Law(one, "pair", "coupling", "torque", other, 1.0, low, high)
+    if rail(robot):
+        for part in ("drive", *_GUIDES):
+            yield from _of_position(pulls, "rail", part)
+            yield from _of_time(pulls, "rail", part)
+            if part != "drive":
+                yield from _of_force(pulls, "rail", part)
+    yield from _of_time(pulls, "scale", "reading")
+    yield from _of_force(pulls, "scale", "reading")
+    yield Law("scale", "reading", "smooth", "direction", 0, 1.0, -1.0, 1.0)
+    if _varies(pulls.time) and np.isfinite(pulls.time_zero).all():
+        for power in (0.5, 2.0):
+            yield Law("tracker", "place", "smooth", "time", 0, power, *_ends(pulls.time))
+
+
+def _of_angles(robot: Robot, pulls: Pulls, joint: int) -> Iterator[Law]:
+    q = pulls.q[:, joint - 1]
+    low, high = _ends(q)
+    if not _varies(q):
+        return
+    for order in ORDERS:
+        yield Law(joint, "spring", "periodic", "angle", joint, float(order), low, high)
+    for degree in (1, 2, 3):
+        yield Law(joint, "spring", "smooth", "angle", joint, float(degree), low, high)
+    for at in _cuts(q, pulls):
+        yield Law(joint, "spring", "step", "angle", joint, 0.0, low, high, at)
+    for part in ("friction", "play"):
+        if part == "play" or pulls.branch.any():
+            for order in _COUPLED:
+                yield Law(joint, part, "periodic", "angle", joint, float(order), low, high)
+    for other in turning(robot):
+        if other != joint and _varies(pulls.q[:, other - 1]):
+            for order in _COUPLED:
+                ends = _ends(pulls.q[:, other - 1])
+                yield Law(joint, "spring", "coupling", "angle", other, float(order), *ends)
+
+
+def _of_torques(pulls: Pulls, tau: Array, joint: int) -> Iterator[Law]:
+    low, high = _ends(tau)
+    most = max(-low, high)
+    if most <= 0:
+        return
+    for power in (1, 2, 3):
+        yield Law(joint, "spring", "smooth", "torque", joint, float(power), low, high)
+    for knee in _KNEES:
+        yield Law(joint, "knee", "smooth", "torque", joint, 1.0, low, high, knee * most)
+    for knee in _KNEES[:-1]:
+        yield Law(joint, "knees", "smooth", "torque", joint, 2.0, low, high, knee * most)
+    yield Law(joint, "jump", "step", "torque", joint, 0.0, low, high)
+    yield Law(joint, "tips", "step", "torque", joint, 0.0, low, high, _TIPS_NM)
+    for part in ("bearing_x", "bearing_y", "bearing_z"):
+        force = _ends(np.linalg.norm(pulls.force, axis=1))
+        yield Law(joint, part, "smooth", "force", 0, 1.0, *force)
+
+
+def _of_time(pulls: Pulls, where: int | str, part: str) -> Iterator[Law]:
+    if not _varies(pulls.time):
+        return
+    low, high = _ends(pulls.time)
+    for power in (0.5, 1.0, 2.0):
+        yield Law(where, part, "smooth", "time", 0, power, low, high)
+    for at in _cuts(pulls.time, pulls):
+        yield Law(where, part, "step", "time", 0, 0.0, low, high, at)
+
+
+def _since_zero(pulls: Pulls, joint: int) -> Iterator[Law]:
+    """Creep under load, an arm that sinks, a link that grows: since the zero of the pose."""
+    since = pulls.time - pulls.time_zero
+    if _varies(since):
+        for part in ("creep", "sinks", "grows"):
+            yield Law(joint, part, "smooth", "time", 0, 1.0, *_ends(since))
+
+
+def _of_position(pulls: Pulls, where: int | str, part: str) -> Iterator[Law]:
+    s = pulls.q[:, 0]
+    if not _varies(s):
+        return
+    low, high = _ends(s)
+    for degree in (1, 2, 3):
+        yield Law(where, part, "smooth", "position", 1, float(degree), low, high)
+    for at in _cuts(s, pulls):
+        yield Law(where, part, "step", "position", 1, 0.0, low, high, at)
+    for count in _PER_RAIL:
+        yield Law(where, part, "periodic", "position", 1, count / (high - low), low, high)
+
+
+def _of_force(pulls: Pulls, where: str, part: str) -> Iterator[Law]:
+    low, high = _ends(np.linalg.norm(pulls.force, axis=1))
+    for power in (0.5, 2 / 3, 2.0, 3.0):
+        yield Law(where, part, "smooth", "force", 0, power, low, high)
+    if part == "reading":
+        for at in _cuts(np.linalg.norm(pulls.force, axis=1), pulls):
+            yield Law(where, part, "step", "force", 0, 0.0, low, high, at)
+
+
+def _ends(v: Array) -> tuple[float, float]:
+    return float(np.nanmin(v)), float(np.nanmax(v))
+
+
+def _varies(v: Array) -> bool:
+    return bool(np.isfinite(v).all() and np.ptp(v) > 1e-9)
+
+
+def _cuts(v: Array, pulls: Pulls) -> list[float]:
+    """Where a step in v (m,) leaves some poses on either side, spread evenly."""
+    _, first = np.unique(pulls.pose, return_index=True)
+    each = np.sort(v[first])
+    cuts = ((each[1:] + each[:-1]) / 2)[_SIDES - 1 : len(each) - _SIDES]
+    if not len(cuts):
+        return []
+    chosen = np.unique(np.linspace(0, len(cuts) - 1, _STEPS).round().astype(int))
+    return [float(cut) for cut in cuts[chosen]]
+
+
+# what each does
+
+
+def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[str, object]:
+    """What every law says of itself."""
+    most = _MOST * typical
+    return {
+        "name": NAME,
+        "where": law.where,
+        "noun": noun(law),
+        "place": place,
+        "form": law.form,
+        "parameters": tuple(
+            Parameter(f"b_{law.where}_{k}", unit, typical, -most, most) for k in range(names)
+        ),
+        "signature": "",
+        "needs": "",
+        "source": "made from place, variable and shape; 15 % of a compliance is an estimate",
+        "tolerance": 0.1,
+        "law": law,
+    }
+
+
+def noun(law: Law) -> str:
+    """What the law is, without its place."""
+    if law.part in _NOUNS:
+        return _NOUNS[law.part].format(axis=law.part[-1], source=law.source)
+    thing = _THINGS.get(law.part, "stiffness")
+    if law.kind == "coupling":
+        return f"{thing} that follows the angle of joint {law.source}, {law.order:g} per turn"
+    if law.kind == "periodic":
+        per = "turn" if law.variable == "angle" else "metre of the rail"
+        return f"{thing} that varies {float(f'{law.order:.2g}'):g} times per {per}"
+    if law.kind == "step":
+        return f"{thing} that jumps at {_at(law)}"
+    return f"{thing} that {_SMOOTH[law.variable]}"
+
+
+def _at(law: Law) -> str:
+    """Where a step is, in the unit that people read it in."""
+    if law.variable == "angle":
+        return f"{np.rad2deg(law.at):.0f}° of the joint"
+    if law.variable == "time":
+        return f"{law.at / HOUR_S:.2g} h of the campaign"
+    return f"{law.at:.2g} m of the rail" if law.variable == "position" else f"{law.at:.2g} N"
+
+
+_NOUNS = {
+    "knee": "stiffness that changes at a torque",
+    "knees": "stiffness with three slopes over the torque",
+    "jump": "turn that sets in with the torque",
+    "tips": "play of the bearing",
+    "creep": "creep under load",
+    "sinks": "sinking after the unloaded reading",
+    "grows": "growth of the link after the unloaded reading",
+    "pair": "compliance shared with joint {source}",
+    "bearing_x": "compliance of the bearing along its {axis} axis",
+    "bearing_y": "compliance of the bearing along its {axis} axis",
+    "bearing_z": "compliance of the bearing along its {axis} axis",
+    "place": "drift that is not steady",
+}
+"""Laws that their part says all of."""
+
+_THINGS = {
+    "drive": "stiffness of the drive",
+    "lateral": "lateral compliance of the carriage",
+    "vertical": "vertical compliance of the carriage",
+    "roll": "roll of the carriage",
+    "pitch": "pitch of the carriage",
+    "friction": "friction",
+    "play": "lost motion",
+    "reading": "factor of the force",
+}
+"""What follows a law, where it is not the stiffness of a joint."""
+
+_SMOOTH = {
+    "angle": "varies smoothly with the angle",
+    "torque": "changes with the torque",
+    "position": "varies smoothly along the rail",
+    "direction": "depends on the direction of the force",
+    "time": "changes with time",
+    "force": "changes with the force",
+}
+
+
+_Response = Callable[[Loaded, Array], Array]
+
+
+def _of_joint(robot: Robot, law: Law, joint: int) -> Effect:
+    """A law of the spring of a joint, or of what its bearing, gear and link do."""
+    made = _PARTS.get(law.part, _spring)
+    return made(robot, law, joint)
+
+
+def _spring(robot: Robot, law: Law, joint: int) -> Effect:
+    """Compliance that follows the law: deflection tau g(v)."""
+    place = "rail" if law.where == "rail" else "joint"
+    unit = robot.joints[joint - 1].compliance_unit
+    k = _width(law, False)
+
+    def response(loaded: Loaded, tau: Array) -> Array:
+        if law.variable == "torque":
+            return _of_own_torque(law, tau)
+        return np.asarray(tau * basis(law, variable(law, loaded)))
+
+    said = _said(law, place, k, unit, _PART * compliance(robot, joint))
+    return Elastic(**said, carrier=(joint,) * k, response=response)  # type: ignore[arg-type]
+
+
+def _of_own_torque(law: Law, tau: Array) -> Array:
+    """Deflection per unit of compliance: of a slope that changes with the torque."""
+    most = max(-law.low, law.high)
+    if law.order == 1.0:
+        return np.abs(tau)  # softer one way than the other
+    return np.asarray(tau * (np.abs(tau) / most) ** (law.order - 1))
+
+
+def _knee(robot: Robot, law: Law, joint: int) -> Effect:
+    """A slope that changes at one torque, or at two: the second lies half way to the largest."""
+    most = max(-law.low, law.high)
+    knees = np.array([law.at] if law.part == "knee" else [law.at, (law.at + most) / 2])
+
+    def response(loaded: Loaded, tau: Array) -> Array:
+        return np.asarray(np.sign(tau) * np.maximum(np.abs(tau) - knees, 0.0))
+
+    unit = robot.joints[joint - 1].compliance_unit
+    said = _said(law, "joint", len(knees), unit, 2 * _PART * compliance(robot, joint))
+    return Elastic(**said, carrier=(joint,) * len(knees), response=response)  # type: ignore[arg-type]
+
+
+def _turns(robot: Robot, law: Law, joint: int) -> Effect:
+    """Friction and play: an angle in the sense of the torque, which may depend on where it is."""
+    width = 0.03 * rated_torque(robot, joint)
+
+    def response(loaded: Loaded, tau: Array) -> Array:
+        sense = np.tanh(tau / width)
+        if law.part == "friction":
+            sense = -sense * loaded.pulls.branch[:, None]
+        if law.kind == "step":
+            return sense
+        waves = basis(law, variable(law, loaded))
+        return np.asarray(sense * np.insert(waves, 0, 1.0, axis=1))
+
+    k = 1 if law.kind == "step" else 3
+    said = _said(law, "joint", k, "rad", 5e-5)
+    return Elastic(**said, carrier=(joint,) * k, response=response)  # type: ignore[arg-type]
+
+
+def _creeps(robot: Robot, law: Law, joint: int) -> Effect:
+    """A joint goes on giving way while it is held, or sinks whatever pulls."""
+
+    def response(loaded: Loaded, tau: Array) -> Array:
+        return _since(loaded)[:, None] * (tau if law.part == "creep" else np.ones_like(tau))
+
+    typical = 2.0 * compliance(robot, joint) if law.part == "creep" else 2e-4
+    unit = robot.joints[joint - 1].compliance_unit if law.part == "creep" else "rad"
+    said = _said(law, "joint", 1, f"{unit}/h", typical)
+    return Elastic(**said, carrier=(joint,), response=response)  # type: ignore[arg-type]
+
+
+def _grows(robot: Robot, law: Law, joint: int) -> Effect:
+    """The link of a joint grows after the zero, along the axes of its frame."""
+    said = _said(law, "joint", 3, "m/h", 1e-4)
+    return Elastic(
+        **said,  # type: ignore[arg-type]
+        carrier=(joint,) * 3,
+        twists=lambda loaded: _shifts(loaded, joint, (0, 1, 2)),
+        response=lambda loaded, tau: np.repeat(_since(loaded)[:, None], 3, axis=1),
+    )
+
+
+def _bearing(robot: Robot, law: Law, joint: int) -> Effect:
+    """The bearing of a joint gives way along one axis of its frame."""
+    axis = "xyz".index(law.part[-1])
+    return Elastic(
+        **_said(law, "joint", 1, "m/N", 5e-9),  # type: ignore[arg-type]
+        carrier=(joint,),
+        twists=lambda loaded: _shifts(loaded, joint, (axis,)),
+    )
+
+
+def _tips(robot: Robot, law: Law, joint: int) -> Effect:
+    """The bearing of a joint tips over about both axes across it, and no further."""
+
+    def screws(loaded: Loaded) -> Array:
+        axes, origin = loaded.configuration.frame(joint)
+        return np.stack([rotation_about(origin, axes[:, :, axis]) for axis in (0, 1)], axis=1)
+
+    return Elastic(
+        **_said(law, "joint", 2, "rad", 5e-5),  # type: ignore[arg-type]
+        carrier=(joint,) * 2,
+        twists=screws,
+        response=lambda loaded, tau: np.tanh(tau / law.at),
+    )
+
+
+def _pair(robot: Robot, law: Law, joint: int) -> Effect:
+    """Torque at one joint turns another, and the other way round (Maxwell and Betti)."""
+    other = law.source
+    size = _PART * float(np.sqrt(compliance(robot, joint) * compliance(robot, other)))
+    return Elastic(
+        **_said(law, "joint", 1, "rad/(N m)", size),  # type: ignore[arg-type]
+        carrier=(joint, other),
+        response=lambda loaded, tau: tau[:, ::-1],
+        shared=(0, 0),
+    )
+
+
+_PARTS: dict[str, Callable[[Robot, Law, int], Effect]] = {
+    "knee": _knee,
+    "knees": _knee,
+    "friction": _turns,
+    "play": _turns,
+    "jump": _turns,
+    "creep": _creeps,
+    "sinks": _creeps,
+    "grows": _grows,
+    "tips": _tips,
+    "pair": _pair,
+    "bearing_x": _bearing,
+    "bearing_y": _bearing,
+    "bearing_z": _bearing,
+}
+"""What a joint's law is of, where it is not the compliance."""
+
+
+def _of_guide(robot: Robot, law: Law) -> Effect:
+    """A guide of the carriage, whose compliance is no part of the joint springs."""
+    screw, typical, unit = _GUIDES[law.part]
+    k = _width(law, True)
+
+    def response(loaded: Loaded, load: Array) -> Array:
+        if law.variable == "force":
+            return np.asarray(
+                np.sign(load) * np.abs(load) ** law.order * _LARGE[unit] ** (1 - law.order)
+            )
+        g = basis(law, variable(law, loaded))
+        return np.asarray(load * (g if k == g.shape[1] else np.insert(g, 0, 1.0, axis=1)))
+
+    return Elastic(
+        **_said(law, "rail", k, unit, typical),  # type: ignore[arg-type]
+        carrier=(1,) * k,
+        twists=lambda loaded: screw(loaded).repeat(k, axis=1),
+        response=response,
+    )
+
+
+def _of_scale(law: Law) -> Effect:
+    """The true force is what was read times 1 + sum_k b_k g_k(v)."""
+    k = 3 if law.variable == "direction" else _width(law, False)
+
+    def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
+        size = np.linalg.norm(loaded.force, axis=1, keepdims=True)
+        if law.variable == "direction":
+            g = loaded.force / np.where(size > 0, size, 1.0)
+        else:
+            g = basis(law, variable(law, loaded))
+        return loaded.load_point, loaded.force * (1 + loaded.pulls.pulled * (g @ values)[:, None])
+
+    return Wrench(**_said(law, "force", k, "1", 0.01), wrench=wrench)  # type: ignore[arg-type]
+
+
+def _of_tracker(law: Law) -> Effect:
+    """Readings move along each axis of F_b, with a power of the time."""
+
+    def observe(loaded: Loaded, points: Array, time: Array, values: Array) -> Array:
+        g = (np.maximum(np.nan_to_num(time), 0.0) / law.high) ** law.order
+        return points + g[:, None, None] * values
+
+    said = _said(law, "metrology", 3, "m", 5e-5)
+    return Observation(**said, observe=observe, instrument=True)  # type: ignore[arg-type]
+
+
+# the functions
+
+
+def variable(law: Law, loaded: Loaded) -> Array:
+    """What the law is of, pull by pull, (m,)."""
+    if law.variable in ("angle", "position"):
+        return loaded.configuration.q[:, law.source - 1]
+    if law.variable == "time":
+        return _since(loaded) * HOUR_S if law.part in _SINCE else loaded.pulls.time
+    if law.variable == "torque":
+        here = loaded.configuration
+        return torque(here.twists, loaded.load_point, loaded.force)[:, law.source - 1]
+    return np.asarray(np.linalg.norm(loaded.force, axis=1))
+
+
+_SINCE = ("creep", "sinks", "grows")
+
+
+def _since(loaded: Loaded) -> Array:
+    """Time since the zero of the pose [h], (m,); none where it is not known."""
+    return np.nan_to_num(loaded.pulls.time - loaded.pulls.time_zero) / HOUR_S
+
+
+def basis(law: Law, v: Array) -> Array:
+    """g_k of a variable (m,), shape (m, k).
+
+    Polynomials stay beyond where they were taught as they were at its end.
+    """
+    if law.kind in ("periodic", "coupling"):
+        phase = law.order * v * (2 * np.pi if law.variable == "position" else 1.0)
+        return np.stack([np.cos(phase), np.sin(phase)], axis=1)
+    if law.kind == "step":
+        return (v > law.at)[:, None].astype(float)
+    if law.variable in ("time", "force"):
+        return np.asarray((v / law.high).clip(0.0, 1.0)[:, None] ** law.order)
+    middle, half = (law.low + law.high) / 2, max((law.high - law.low) / 2, 1e-12)
+    u = ((v - middle) / half).clip(-1.0, 1.0)
+    return np.stack([u**power for power in range(1, int(law.order) + 1)], axis=1)
+
+
+def height(law: Law, values: Array, cov: Array) -> tuple[float, float]:
+    """Amplitude and its standard uncertainty, by propagation.
+
+    Half the height of sum_k b_k g_k(v) over the range where it was taught; what the law itself is
+    where it has no function of a variable, over all its axes.
+
+    Args:
+        law: The law.
+        values: Its parameters b, SI, shape (k,).
+        cov: Their covariance, shape (k, k).
+    """
+    slope = values / max(float(np.linalg.norm(values)), 1e-300)
+    if law.part not in _NOUNS and law.variable not in ("direction", "torque"):
+        v = np.linspace(law.low, law.high, _GRID)
+        g = basis(law, v)
+        f = g @ values[len(values) - g.shape[1] :]
+        slope = np.zeros(len(values))
+        slope[len(values) - g.shape[1] :] = (g[np.argmax(f)] - g[np.argmin(f)]) / 2
+    return float(slope @ values), float(np.sqrt(slope @ cov @ slope))
+
+
+_GRID = 1001
+"""Places of a law that are compared for its height: fifty to a wave of the highest order."""
+
+
+def _width(law: Law, guide: bool) -> int:
+    """How many amplitudes a law of a compliance has; a guide's own compliance is one of them."""
+    if law.kind in ("periodic", "coupling"):
+        return 2 + guide
+    if law.kind == "step" or law.variable == "torque":
+        return 1
+    if law.variable == "force":
+        return 1
+    if law.variable == "time":
+        return 1 + guide
+    return int(law.order) + guide
+
+
+def _shifts(loaded: Loaded, joint: int, axes: tuple[int, ...]) -> Array:
+    """Screws along axes of a joint's frame, (m, v, 6)."""
+    frame = loaded.configuration.frame(joint)[0]
+    return np.stack([translation_along(frame[:, :, axis]) for axis in axes], axis=1)

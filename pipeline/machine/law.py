@@ -1,0 +1,61 @@
+"""What a law that nobody listed is of, in words and numbers that a file can hold."""
+
+from __future__ import annotations
+
+from dataclasses import astuple, dataclass
+from typing import Literal
+
+Kind = Literal["periodic", "smooth", "step", "coupling"]
+Variable = Literal["angle", "torque", "position", "direction", "time", "force"]
+
+
+@dataclass(frozen=True)
+class Law:
+    """One law of one place, without its amplitudes.
+
+    Attributes:
+        where: The place: joint number from 1, `rail`, `scale` or `tracker`.
+        part: What of that place follows the law: `spring`, `friction`, `roll`, ...
+        kind: `periodic`, `smooth`, `step` or `coupling`.
+        variable: What it is of: angle [rad], torque [N m], position [m] along the rail, direction
+            of the force [1], time [s], force [N].
+        source: Joint whose angle, torque or position that is, from 1; 0 for all else.
+        order: Periods per turn, or per metre; power of a smooth law; 0 of a step.
+        low: Smallest value of the variable where it was taught.
+        high: The largest.
+        at: Where a step or a knee sits, in the unit of the variable.
+    """
+
+    where: int | str
+    part: str
+    kind: Kind
+    variable: Variable
+    source: int
+    order: float
+    low: float
+    high: float
+    at: float = 0.0
+
+    @property
+    def form(self) -> str:
+        """The law as a word for a file; `parse` reads it."""
+        return " ".join(str(part) for part in astuple(self)[1:])
+
+    @property
+    def family(self) -> tuple[object, ...]:
+        """Laws of one family differ in their order, or in where they step."""
+        return self.where, self.part, self.kind, self.variable, self.source
+
+
+def parse(where: str, form: str) -> Law:
+    """A law from the place of its label and its form.
+
+    Raises:
+        ValueError: It is none.
+    """
+    part, kind, variable, source, order, low, high, at = form.split()
+    if kind not in Kind.__args__ or variable not in Variable.__args__:  # type: ignore[attr-defined]
+        raise ValueError(form)
+    numbers = (float(order), float(low), float(high), float(at))
+    place = int(where) if where.isdigit() else where
+    return Law(place, part, kind, variable, int(source), *numbers)  # type: ignore[arg-type]
