@@ -38,6 +38,12 @@ def scale_of(monkeypatch):
     return scale
 
 
+def test_readings_without_scatter_leave_the_stated_scale(scale_of):
+    """Half of the contrasts are exactly zero: 1, where a mean of none would be no number."""
+    assert scale_of(np.zeros(40))[0] == 1.0
+    assert scale_of(np.r_[np.zeros(30), np.full(10, 1e-3)])[0] == 1.0
+
+
 @pytest.mark.parametrize("true", [1.3, 4.0])
 def test_the_scatter_is_found_over_the_stated_one(scale_of, true):
     """4 000 draws, each with a standard uncertainty of its own: to 3 %, three sigma of the rest."""

@@ -78,7 +78,7 @@ def diagnose(
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known, noise)
     hung = as_stiff(cell, estimate)
-    stood = standing(hung, data, spread.tracker, whole)
+    stood = standing(hung, data, case.certain_noise, whole)
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
