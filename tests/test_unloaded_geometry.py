@@ -152,14 +152,15 @@ def test_stiffnesses_rest_on_the_table_that_is_proven():
     [("link_length:4", 0.02), ("link_twist:3", 5e-3), ("link_offset:5", -5e-3)],
 )
 def test_without_noise_geometry_and_springs_come_back(causes, label, size):
-    """Both to 1e-9, though the springs of the delivered table are off by up to a tenth."""
+    """Both to 1e-9, though springs of the delivered table are off by up to a half."""
     hidden = {"effects": [f"{label}={size}"], "equilibrium": "undeformed"}
     plan = revised(PLAN, {"poses": {"count": 12}, "hidden": hidden}).without_noise()
     raw = in_memory(simulate(plan, np.random.default_rng(3)).files)
     case = ingested(raw, conformed, plain, plausible=False)
     delivered = fit(case, bring(case))
 
-    found = standing(as_stiff(case.cell, delivered.estimate), delivered.data, 1.0, causes)
+    stiff = as_stiff(case.cell, delivered.estimate)
+    found = standing(stiff, delivered.data, 0.01, causes)  # scatter, over the stated one
     robot = corrected(case.cell, delivered.data, found)[0].robot
     stands = delivered.standing(robot, lambda data: corrected(case.cell, data, found)[1])
 
