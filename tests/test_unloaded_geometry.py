@@ -160,7 +160,7 @@ def test_without_noise_geometry_and_springs_come_back(causes, label, size):
     delivered = fit(case, bring(case))
 
     stiff = as_stiff(case.cell, delivered.estimate)
-    found = standing(stiff, delivered.data, 0.01, causes)  # scatter, over the stated one
+    found = standing(stiff, delivered.data, 0.1, causes)  # scatter, over the stated one
     robot = corrected(case.cell, delivered.data, found)[0].robot
     stands = delivered.standing(robot, lambda data: corrected(case.cell, data, found)[1])
 
