@@ -161,6 +161,7 @@ def _judged() -> dict[str, Any]:
     return {
         "file": "part.csv",
         "points": 6,
+        "force_n": [250.0, 900.0],
         "decision": "fail",
         "stretches": [
             {

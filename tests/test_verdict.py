@@ -65,6 +65,10 @@ ROWS = {
         Facts(unloaded=MISPLACED, moved=(cause("joint_offset:3", 0.9),)),
         Verdict.AMBIGUOUS,
     ),
+    Finding.ROUGH_TABLE: (
+        Facts(unloaded=replace(MISPLACED, gain=gain(0.9, 0.8))),
+        Verdict.ADEQUATE,
+    ),
     Finding.REFLECTORS_LOOSE: (replace(FOUND, loose_p=1e-6), Verdict.UNEXPLAINED),
     Finding.NO_CAUSE_FITS: (Facts(detected=True), Verdict.UNEXPLAINED),
     Finding.PREDICTS_WORSE: (replace(FOUND, gain=gain(-0.1, -0.5)), Verdict.UNEXPLAINED),

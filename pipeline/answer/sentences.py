@@ -48,6 +48,7 @@ _TOLD = 3
 """So many of them, those that move most."""
 
 _SPRINGS_ALONE, _AS_GIVEN = "joint springs alone", "the data as given"
+_ON_DELIVERED = "the geometry of the robot file"
 
 
 @dataclass(frozen=True)
@@ -92,8 +93,13 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
 
 
 def _other(found: Findings, springs: str, data: str) -> list[str]:
-    """What the answer is not, in these words: joint springs alone, data as given, or neither."""
+    """What the answer is not, in these words: joint springs alone, data as given, or neither.
+
+    Joint springs on the table as delivered, where the answer has them on the estimated one.
+    """
     alone = [] if found.row.model == Which.JOINT_SPRINGS else [springs]
+    if not alone and found.facts.unloaded.corrects:
+        alone = [_ON_DELIVERED]
     return [*alone, *([data] if found.mistakes else [])]
 
 
@@ -210,13 +216,11 @@ def _model(found: Findings, stated: Stated) -> Iterator[str]:
 
 
 def _table(facts: Facts) -> Iterator[str]:
-    """That the robot is off its table, where no entry of it is a cause."""
-    gain = facts.unloaded.gain
-    if facts.unloaded.corrects and gain is not None and not facts.moved:
+    """Which geometry the values belong to, where it is not that of the robot file."""
+    if facts.unloaded.corrects:
         yield (
-            "They rest on the robot's table as the unloaded reflectors show it: at poses left out "
-            f"these stand {plain(1e3 * gain.rms_after_m)} mm rms per axis from where it places "
-            f"them, {plain(1e3 * gain.rms_before_m)} mm from where the table as delivered does."
+            "They belong to the robot's geometry as estimated from the unloaded reflectors, which "
+            "model.toml holds."
         )
 
 

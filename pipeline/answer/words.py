@@ -252,6 +252,18 @@ def _stands_elsewhere(facts: Facts) -> str:
     )
 
 
+def _rough_table(facts: Facts) -> str:
+    gain = facts.unloaded.gain
+    assert gain is not None
+    before, after = 1e3 * gain.rms_before_m, 1e3 * gain.rms_after_m
+    return (
+        "The robot is off its table in many places, in none by far more than in the others: the "
+        f"unloaded reflectors of poses left out are {before:.2g} mm rms per axis from where the "
+        f"table as delivered places them, and {after:.2g} mm from where the table as estimated "
+        "does."
+    )
+
+
 _THOUSANDTHS = {"m": (1e3, "mm"), "rad": (1e3, "mrad")}
 """In which unit the size of an error of the geometry is read..."""
 
@@ -361,6 +373,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         "The residuals are larger than an error of any certificate would explain."
     ),
     Finding.OFF_THE_TABLE: _off_the_table,
+    Finding.ROUGH_TABLE: _rough_table,
     Finding.MISFIT: lambda facts: (
         f"What the model leaves is more than noise (p = {facts.misfit_p:.1g}), and no known cause "
         "explains it."

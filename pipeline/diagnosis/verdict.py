@@ -87,6 +87,7 @@ _UNLOADED = (
         lambda f: any(one.probability < CERTAIN for one in f.moved),
     ),
     Row(Finding.STANDS_ELSEWHERE, Verdict.EXPLAINED, lambda f: bool(f.moved)),
+    Row(Finding.ROUGH_TABLE, Verdict.ADEQUATE, lambda f: f.unloaded.corrects),
 )
 
 _DISPLACEMENTS = (
