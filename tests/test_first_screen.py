@@ -51,7 +51,13 @@ def path(*parts):
         for decision, first, last, mm in parts
     )
     points = sum(one.points for one in stretches)
-    return JudgedPath(file="part.csv", points=points, decision=Decision.FAIL, stretches=stretches)
+    return JudgedPath(
+        file="part.csv",
+        points=points,
+        force_n=(250.0, 900.0),
+        decision=Decision.FAIL,
+        stretches=stretches,
+    )
 
 
 def without_figures(report):
