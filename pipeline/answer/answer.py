@@ -30,6 +30,7 @@ from pipeline.answer.inputs import (
 )
 from pipeline.answer.judged import path_findings, pose_entry, tolerance_entry
 from pipeline.answer.overload import overload_entry, overloaded
+from pipeline.answer.overstated import overstated
 from pipeline.answer.recommended import Values
 from pipeline.answer.reliability import carried_entries, controlled_entries
 from pipeline.answer.remarks import contradicted
@@ -55,14 +56,19 @@ def answer(found: Findings) -> Answer:
     overload = overload_entry(raw.robot, found.right.reduced.data.pulls)
     said = [joint.finding for joint in values.stiffness if joint.finding]
     factor = common_factor(raw.robot, values.stiffness)
-    said += [*told_factor(factor), *filter(None, map(enormous, found.diagnosis.causes))]
+    said += [
+        *overstated(raw.settings, found.right.noise),
+        *told_factor(factor),
+        *filter(None, map(enormous, found.diagnosis.causes)),
+    ]
     payloads = payload_entries(given.case)
     together = combination_entries(found.told.values)
     diagnosis = diagnosis_entry(found)
     pose = pose_entry(raw.robot, where, found.judged)
     tolerance = tolerance_entry(raw.settings.tolerance, where, found.judged)
     told_first = Stated(values, springs, together, diagnosis, pose, tolerance)
-    lines = (*first_screen(found, told_first), *_wrong(told_factor(factor)))
+    vague = overstated(raw.settings, found.right.noise)
+    lines = (*first_screen(found, told_first), *_wrong([*vague, *told_factor(factor)]))
     carried = carried_entries(found.carried, found.told.values)
     of = {(effect.name, effect.where): effect for effect in found.told.values.first.effects}
     causes = [one for one in carried if one.name is not None]

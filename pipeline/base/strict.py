@@ -55,7 +55,9 @@ Stiffness = Annotated[float, Field(gt=0, le=1e18), _visible(1e-3)]
 Scatter = Annotated[float, Field(gt=0, le=10), _visible(1e-10)]
 """Standard uncertainty of a reading [m]: less than an atom, more than a room."""
 Uncertainty = Annotated[float, Field(ge=0, le=10)]
-"""Standard uncertainty of a length [m], of an angle [rad], or one relative to a length or force."""
+"""Standard uncertainty of a length [m] or of an angle [rad]."""
+Relative = Annotated[float, Field(ge=0, lt=1)]
+"""Standard uncertainty relative to a length or force [1]: with 1 not even its sign is known."""
 ForceUncertainty = Annotated[float, Field(ge=0, le=1e7)]
 """Standard uncertainty of a force [N]: as large as the largest."""
 STANDARD_GRAVITY = 9.80665

@@ -6,6 +6,11 @@ from scipy import special
 from pipeline.base.arrays import Array
 
 
+def chi2_below(chi2: Array | float, dof: Array | float) -> Array:
+    """P(chi2_dof < chi2); 0 below zero, and nan without freedom."""
+    return special.chdtr(np.where(np.greater(dof, 0), dof, np.nan), np.maximum(chi2, 0.0))
+
+
 def chi2_beyond(chi2: Array | float, dof: Array | float) -> Array:
     """P(chi2_dof > chi2); 1 below zero, where rounding may lead, and nan without freedom."""
     return special.chdtrc(np.where(np.greater(dof, 0), dof, np.nan), np.maximum(chi2, 0.0))

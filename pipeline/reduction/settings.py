@@ -29,6 +29,7 @@ from pipeline.base.strict import (
     MassUncertainty,
     Misplaced,
     Name,
+    Relative,
     Scatter,
     Strict,
     Temperature,
@@ -157,8 +158,8 @@ class Scale(LogForm):
 
     file: FileName = "loads.csv"
     sigma_n: ForceUncertainty = 0.0
-    sigma_rel: Uncertainty = 0.0
-    gain_sigma: Uncertainty = 0.0
+    sigma_rel: Relative = 0.0
+    gain_sigma: Relative = 0.0
     zero_sigma_n: ForceUncertainty = 0.0
     mass_sigma_kg: MassUncertainty = 0.0
     serial: Name | None = None
@@ -318,7 +319,7 @@ class Instrument(Strict):
     kind: Literal["laser_tracker", "camera", "arm", "unknown"] = "laser_tracker"
     measures: Literal["points", "poses"] = "points"
     sigma_rad: Scatter | None = None
-    length_sigma_rel: Uncertainty = 0.0
+    length_sigma_rel: Relative = 0.0
     model: Name | None = None
     serial: Name | None = None
     certificate: Name | None = None

@@ -10,7 +10,7 @@ y the contrasts and X the fixed effects (Patterson and Thompson, Biometrika 58 (
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Any
 
 import numpy as np
@@ -18,7 +18,9 @@ import pandas as pd
 import scipy.sparse
 from scipy import special
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked, Strings
+from pipeline.base.tails import chi2_below, chi2_beyond
 from pipeline.machine.cell import Cell
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Settings
@@ -45,6 +47,14 @@ _UNTOLD = 0.5
 """Above this relative standard uncertainty the data do not determine a scale."""
 
 
+FAR = 10.0
+"""Stated noise is contradicted from below where readings scatter this many times less. Stating the
+MPE, or the expanded uncertainty, for the standard one makes 2 of it, the noise at the far end of
+the rail for that nearby another 2 or 3; units of length begin to differ here (cm and mm)."""
+
+_LEAST_M = 1e-7
+"""Displacements that scatter less [m] are computed, not read: exports are rounded to as much."""
+
 _FEWEST = 12
 """Fewer contrasts determine no component."""
 
@@ -65,6 +75,8 @@ class Components(Locked):
         chi2_dof: Their number.
         taken: The tracker's is used without being larger beyond chance: with the stated one the
             model leaves more than chance does, with this one it does not.
+        p_smaller: Probability of a scale this small or smaller if the noise were a tenth of the
+            stated one (`FAR`), shape (n,); empty where nobody asks.
     """
 
     name: Strings
@@ -76,6 +88,13 @@ class Components(Locked):
     chi2: float = 0.0
     chi2_dof: int = 0
     taken: bool = False
+    p_smaller: Array = field(default_factory=lambda: np.zeros(0))
+
+    @property
+    def smaller(self) -> Bools:
+        """Components that are far smaller than stated beyond chance, shape (n,)."""
+        p = self.p_smaller if len(self.p_smaller) else np.ones(len(self.name))
+        return np.asarray(p < alarms.COMPONENT)
 
     @property
     def larger(self) -> Bools:
@@ -84,10 +103,15 @@ class Components(Locked):
 
     @property
     def replaced(self) -> Bools:
-        """Components whose noise found takes the place of the stated or missing one, shape (n,)."""
+        """Components whose noise found takes the place of the stated or missing one, shape (n,).
+
+        Stated noise that the data contradict, from above or from below, is as good as none.
+        """
         missing = (self.name == "tracker") & (not self.stated)
         taken = (self.name == "tracker") & self.taken
-        return np.asarray(self.larger | taken | (missing & np.isfinite(self.std)), dtype=bool)
+        return np.asarray(
+            self.larger | self.smaller | taken | (missing & np.isfinite(self.std)), dtype=bool
+        )
 
     @property
     def used(self) -> bool:
@@ -159,7 +183,24 @@ def _components(
     name = np.array(names, object)
     missing = (name == "tracker") & (not system.noise_stated)
     scale = np.exp(log_scale) * np.where(missing, system.found_m or 1.0, 1.0)
-    return Components(name, scale, std, np.where(lost | missing, 1.0, p), dof, system.noise_stated)
+    nu = 0.5 / std**2
+    below = chi2_below(nu * (FAR * scale) ** 2, nu)
+    unread = scale * np.array([_stated_m(system, _SCALED[one]) for one in names]) < _LEAST_M
+    return Components(
+        name,
+        scale,
+        std,
+        np.where(lost | missing, 1.0, p),
+        dof,
+        system.noise_stated,
+        p_smaller=np.where(lost | missing | unread, 1.0, below),
+    )
+
+
+def _stated_m(system: System, sources: Sequence[str]) -> float:
+    """What sources of error are stated to move a displacement by, rms [m]."""
+    G = system.errors.G[:, np.isin(system.errors.source.astype(str), sources)]
+    return float(np.sqrt(G.power(2).sum() / max(G.shape[0], 1)))
 
 
 def _told(system: System, sources: Sequence[str]) -> bool:
@@ -227,9 +268,45 @@ def noise(
     """The noise of a campaign from its repeats, its repeated zeros and its effector's triangle."""
     zeros = repeated_zeros(settings, placed)
     pure = pure_error(system, estimate.residual, data, zeros, cell)
-    found = variance_components(pure)
+    found = _with_scale(variance_components(pure), system, estimate)
     found = replace(found, taken=taken and found.left[0] > 1)
     return replace(found, **_of_pulls(pure, found)) if found.used else found
+
+
+def _with_scale(found: Components, system: System, estimate: Estimate) -> Components:
+    """With the scale's scatter from residuals, where contrasts leave it open and it is far smaller.
+
+    A wrong model makes residuals larger, never smaller: they can contradict what is stated from
+    below, and from above only contrasts can. With L the loss of `restricted.Blocks` at the log
+    scale t, p = P[chi2(1) > L(-log FAR) - min L] / 2; the scale that is used is the largest with
+    L - min L within the 95 % of chi2(1), since none but an upper limit may be told.
+    """
+    k = list(found.name).index("force_reading")
+    stated_m = _stated_m(system, _SCALED["force_reading"])
+    known = np.isfinite(found.std[k]) or not found.stated
+    if known or linear.rms(estimate.residual) > stated_m:
+        return found
+    blocks = Blocks.of(system, system.B, [_SCALED[str(name)] for name in found.name])
+    tried = np.where(np.arange(len(found.name)) == k, _LOWER[:, None], np.log(found.scale))
+    loss = np.array([blocks.whole(log_scale) for log_scale in tried])
+    beyond = loss - loss.min()
+    p = float(chi2_beyond(beyond[0], 1)) / 2
+    if p >= alarms.COMPONENT:
+        return found
+    mine = found.name == "force_reading"
+    largest = float(_LOWER[int(np.argmax(beyond <= _WITHIN))])
+    return replace(
+        found,
+        scale=np.where(mine, np.exp(largest), found.scale),
+        std=np.where(mine, np.sqrt(0.5 / blocks.dof), found.std),
+        p_smaller=np.where(mine, p, found.p_smaller),
+    )
+
+
+_LOWER = -np.log(FAR) * np.linspace(1.0, 6.0, 61)
+"""Log scales that are tried, from a tenth to a millionth of the stated noise."""
+_WITHIN = 3.84
+"""95 % quantile of chi2(1)."""
 
 
 def _of_pulls(pure: System, found: Components) -> dict[str, Any]:

@@ -1,0 +1,50 @@
+"""Stated noise that the readings contradict from below: the sentence."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pipeline.base.quantities import plain
+from pipeline.reduction.settings import Settings
+from pipeline.system.variance import Components
+
+
+def overstated(settings: Settings, found: Components) -> list[str]:
+    """A sentence for each noise that is stated far larger than the readings scatter."""
+    return [
+        _TOLD[found.name[i]](settings, float(found.scale[i]))
+        for i in np.flatnonzero(found.smaller).tolist()
+    ]
+
+
+def _tracker(settings: Settings, scale: float) -> str:
+    tables = {"tracker": settings.tracker, "displacements": settings.displacements}
+    said = next(((name, one.sigma_m) for name, one in tables.items() if one and one.sigma_m), None)
+    if said is None:
+        return (
+            f"The readings scatter {plain(1 / scale, 2)} times less than their stated noise: every "
+            "interval rests on the scatter that was found. Correct the stated one; is it in "
+            "another unit?"
+        )
+    name, sigma_m = said
+    return (
+        f"[{name}] sigma_m states {plain(1e3 * sigma_m)} mm, and repeated readings scatter by "
+        f"{plain(1e3 * scale * sigma_m, 2)} mm: every interval rests on the latter. Correct "
+        "sigma_m, which is in metres."
+    )
+
+
+def _force(settings: Settings, scale: float) -> str:
+    said = settings.loads_log
+    parts = {f"{plain(said.sigma_n)} N": said.sigma_n, f"{said.sigma_rel:.3%}": said.sigma_rel}
+    stated = " and ".join(part for part, size in parts.items() if size)
+    return (
+        f"[scale] states {stated} for a reading, and its readings scatter at least "
+        f"{plain(1 / scale, 2)} times less: every interval rests on that. Correct sigma_n, which "
+        "is in newtons, or sigma_rel, which is relative."
+    )
+
+
+_TOLD: dict[str, Callable[[Settings, float], str]] = {"tracker": _tracker, "force_reading": _force}
