@@ -14,7 +14,7 @@ from pipeline.machine.cell import baseline
 from pipeline.machine.effect import Compound, Elastic, Geometry, Noise
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.joint_hysteresis import slid
-from pipeline.machine.effects.nameless import mounting, nameless
+from pipeline.machine.effects.nameless import histories, mounting, nameless, remembered
 from pipeline.machine.robot import load, model
 
 NAMES = [
@@ -415,10 +415,43 @@ def test_what_competes_without_a_name_is_no_stiffness_and_no_cause(robot):
     """Every parameter moves the reflectors as no joint spring can, under a label of its own."""
     springs = moved(robot, baseline(robot))
 
-    for strange in nameless(robot):
+    every = (*nameless(robot), *histories(robot))
+    for strange in every:
         assert (beyond(moved(robot, [strange]), springs) > 1e-3).all(), strange.label
-    labels = [effect.label for effect in (*nameless(robot), *catalogue(robot))]
-    assert len(set(labels)) == len(nameless(robot)) + len({e.label for e in catalogue(robot)})
+    labels = [effect.label for effect in (*every, *catalogue(robot))]
+    assert len(set(labels)) == len(every) + len({e.label for e in catalogue(robot)})
+
+
+def test_a_joint_that_remembers_is_what_a_relaxing_element_does():
+    """Small steps of T dm/dt = share - m, the load held until the next pull, none between poses."""
+    rng = np.random.default_rng(8)
+    pulls = rich_pulls(KR500, rng)
+    m, fades = len(pulls), 300.0
+    pulls = replace(
+        pulls,
+        pose=np.arange(m) // 3,
+        repeat=np.arange(m) % 3 + 1,
+        time=np.cumsum(rng.uniform(30.0, 200.0, m)),
+    )
+    shuffled = rng.permutation(m)
+    torque = rng.uniform(-900.0, 900.0, (m, 2))
+    share = np.abs(torque) / np.abs(torque).max(axis=0)
+    now, expected = np.zeros(2), [np.zeros(2)]
+    for i in range(1, m):
+        dt = (pulls.time[i] - pulls.time[i - 1]) / 2000
+        drive = share[i - 1] * (pulls.pose[i] == pulls.pose[i - 1])
+        for _ in range(2000):
+            now = now + dt / fades * (drive - now)
+        expected.append(now)
+
+    assert remembered(pulls, torque, fades) == pytest.approx(np.array(expected), abs=1e-3)
+    mixed = remembered(pulls.part(shuffled), torque[shuffled], fades)
+    assert mixed == pytest.approx(np.array(expected)[shuffled], abs=1e-3)
+    untimed = replace(pulls, time=np.full(m, np.nan))
+    every_minute = replace(pulls, time=60.0 * np.arange(m))
+    assert remembered(untimed, torque, fades) == pytest.approx(
+        remembered(every_minute, torque, fades)
+    )
 
 
 def test_an_effector_turned_on_its_flange_is_a_tool_with_turned_points(bench):

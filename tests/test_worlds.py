@@ -9,7 +9,8 @@ import numpy as np
 import pandas as pd
 import pytest
 
-from bench.league.hidden_effect import setup
+from bench.league.hidden_effect import Secret, setup
+from bench.league.machine import Spring
 from bench.league.play import pull_to, strained
 from bench.worlds import run
 from bench.worlds.__main__ import chosen
@@ -430,3 +431,34 @@ def test_raw_files_say_nothing_of_what_hides():
 
     same = [name for name in one if one[name] == other[name]]
     assert same == ["campaign.toml", "loads.csv", "joints.csv"]
+
+
+def remembering(joint, part, minutes):
+    """A joint that is softer after its loads by up to a part, and forgets them."""
+
+    def plant(one, size, course):
+        keeps = np.exp(-60 * np.diff(course.time) / minutes)
+
+        def law(own, _):
+            now, held = 0.0, np.zeros(len(own))
+            share = np.abs(own) / max(np.abs(own).max(), 1e-300)
+            for i, keep in enumerate(keeps):
+                held[i + 1] = now = keep * now + (1 - keep) * share[i]
+            return size * one.compliance[joint - 1] * own * held
+
+        one.machine.springs.append(Spring(f"past{joint}", joint, (0, 0, 1), False, law))
+
+    return Secret("memory", f"joint {joint}", False, plant), part
+
+
+def test_a_joint_that_remembers_its_loads_is_none_of_the_catalogue():
+    """Friction of that joint fits, too: something without a name is likelier, and that is said."""
+    world = WORLDS["memory"]
+    plan = world.plan(KR500, SEED)
+    cell = build(KR500, plan, world.rules, SEED, (remembering(2, 0.15, 10.0),))
+    record = run._recorded(cell, world, SEED)[0]
+
+    said = asked(run._files(cell, world, record, 1.0)).answer["diagnosis"]
+
+    assert said["verdict"] == "unexplained"
+    assert "outside_catalogue" in said["reasons"]

@@ -24,7 +24,7 @@ from pipeline.diagnosis.unloaded_geometry import as_stiff, corrected, standing
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect, Noise
 from pipeline.machine.effects import catalogue
-from pipeline.machine.effects.nameless import nameless
+from pipeline.machine.effects.nameless import histories, nameless
 from pipeline.machine.room import Room
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import Where
@@ -250,7 +250,7 @@ def case_of(
         noise=spread.tracker,
         certain_noise=spread.tracker if larger or not data.noise_stated else 1.0,
         force_noise=spread.force,
-        nameless=nameless(cell.robot),
+        nameless=(*nameless(cell.robot), *histories(cell.robot)),
     )
     return replace(case, cell=replace(case.cell, equilibrium=_bent(case, seen))), spread
 

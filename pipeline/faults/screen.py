@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 from pipeline.faults import FAULTS
 from pipeline.faults.fault import Fault, Screening
+from pipeline.faults.lost_pull import lost_readings
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import lock_lost
 from pipeline.machine.effect import Effect
@@ -64,6 +65,9 @@ def screen(case: Case, reduced: Reduced) -> Screened:
         case = _put_right(case, found)
         if not found:
             break
+    if before is not None and before.case is case and findings:
+        lost = lost_readings(given, findings, before)
+        findings, case = findings + lost, _put_right(case, lost)
     return Screened(tuple(findings), case)
 
 

@@ -9,6 +9,7 @@ the catalogue: no campaign is ever said to suffer from one of them.
 - cross_talk:            torque at a joint turns the next one; the catalogue has the wrist's
 - compliance_by_angle:   of a joint, two harmonics; the catalogue has the shoulder's (compensator)
 - compliance_by_time:    of a joint, steadily
+- compliance_by_history: of a joint, or of all alike, after the loads that it bore before
 - guide_along_the_rail:  a guide of the carriage is softer here than there, two harmonics
 - guide_contact:         a guide yields less than in proportion to its load, as rollers do
 - effector_play:         the effector turns in its clamp, about the axis of the last joint
@@ -36,6 +37,7 @@ from pipeline.machine.effect import (
     Effect,
     Elastic,
     Loaded,
+    Pulls,
     Reflectors,
     Wrench,
     linear,
@@ -71,6 +73,13 @@ _OFFSET_M = 5e-3
 _LARGE = {"m/N": 1000.0, "rad/(N m)": 3000.0}
 """A load on the guides of a rail that counts as large [N] or [N m], by the unit of compliance."""
 
+_FADES_MIN = (5, 20)
+"""How long a joint remembers its loads [min]: some load steps of a pose, or some poses. A memory of
+hours is `compliance_by_time`."""
+
+_STEP_S = 60.0
+"""From pull to pull where no time is known [s], as long as a turnbuckle takes."""
+
 _GUIDES = (rail_lateral, rail_vertical, rail_roll, rail_pitch)
 """The guides of the carriage."""
 
@@ -92,6 +101,16 @@ def nameless(robot: Robot) -> tuple[Effect, ...]:
         *(_contact(guide) for guide in guides),
         *(_play(effect) for effect in joint_lost_motion.effects(robot) if effect.where == robot.n),
     )
+
+
+def histories(robot: Robot) -> tuple[Effect, ...]:
+    """Joints that remember, each by itself and all alike: what competes in the order of loads.
+
+    They compete with causes; with a wander of the instrument, joints that are `restless` do.
+    """
+    every = tuple(range(1, robot.n + 1))
+    each = [_history(robot, joint, (joint,), fades) for joint in every for fades in _FADES_MIN]
+    return (*each, *(_history(robot, "all", every, fades) for fades in _FADES_MIN))
 
 
 def mounting(robot: Robot) -> tuple[Effect, ...]:
@@ -179,6 +198,50 @@ def _warming(robot: Robot, joint: int) -> Effect:
 
     size = 0.05 * compliance(robot, joint)
     return _effect("compliance_by_time", joint, size, (joint,), response)
+
+
+def _history(robot: Robot, where: int | str, joints: tuple[int, ...], minutes: int) -> Effect:
+    """The compliance of each joint grows by a like part of itself with what it remembers."""
+    own = np.array([compliance(robot, joint) for joint in joints])
+
+    def response(loaded: Loaded, torque: Array) -> Array:
+        return own / own[0] * torque * remembered(loaded.pulls, torque, 60.0 * minutes)
+
+    return _effect(
+        "compliance_by_history",
+        f"{where} {minutes} min",
+        0.05 * float(own[0]),
+        joints,
+        response,
+        shared=(0,) * len(joints),
+    )
+
+
+def remembered(pulls: Pulls, torque: Array, fades_s: float) -> Array:
+    """What joints remember of earlier loads, between 0 and 1, shape (m, k).
+
+    T dm/dt = |tau| / max |tau| - m, tau the torque that is held since the pull before; between two
+    poses none is. The first pull remembers nothing.
+
+    Args:
+        pulls: The pulls.
+        torque: About each joint [N m], along a sliding one [N], shape (m, k).
+        fades_s: T [s].
+    """
+    order = np.lexsort((pulls.repeat, pulls.time, pulls.pose))
+    if np.isfinite(pulls.time).all():
+        order = np.argsort(pulls.time, kind="stable")
+        step_s = np.diff(pulls.time[order])
+    else:
+        step_s = np.full(max(len(order) - 1, 0), _STEP_S)
+    keeps = np.exp(-step_s / fades_s)
+    held = np.diff(pulls.pose[order]) == 0
+    share = np.abs(torque) / np.maximum(np.abs(torque).max(axis=0, initial=0.0), 1e-300)
+    gains = ((1 - keeps) * held)[:, None] * share[order[:-1]]
+    out, now = np.zeros_like(torque), np.zeros(torque.shape[1])
+    for row, keep, gain in zip(order[1:], keeps.tolist(), gains, strict=True):
+        out[row] = now = keep * now + gain
+    return out
 
 
 def _along_the_rail(robot: Robot, guide: Elastic) -> Effect:
