@@ -13,8 +13,18 @@ from pipeline.base.arrays import Array
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import load
 from pipeline.machine.effect import Effect, Elastic, Loaded, Noise
+from pipeline.machine.effects import unlisted
 from pipeline.machine.robot.configuration import torque, velocity
 from pipeline.reduction.measured import Measured
+
+_OF = {
+    "angle": ("angle", "rad"),
+    "position": ("position", "m"),
+    "torque": ("torque", "N m"),
+    "force": ("load", "N"),
+    "time": ("time", "s"),
+}
+"""What a law that nobody listed is shown over, and its unit."""
 
 _LEVER = 0.05
 """A pull whose lever is below this part of the usual one says nothing of a motion."""
@@ -96,7 +106,10 @@ def _seen(
 
 
 def _motions(effect: Elastic, values: Array, loaded: Loaded, found: Hypothesis) -> Iterator[_Seen]:
-    """Each virtual joint: how far it gives way, over what pulls at it."""
+    """Each virtual joint: how far it gives way, over what pulls at it.
+
+    A law that nobody listed moves one joint with all its amplitudes, shown over its own variable.
+    """
     screws = effect.screws(loaded)
     tau = torque(screws, loaded.load_point, loaded.force)
     law = effect.response(loaded, tau) * values[list(effect.parameter_of)]
@@ -106,6 +119,13 @@ def _motions(effect: Elastic, values: Array, loaded: Loaded, found: Hypothesis) 
     target = {name: k for k, name in enumerate(found.cell.tool.read)}
     which = np.array([target[name] for name in rows.target])
     turns = np.linalg.norm(screws[:, :, :3], axis=2).max(axis=0) > 0
+    if effect.law is not None and effect.law.part in unlisted.YIELDING:
+        of = _Axis(*_OF[effect.law.variable])
+        by = read[rows.pull, which, rows.axis, 0] * tau[rows.pull, 0]
+        own = law.sum(axis=1) / np.where(tau[:, 0] == 0, np.inf, tau[:, 0])
+        lies = _Axis("compliance", effect.parameters[0].unit)
+        yield _Seen(of, unlisted.variable(effect.law, loaded), lies, own, by)
+        return
     for v in range(tau.shape[1]):
         of = _Axis("torque", "N m") if turns[v] else _Axis("force", "N")
         lies = _Axis("turn", "rad") if turns[v] else _Axis("shift", "m")

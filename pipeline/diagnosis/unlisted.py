@@ -20,7 +20,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, Ints
 from pipeline.base.bootstrap import interval
 from pipeline.diagnosis.identify import NAMELESS, WORTH, Case, Found, search
 from pipeline.diagnosis.verdict import CERTAIN
@@ -183,7 +183,8 @@ def _by_structure(view: Whitened, now: Scores, rng: np.random.Generator) -> Arra
     return np.asarray((1 + (most[:, None] >= own * (1 - 1e-9)).sum(axis=0)) / (1 + _FLIPS))
 
 
-def _likelihood(drop: Array, rank: Array, now: Scores) -> Array:
+def _likelihood(drop: Array, rank: Array | Ints, now: Scores) -> Array:
+    """Gain in log likelihood of drops of the sum of squares, less its expectation by chance."""
     share = np.clip(drop / now.rest, 0.0, 1 - 1e-12)
     return np.asarray(-0.5 * now.dof * np.log1p(-share) - 0.5 * rank * np.log(now.dof))
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import astuple, dataclass
-from typing import Literal
+from typing import Literal, cast, get_args
 
 Kind = Literal["periodic", "smooth", "step", "coupling"]
 Variable = Literal["angle", "torque", "position", "direction", "time", "force"]
@@ -24,6 +24,7 @@ class Law:
         low: Smallest value of the variable where it was taught.
         high: The largest.
         at: Where a step or a knee sits, in the unit of the variable.
+        beyond: It stands for what the law may be outside of where it was taught.
     """
 
     where: int | str
@@ -35,6 +36,7 @@ class Law:
     low: float
     high: float
     at: float = 0.0
+    beyond: bool = False
 
     @property
     def form(self) -> str:
@@ -53,9 +55,18 @@ def parse(where: str, form: str) -> Law:
     Raises:
         ValueError: It is none.
     """
-    part, kind, variable, source, order, low, high, at = form.split()
-    if kind not in Kind.__args__ or variable not in Variable.__args__:  # type: ignore[attr-defined]
+    part, kind, variable, source, order, low, high, at, beyond = form.split()
+    if kind not in get_args(Kind) or variable not in get_args(Variable):
         raise ValueError(form)
-    numbers = (float(order), float(low), float(high), float(at))
-    place = int(where) if where.isdigit() else where
-    return Law(place, part, kind, variable, int(source), *numbers)  # type: ignore[arg-type]
+    return Law(
+        int(where) if where.isdigit() else where,
+        part,
+        cast("Kind", kind),
+        cast("Variable", variable),
+        int(source),
+        float(order),
+        float(low),
+        float(high),
+        float(at),
+        beyond == str(True),
+    )

@@ -76,6 +76,11 @@ class Hypothesis(Locked):
     @property
     def beside_springs(self) -> tuple[Effect, ...]:
         """The causes that it holds beside the joint springs."""
+        return tuple(one for one in self._more if one.law is None or not one.law.beyond)
+
+    @property
+    def _more(self) -> tuple[Effect, ...]:
+        """The same, and what laws may be where they were not taught."""
         return self.cell.effects[len(paper_cell(self.cell.robot, self.cell.tool).effects) :]
 
     def at(self, points: Array | None = None) -> Cell:
@@ -296,13 +301,34 @@ def part(
     of_machine = np.repeat(keep, [len(effect.parameters) for effect in cell.effects])
     effects = tuple(effect for effect, kept in zip(cell.effects, keep, strict=True) if kept)
     tool = replace(cell.tool, six=False)  # how it was measured is no part of the machine
-    return Hypothesis(
-        weight,
-        replace(cell, tool=tool, effects=effects),
-        estimate.value[of_machine],
-        estimate.cov[np.ix_(of_machine, of_machine)],
-        *_apart(estimate, of_machine, system, ratio),
+    return _with_beyond(
+        Hypothesis(
+            weight,
+            replace(cell, tool=tool, effects=effects),
+            estimate.value[of_machine],
+            estimate.cov[np.ix_(of_machine, of_machine)],
+            *_apart(estimate, of_machine, system, ratio),
+        )
     )
+
+
+def _with_beyond(one: Hypothesis) -> Hypothesis:
+    """With what laws may be where they were not taught: zero, as uncertain as they are large."""
+    for effect, values in one.cell.split(one.value):
+        if effect.law is not None:
+            more, cov = unlisted.beyond(one.cell.robot, effect, values)
+            k = len(cov)
+            one = replace(
+                one,
+                cell=one.cell.with_effects(more),
+                value=np.append(one.value, np.zeros(k)),
+                cov=np.block(
+                    [[one.cov, np.zeros((len(one.cov), k))], [np.zeros((k, len(one.cov))), cov]]
+                ),
+                free=None if one.free is None else np.pad(one.free, ((0, k), (0, 0))),
+                within=None if one.within is None else np.append(one.within, np.diag(cov)),
+            )
+    return one
 
 
 def _apart(
@@ -351,7 +377,7 @@ def _hypothesis(one: Hypothesis) -> dict[str, Any]:
     return told | {
         "weight": one.weight,
         "equilibrium": one.cell.equilibrium,
-        "effects": [[e.label, e.form] for e in one.beside_springs],
+        "effects": [[e.label, e.form] for e in one._more],
         "parameter": _parameters(one.cell.parameters, one),
         "covariance": one.cov.tolist(),
     }

@@ -96,6 +96,8 @@ def named(robot: Robot, label: str, form: str) -> Effect | None:
 
 def effect(robot: Robot, law: Law) -> Effect:
     """The law as an effect; its parameters are amplitudes, zero where it is absent."""
+    if law.beyond:
+        return _beyond(robot, law)
     if law.where == "scale":
         return _of_scale(law)
     if law.where == "tracker":
@@ -558,13 +560,62 @@ def height(law: Law, values: Array, cov: Array) -> tuple[float, float]:
         cov: Their covariance, shape (k, k).
     """
     slope = values / max(float(np.linalg.norm(values)), 1e-300)
-    if law.part not in _NOUNS and law.variable not in ("direction", "torque"):
+    if _follows(law):
         v = np.linspace(law.low, law.high, _GRID)
         g = basis(law, v)
         f = g @ values[len(values) - g.shape[1] :]
         slope = np.zeros(len(values))
         slope[len(values) - g.shape[1] :] = (g[np.argmax(f)] - g[np.argmin(f)]) / 2
     return float(slope @ values), float(np.sqrt(slope @ cov @ slope))
+
+
+def beyond(robot: Robot, one: Effect, values: Array) -> tuple[Effect, Array]:
+    """What a law may be where it was not taught, and the covariance of its parameters about zero.
+
+    There as much as the law at its largest: deflections of its height, or of its own size where it
+    is no function of a variable but its torque or force.
+
+    Args:
+        robot: The robot.
+        one: The law.
+        values: Its parameters, SI, shape (k,).
+    """
+    assert one.law is not None
+    law = replace(one.law, beyond=True)
+    size = values if not _follows(law) else np.array([height(one.law, values, _none(values))[0]])
+    return effect(robot, law), np.outer(size, size)
+
+
+def _none(values: Array) -> Array:
+    return np.zeros((len(values), len(values)))
+
+
+def _beyond(robot: Robot, law: Law) -> Effect:
+    """The law outside of where it was taught, a constant in the place of its function."""
+    own = replace(law, beyond=False)
+    if _follows(law):
+        own = replace(own, kind="step", order=0.0, at=-np.inf)
+    made = effect(robot, own)
+    assert isinstance(made, Elastic)
+
+    def response(loaded: Loaded, tau: Array) -> Array:
+        v = variable(law, loaded)
+        outside = (v < law.low) | (v > law.high)
+        return np.asarray(made.response(loaded, tau) * outside[:, None])
+
+    names = tuple(replace(p, name=f"beyond_{p.name}") for p in made.parameters)
+    return replace(made, form=law.form, law=law, parameters=names, response=response)
+
+
+YIELDING = ("spring", "drive", *_GUIDES)
+"""Parts whose compliance follows the law: deflection is compliance times torque or force."""
+
+
+def _follows(law: Law) -> bool:
+    """Whether something is multiplied by a function of the variable."""
+    if law.part in _NOUNS or law.variable in ("direction", "torque"):
+        return False
+    return law.variable != "force" or law.where == "scale"
 
 
 _GRID = 1001

@@ -21,6 +21,8 @@ _MOST_LAWS = 4
 
 _NAMES = {"torque": "torque about its axis", "force": "force along it", "load": "size of the load"}
 _NAMES |= {"time": "time after the first reading", "turn": "turn", "shift": "shift"}
+_NAMES |= {"angle": "angle of the joint", "position": "position along the rail"}
+_NAMES |= {"compliance": "compliance that the springs leave"}
 
 
 def _laws(tables: Tables) -> list[pd.DataFrame]:
