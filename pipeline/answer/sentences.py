@@ -92,14 +92,14 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
     return tuple(Line(about=about, text=text) for about, text in lines if text)
 
 
-def _other(found: Findings, springs: str, data: str) -> list[str]:
+def _other(found: Findings, springs: str, data: str, delivered: str) -> list[str]:
     """What the answer is not, in these words: joint springs alone, data as given, or neither.
 
     Joint springs on the table as delivered, where the answer has them on the estimated one.
     """
     alone = [] if found.row.model == Which.JOINT_SPRINGS else [springs]
     if not alone and found.facts.unloaded.corrects:
-        alone = [_ON_DELIVERED]
+        alone = [delivered]
     return [*alone, *([data] if found.mistakes else [])]
 
 
@@ -148,7 +148,9 @@ def _predicted(found: Findings) -> str:
 
 def _instead(found: Findings) -> str:
     """How the other values beside the answer's were computed."""
-    return ", ".join(_other(found, f"with {_SPRINGS_ALONE}", f"from {_AS_GIVEN}"))
+    return ", ".join(
+        _other(found, f"with {_SPRINGS_ALONE}", f"from {_AS_GIVEN}", f"with {_ON_DELIVERED}")
+    )
 
 
 def _out(asked: Tolerance | None) -> Iterator[str]:
@@ -210,7 +212,7 @@ def _model(found: Findings, stated: Stated) -> Iterator[str]:
     }[found.row.model]
     yield f"{whose}, from the {'corrected data' if found.mistakes else 'data as given'}."
     yield from _table(found.facts)
-    if other := _other(found, _SPRINGS_ALONE, _AS_GIVEN):
+    if other := _other(found, _SPRINGS_ALONE, _AS_GIVEN, _ON_DELIVERED):
         for move in _moved(stated.mine.stiffness, stated.springs.stiffness):
             yield f"Compared with {' and '.join(other)}, {move}."
 
