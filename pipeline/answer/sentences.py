@@ -191,6 +191,11 @@ def _do(found: Findings) -> str:
             "Check type and file of the robot first. The stiffnesses belong to the corrected "
             "geometry, which model.toml holds; correct the robot file."
         )
+    if found.facts.unloaded.corrects and found.row.reason == Reason.ADEQUATE:
+        return (
+            f"{DO[Reason.ADEQUATE]} Where absolute positions matter, correct the robot's geometry, "
+            "too: model.toml holds it."
+        )
     return DO[found.row.reason]
 
 
