@@ -42,7 +42,7 @@ def pipeline(root, *arguments, **more):
     ("arguments", "code", "said"),
     [
         (["run", "--engine", "airflow"], 2, 'there is no engine "airflow"'),
-        (["compensate", "kr500_demo", "path.csv"], 2, "run `pipeline run kr500_demo` first"),
+        (["compensate", "kr500_demo", "path.csv"], 2, "run 'pipeline run kr500_demo' first"),
         (["run", "nowhere", "--engine", "local"], 5, 'there is no campaign "nowhere"'),
         (["init", "../escape"], 2, "cannot name a campaign"),
         (["deploy", "--pool", "robots"], 2, "PREFECT_API_URL is not set"),
@@ -168,7 +168,7 @@ def test_init_without_a_terminal_asks_nothing(tmp_path, capsys, monkeypatch):
     nameless, why = cli._exit_code(["init", "--root", str(tmp_path)]), capsys.readouterr()
 
     assert named == 0
-    assert "copy them there, remove it, and type `pipeline init a` again" in said.err
+    assert "copy them there, remove it, and type 'pipeline init a' again" in said.err
     assert "sigma_n (line 21)" in said.err
     assert said.err.endswith("fill it in, then: pipeline check a\n")
     assert nameless == 2

@@ -9,14 +9,17 @@ import pytest
 import report_sample
 from pdf_text import pages_of
 
-from pipeline.answer.contract import JudgedPath, NextPose, Stretch, Tip, Tolerance
+from pipeline.answer.contract import AxisValue, JudgedPath, NextPose, Stretch, Tip, Tolerance
 from pipeline.answer.sentences import _proposed
 from pipeline.answer.tolerated import expanded, tolerated
+from pipeline.answer.words import mistaken, unnoticed, wrong
+from pipeline.diagnosis.facts import Facts
+from pipeline.faults.mistake import outlying
 from pipeline.prediction.decision import Decision
 from pipeline.report.model import compose
 from pipeline.report.record import Figure
 from pipeline.report.render import page, pdf
-from pipeline.report.sections.unseen import next_poses
+from pipeline.report.sections.unseen import blind_spots, next_joint_values, next_poses
 from pipeline.report.text import as_text
 from pipeline.report.words import VERDICTS
 
@@ -175,3 +178,49 @@ def test_the_report_says_what_it_is_filed_by():
     assert told["Poses and pulls"] == "16 poses, 48 pulls of 1000 N to 3000 N"
     assert told["Temperature of rail and base"] == "21.5 °C"
     assert told["Software"] == "pipeline 0.1.0"
+
+
+def test_a_label_is_called_as_the_controller_calls_its_axis():
+    """In the table of the next poses, whose values are those of the controller's axes."""
+    axes = tuple(AxisValue(name=f"A{k}", value=10.0 * k, unit="deg") for k in (1, 2))
+    one = pose(0.3, 12.0).model_copy(update={"axes": axes})
+
+    told = next_poses([one], None, {5: "A4"}).rows[0][1].text
+    table = next_joint_values([one], ())
+
+    assert told == "tilt of the bearing in joint 5 (A4) / bending of the link in the forearm"
+    assert [column.title for column in table.columns] == ["Pose", "A1 [°]", "A2 [°]"]
+    assert [cell.text for cell in table.rows[0]] == ["1", "10.00", "20.00"]
+
+
+def test_what_went_unnoticed_is_counted_once():
+    """The first screen and the section below it have one number, that of all rows together."""
+    spots = report_sample.answer().diagnosis.blind_spots
+    again = spots[1].model_copy(update={"where": 4, "axis": "A3", "smallest_visible": 6.4e-5})
+
+    said, never, small = blind_spots((*spots, again))
+
+    assert said.text == "3 possible causes would have gone unnoticed at their usual size."
+    assert f"{unnoticed(3)}; they are listed" in wrong(Facts(), 3)
+    assert [row[0].text for row in never.rows] == ["wrong gain of the spring scale"]
+    assert [cell.text for cell in small.rows[0][1:4]] == [
+        "joint 3, A3",
+        "10 µrad",
+        "32 to 64 µrad",
+    ]
+
+
+def test_further_mistakes_are_told_with_file_and_line():
+    """Up to four rows one by one, the others counted."""
+
+    def same(case):
+        return case
+
+    mistakes = tuple(
+        outlying("", f"row {k} is off", "", before=0.0, correct=same, at=(f"t:{k}",))
+        for k in range(7)
+    )
+
+    told = mistaken(Facts(mistakes=mistakes))
+
+    assert "row 0 is off, and 6 more mistakes were found (t:1, t:2, t:3, t:4 and 2 more)." in told

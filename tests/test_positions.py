@@ -10,6 +10,7 @@ from test_geometry import made, stands
 
 from pipeline.app.commands.predict import Of, predicted
 from pipeline.base.errors import InputError, UsageError
+from pipeline.report.model import compose
 from pipeline.run import run
 from pipeline.store.campaign import find
 
@@ -74,6 +75,21 @@ def test_the_answer_has_table_steps_and_what_was_left_out(hall):
     assert answer.position_steps[0].model == "nominal table"
     left_out = {(one.file, one.line) for one in answer.rejected}
     assert left_out == {("tuesday.csv", 62), ("monday.csv", 9)}
+
+
+def test_the_first_screen_has_the_lines_of_a_campaign_of_pulls(hall):
+    """What to do, which model, the stiffnesses, what is wrong and next; no tolerance, and why."""
+    _, answer = hall
+    lines = {one.about.value: one.text for one in answer.first_screen}
+    known = [one.axis or one.name for one in answer.stiffness if one.value is not None]
+
+    assert list(lines) == [*("verdict", "to_do", "model", "numbers", "tolerance", "wrong", "next")]
+    assert tuple(lines.values()) == answer.verdict_sentence
+    assert f"pipeline predict {answer.campaign}" in lines["to_do"]
+    assert all(f"{name} " in lines["numbers"] for name in known)
+    assert lines["tolerance"].startswith("Not judged: nothing was pulled")
+    assert ("left out" in lines["wrong"]) == bool(answer.rejected)
+    assert compose(answer, {}).sections[0].key == "identity"
 
 
 def test_positions_are_predicted_from_a_table_of_joint_values(hall, tmp_path):

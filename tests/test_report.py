@@ -12,6 +12,9 @@ import pandas as pd
 import pypdf
 import pytest
 import report_sample
+from matplotlib import rc_context
+from matplotlib.figure import Figure as Canvas
+from matplotlib.text import Text as Label
 from pdf_text import filled, pages_of
 from pydantic import BaseModel
 from pypdf.generic import DictionaryObject
@@ -23,7 +26,8 @@ from pipeline.report.model import compose
 from pipeline.report.record import Column, Entry, Figure, Report, Section, Table, Text
 from pipeline.report.render import pdf, render
 from pipeline.report.sections.stiffness import stiffness
-from pipeline.report.summaries import courses
+from pipeline.report.summaries import courses, has
+from pipeline.report.svg import STYLE
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -358,8 +362,8 @@ def test_suspects_are_ordered_by_their_evidence(sample):
     """The figure shows the best suspect first and leaves out what could not be judged."""
     caption = next(f for f in compose(*sample).figures if f.name == "evidence").caption
 
-    assert caption.startswith("By itself roll of the carriage about the rail has the most evidence")
-    assert "31; 2 of 4 suspects lie above 3" in caption
+    assert caption.startswith("Tested alone, roll of the carriage about the rail has the strongest")
+    assert "31; 2 of 4 suspects exceed 3" in caption
 
 
 # --- page ----------------------------------------------------------------------------------
@@ -466,6 +470,29 @@ def test_figures_follow_the_colours_of_the_page(html):
     assert pictures.count("<svg") == len(CATALOGUE) - len(of_positions)
     assert "<image" not in pictures
     assert re.findall(r"#[0-9a-f]{3,6}\b|\brgb\(", pictures) == []
+
+
+def test_no_title_is_cut_by_the_edge_of_its_figure(sample):
+    """The longest name of a model, of a cause and of its place, in the narrowest plots."""
+    model = {"model": "averaged"}
+    answer = report_sample.revised(sample[0], lambda a: a["recommended"].update(model))
+    laws = sample[1]["laws"].assign(cause="joint_hardening:upper_arm and a longer name of a place")
+    tables = dict(sample[1], laws=laws)
+    seen = 0
+    for plot in CATALOGUE:
+        if not has(tables, *plot.needs) or plot.write(answer, tables) is None:
+            continue
+        with rc_context(STYLE):
+            canvas = Canvas()
+            plot.draw(canvas, answer, tables)
+            canvas.draw_without_rendering()
+            said = {view.get_title("left") for view in canvas.axes} - {""}
+            titles = [one for one in canvas.findobj(Label) if one.get_text() in said]
+            for text in titles:
+                seen += 1
+                assert text.get_window_extent().x1 <= canvas.bbox.x1, (plot.name, text.get_text())
+
+    assert seen >= 7
 
 
 def test_every_value_of_a_figure_can_be_read(html, sample):

@@ -26,12 +26,12 @@ PIPELINE = [sys.executable, "-m", "pipeline"]
 @pytest.mark.parametrize(
     ("words", "code", "said"),
     [
-        (["compare", "a"], 2, "Missing argument 'SECOND'. Try `pipeline compare --help`."),
-        (["--nope"], 2, "No such option: --nope. Try `pipeline --help`."),
+        (["compare", "a"], 2, "Missing argument 'SECOND'. Try 'pipeline compare --help'."),
+        (["--nope"], 2, "No such option: --nope. Try 'pipeline --help'."),
         (["compare", "a", "a"], 2, "a is compared with itself: name another campaign or model."),
         (["compare", "a", "b"], 5, 'there is no campaign "a"; known under data/raw: none.'),
         (["init", "a", "--plan", "p.toml", "--robot", "r"], 2, "the plan names its robot"),
-        (["init"], 2, "the campaign has no name: write `pipeline init NAME`."),
+        (["init"], 2, "the campaign has no name: write 'pipeline init NAME'."),
         (["serve", "--cron", "now"], 2, '--cron: "now" is no cron line, such as "0 6 * * 1-5".'),
         (["watch", "--interval", "1"], 2, "--interval: 1.0 should be greater than or equal to 5."),
         (["watch", "--root", "/nowhere"], 2, "there is no folder /nowhere: correct --root."),

@@ -47,6 +47,8 @@ _FAR = 3.0
 _TOLD = 3
 """So many of them, those that move most."""
 
+_WITH_THEM = "With them the cross-validation error is"
+
 _SPRINGS_ALONE, _AS_GIVEN = "joint springs alone", "the data as given"
 _ON_DELIVERED = "the geometry of the robot file"
 
@@ -203,7 +205,7 @@ def _unfit(found: Findings, stiffness: Sequence[Stiffness]) -> Iterator[str]:
     """Stiffnesses that are no number to enter, where the others are."""
     half = [joint.called for joint in stiffness if joint.value and joint.ci95[1] is None]
     if half and found.row.reason.holds_for_its_readings:
-        yield f"Enter no value for {listed(half)}: these pulls do not tell it from rigid."
+        yield f"Enter no value for {listed(half)}: these pulls cannot distinguish it from rigid."
 
 
 def _model(found: Findings, stated: Stated) -> Iterator[str]:
@@ -267,7 +269,7 @@ def _for_controller(found: Findings, stated: Stated) -> str:
     if not holds or not found.told.model.hypotheses[0].beside_springs:
         return _numbers(found, stated.mine.stiffness, stated.together)
     error = left_out_mm(found.springs.values.left_out_m)
-    left = "" if error is None else f" They leave {plain(error)} mm rms at poses left out."
+    left = "" if error is None else f" {_WITH_THEM} {plain(error)} mm rms per axis."
     said = _numbers(found, stated.springs.stiffness, ())
     return f"Effective values, those of joint springs alone: {said}{left}"
 
@@ -328,8 +330,8 @@ def _test_pose(found: Findings, stated: Stated) -> Iterator[str]:
     axes = ", ".join(f"{one.name} {_at(one.value, one.unit)}" for one in pose.axes)
     none = "" if pose.stated else _stands_in(found)
     yield (
-        f"The load point deflects by {expanded(pose)}, at {axes} under ({x}, {y}, {z}) N in F_b "
-        f"({plain(math.hypot(*pose.force_n))} N).{none}"
+        f"The load point deflects by {expanded(pose)}, at {axes} under ({x}, {y}, {z}) N in the "
+        f"base frame F_b ({plain(math.hypot(*pose.force_n))} N).{none}"
     )
     yield from _changed(
         stated.mine.test_pose_deflection, stated.springs.test_pose_deflection, found

@@ -81,10 +81,14 @@ def _searched(
     laws = _likely(case, found, beside, rng)
     if not laws:
         return case, found
-    wider = replace(case, suspects=case.suspects + laws, nameless=())
+    wider = replace(case, suspects=case.suspects + tuple(laws), nameless=())
     other = search(wider, start, rng)
     new = _named(wider, other) - _named(case, found)
-    return (wider, other) if new and _carries(wider, other, rng) else (case, found)
+    if not new or not _carries(wider, other, rng):
+        return case, found
+    chance = [laws.get(wider.suspects[i], 0.0) for i in other.accepted]
+    p_values = tuple(map(max, other.p_values, chance))
+    return wider, replace(other, p_values=p_values)
 
 
 def open_(found: Found, rng: np.random.Generator) -> bool:
@@ -116,8 +120,8 @@ def _named(case: Case, found: Found) -> set[tuple[str, str]]:
 
 def _likely(
     case: Case, found: Found, accepted: tuple[int, ...], rng: np.random.Generator
-) -> tuple[Effect, ...]:
-    """Laws that chance does not make beside some causes, the likeliest first."""
+) -> dict[Effect, float]:
+    """Laws that chance does not make beside some causes, the likeliest first, with that chance."""
     view, laws = _view(case, found, accepted)
     now = view.beside(view.base)
     first = len(accepted)
@@ -126,17 +130,18 @@ def _likely(
     by_scatter = -np.expm1(limit.independent * np.log1p(-np.minimum(p, 1 - 1e-15)))
     able = (evidence > WORTH) & (by_scatter < ALPHA)
     if not able.any():
-        return ()
-    able &= _by_structure(view, now, rng)[first:] < ALPHA
+        return {}
+    chance = np.maximum(by_scatter, _by_structure(view, now, rng)[first:])
+    able &= chance < ALPHA
     if not able.any():
-        return ()
+        return {}
     best = evidence[able].max()
-    out: list[Effect] = []
+    out: dict[Effect, float] = {}
     for i in np.argsort(-evidence, kind="stable"):
         same = sum(one.label == laws[i].label for one in out)
         if able[i] and evidence[i] > best - _WITHIN and same < _FORMS and len(out) < _MOST:
-            out.append(laws[i])
-    return tuple(out)
+            out[laws[i]] = float(chance[i])
+    return out
 
 
 def _view(

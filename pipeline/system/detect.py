@@ -44,7 +44,7 @@ def threshold(
 
     Where no suspect leaves a row to tell the scatter from, none can be found, and nothing is drawn.
     """
-    bases = [basis for basis in _bases(view, base) if basis.shape[1] < dof]
+    bases = [basis for basis in _bases(view, base, dof) if basis.shape[1] < dof]
     if not bases:
         return Threshold(alarms.SUSPECT, 1.0)
     inside = sum(basis.shape[0] for basis in bases[:1])
@@ -60,9 +60,9 @@ def threshold(
     return Threshold(-np.expm1(np.log1p(-alarms.SUSPECT) / tests), float(tests))
 
 
-def _bases(view: Whitened, base: Ints) -> list[Array]:
+def _bases(view: Whitened, base: Ints, dof: int) -> list[Array]:
     """Orthonormal bases of what each suspect adds to the base, in coordinates of them all."""
-    coordinates = _coordinates(view, base)
+    coordinates = _coordinates(view, base, dof)
     bases = []
     for suspect in range(len(view.suspects)):
         U = linear.span(coordinates[:, view.owner == suspect], float(np.sqrt(linear.LEFT)))
@@ -71,14 +71,14 @@ def _bases(view: Whitened, base: Ints) -> list[Array]:
     return bases
 
 
-def _coordinates(view: Whitened, base: Ints) -> Array:
+def _coordinates(view: Whitened, base: Ints, dof: int) -> Array:
     """What the base leaves of all suspects' columns, in an orthonormal basis of it, (d, K).
 
     From the products of columns or of rows, whichever are fewer.
     """
     mine = view.first + np.arange(len(view.owner))
     size = np.sqrt(np.maximum(np.diag(view.M)[mine], 1e-300))
-    if len(mine) <= len(view.A):
+    if len(mine) <= dof:
         S = eliminate(view.M, base)
         values, vectors = linear.directions(S[np.ix_(mine, mine)] / np.outer(size, size))
         kept = values > linear.LEFT

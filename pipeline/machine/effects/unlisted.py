@@ -250,8 +250,8 @@ def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[s
         "parameters": tuple(
             Parameter(f"b_{law.where}_{k}", unit, typical, -most, most) for k in range(names)
         ),
-        "signature": "",
-        "needs": "",
+        "signature": noun(law),
+        "needs": "pulls at more values of what it depends on, also beyond those that were taken",
         "source": "made from place, variable and shape; 15 % of a compliance is an estimate",
         "tolerance": 0.1,
         "law": law,

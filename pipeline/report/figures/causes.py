@@ -106,9 +106,9 @@ def _write_gain(answer: Answer, tables: Tables) -> Figure | None:
     better = int((poses["after"] < poses["before"]).sum())
     worst = poses.iloc[int(poses["before"].argmax())]
     said = (
-        f"With the identified causes {better} of {len(poses)} poses are predicted better; pose "
-        f"{int(worst['pose'])}, the worst, goes from {plain(worst['before'])} mm to "
-        f"{plain(worst['after'])} mm."
+        f"With the identified causes {better} of {len(poses)} poses are predicted better; at pose "
+        f"{int(worst['pose'])}, the worst without them, the error changes from "
+        f"{plain(worst['before'])} mm to {plain(worst['after'])} mm."
     )
     return Figure(
         "gain",
@@ -124,15 +124,16 @@ def _write_evidence(answer: Answer, tables: Tables) -> Figure | None:
         return None
     first = best.iloc[0]
     said = (
-        f"By itself {_cause_in_words(first, answer)} has the most evidence, "
+        f"Tested alone, {_cause_in_words(first, answer)} has the strongest evidence, "
         f"{plain(first['log_evidence'], 2)}; {int((best['log_evidence'] > 3).sum())} of "
-        f"{len(tables['diagnosis'])} suspects lie above 3."
+        f"{len(tables['diagnosis'])} suspects exceed 3."
     )
     return Figure(
         "evidence",
         "Evidence for each suspect by itself",
-        f"{said} Scale: natural logarithm of the odds against the joint springs alone; 3 is 20 to "
-        f"1. Suspects close to each other are hard to tell apart; the identified ones are marked.",
+        f"{said} Evidence is the natural logarithm of the odds against the joint springs alone; 3 "
+        f"is 20 to 1. Suspects of similar evidence are hard to distinguish; the identified ones "
+        f"are marked.",
         f"Bars of the evidence for the {len(best)} best suspects. {said}",
     )
 

@@ -136,14 +136,14 @@ def _write_correlation(answer: Answer, tables: Tables) -> Figure | None:
     worst = int(np.abs(values).argmax())
     count = int((np.abs(values) > _ALIKE).sum())
     said = (
-        f"{names[rows[worst]]} and {names[columns[worst]]} go together most, with a correlation of "
+        f"{names[rows[worst]]} and {names[columns[worst]]} are correlated most strongly, by "
         f"{values[worst]:+.2f}; {count or 'none'} of {len(values)} pairs "
         f"{'is' if count == 1 else 'are'} beyond ±{_ALIKE}."
     )
     return Figure(
         "correlation",
         "Correlation of the estimates",
-        f"{said} The larger a square, the less these poses tell the two apart: their sum or "
+        f"{said} The larger a square, the less these poses distinguish the two: their sum or "
         "difference is then known better than either of them. Predictions use the full covariance.",
         f"Triangle of the correlations of {len(names)} estimated parameters. {said}",
     )

@@ -107,12 +107,13 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
         f"{words.from_label(str(label), answer.axes)} explains {percent(_explained(rows))}"
         for label, rows in causes
     ]
-    said = f"Of what the pulls say by themselves {', '.join(parts)}."
+    said = f"Of the variation between pulls {', '.join(parts)}."
     return Figure(
         "laws",
         "Laws of the identified causes",
-        f"{said} Each pull gives the motion or parameter by itself, everything else as identified. "
-        "Dots that bend away from the law belong to a cause of another form.",
+        f"{said} Each point is the motion, or the parameter, estimated from one pull alone with "
+        "everything else as identified. Points that bend away from the law indicate a cause of "
+        "another form.",
         f"What each pull says of {len(told)} laws, over what they depend on. {said}",
     )
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from typing import Any
 
@@ -21,6 +22,10 @@ _LONGEST = 100
 
 _ACROSS = 78
 """Characters that a legend has beside each other."""
+
+_PER_INCH = 12.5
+"""Characters of a title in an inch of a plot and its margins: DejaVu Sans, 8.5 pt, of average width
+5.0 pt, and a tenth of the width for the labels of the axis."""
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
 
@@ -96,8 +101,12 @@ def legend_below(canvas: Canvas) -> None:
 
 
 def title(axes: Axes, name: str) -> None:
-    """What a plot shows, on top of it at the left."""
-    axes.set_title(name, fontsize=8.5, loc="left", y=1.0, pad=4)
+    """What a plot shows, on top of it at the left, in lines no wider than its part of the sheet."""
+    grid = axes.get_gridspec()
+    columns = 1 if grid is None else grid.ncols
+    wide = max(int(_PER_INCH * axes.get_figure().get_size_inches()[0] / columns), 12)
+    lines = [part for line in name.split("\n") for part in textwrap.wrap(line, wide)]
+    axes.set_title("\n".join(lines), fontsize=8.5, loc="left", y=1.0, pad=4)
 
 
 def each_row(table: pd.DataFrame) -> Iterator[Any]:

@@ -65,8 +65,8 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
     return Figure(
         "models",
         "Before and after identification",
-        f"{said} {of}A cloud that is tilted is a wrong stiffness; one that stays wider than the "
-        "noise is an effect that the model does not have.",
+        f"{said} {of}A tilted cloud indicates a wrong stiffness; a level one that is wider than "
+        "the noise indicates an effect that the model does not have.",
         f"Measured minus predicted over measured displacements, a plot per model. {said}",
     )
 

@@ -123,7 +123,7 @@ def _write_pose_rms(answer: Answer, tables: Tables) -> Figure:
     poses = pose_rms(tables["residuals"])
     worst = poses.iloc[int(poses["fitted"].argmax())]
     said = (
-        f"Pose {int(worst['pose'])} is the worst with {plain(worst['fitted'])} mm; the middle of "
+        f"Pose {int(worst['pose'])} is the worst with {plain(worst['fitted'])} mm; the median of "
         f"all {len(poses)} poses is {plain(poses['fitted'].median())} mm."
     )
     left_out = poses["left_out"].dropna()
@@ -161,18 +161,19 @@ def _write_residual_course(answer: Answer, tables: Tables) -> Figure | None:
     _, told = courses(tables, answer.axes)
     if not told:
         return None
-    said = "Steps of " + ", ".join(
-        f"{one.name} explain {percent(one.explained)} of the residuals of the joint springs"
+    said = "Means over six steps of " + ", ".join(
+        f"{one.name} explain {percent(one.explained)} of the variance of the residuals of the "
+        "joint springs"
         if k == 0
         else f"of {one.name} {percent(one.explained)}"
         for k, one in enumerate(told)
     )
-    said += f"; pure noise would give {percent(told[0].by_chance)}."
+    said += f"; noise alone would give {percent(told[0].by_chance)} on average."
     return Figure(
         "residual-course",
         "Residual against " + ", ".join(one.name for one in told),
-        f"{said} A band that bends, steps or drifts is an effect the joint springs do not have; "
-        f"diamonds are what is left with the identified causes.",
+        f"{said} A band that bends, steps or drifts indicates an effect that the joint springs do "
+        f"not have; diamonds are the residuals with the identified causes.",
         f"{len(told)} scatter plots of residual coordinates. {said}",
     )
 

@@ -82,7 +82,7 @@ def _circles(answer: Answer) -> str:
     """What the open circles of the interval plot are."""
     other = words.beside(answer)
     there = other and any(joint.value for joint in other[1].stiffness)
-    return f" Open circles, where they are near: {other[0]}." if other and there else ""
+    return f" Open circles, where they lie within the plot: {other[0]}." if other and there else ""
 
 
 def _of_nominal(value: float | None, joint: Stiffness) -> float:
@@ -112,9 +112,9 @@ def _write_stiffness(answer: Answer, tables: Tables) -> Figure | None:
     return Figure(
         "stiffness",
         "Stiffness as a share of the nominal value",
-        f"{said} Bars are 95 % intervals, an arrow has no upper limit: where one does not reach "
-        f"the line at 100 %, the joint differs from nominal by more than the measurement's "
-        f"uncertainty.{_circles(answer)}",
+        f"{said} Bars are 95 % intervals; an arrow stands for no upper limit. A joint whose bar "
+        f"does not reach the line at 100 % differs from nominal by more than the uncertainty of "
+        f"the measurement.{_circles(answer)}",
         f"Interval plot of {len(joints)} joint stiffnesses relative to nominal. {said}",
     )
 

@@ -40,7 +40,9 @@ def _map(canvas: Canvas, soft: pd.DataFrame, levels: Array, arm: pd.DataFrame | 
     shades = [SHADES[i] for i in np.linspace(0, 8, len(levels) - 1).round().astype(int)]
     net = Triangulation(swept["reach_m"], swept["height_m"], _triangles(swept))
     filled = axes.tricontourf(net, per_newton, levels=levels, colors=shades)
-    canvas.colorbar(filled, cax=beside, label="Deflection per newton, softest direction [µm/N]")
+    canvas.colorbar(
+        filled, cax=beside, label="Deflection per newton, most compliant direction [µm/N]"
+    )
     axes.scatter(swept["reach_m"], swept["height_m"], s=1.2, color=GRID, linewidths=0, gid="soft")
     axes.scatter(
         here["reach_m"], here["height_m"], s=60, marker="X", color=RED, edgecolors=INK, gid="here"
@@ -88,10 +90,10 @@ def _told(name: str, model: str | None, soft: pd.DataFrame) -> Figure | None:
     axis = "xyz"[int(np.abs(here[[f"direction_{a}" for a in "xyz"]].to_numpy(float)).argmax())]
     said = (
         f"At the test pose (cross) one newton moves the load point by "
-        f"{with_std(1e6 * here['worst_m_per_n'], 1e6 * here['std_m_per_n'])} µm in its softest "
-        f"direction, mostly along {axis}. Over the plane it is {plain(size.min(), 2)} µm to "
-        f"{plain(size.max(), 2)} µm, most at a reach of {worst['reach_m']:.1f} m and a height of "
-        f"{worst['height_m']:.1f} m."
+        f"{with_std(1e6 * here['worst_m_per_n'], 1e6 * here['std_m_per_n'])} µm in its most "
+        f"compliant direction, mostly along {axis}. Over the plane it is {plain(size.min(), 2)} µm "
+        f"to {plain(size.max(), 2)} µm, most at a reach of {worst['reach_m']:.1f} m and a height "
+        f"of {worst['height_m']:.1f} m."
     )
     if np.isinf(soft["std_m_per_n"]).any():
         said += (
@@ -102,8 +104,7 @@ def _told(name: str, model: str | None, soft: pd.DataFrame) -> Figure | None:
         name,
         f"Deflection per newton over the arm's plane, {model}",
         f"{said} Shoulder and elbow go through their ranges, the other joints stay as in the test "
-        f"pose, in which the arm is drawn; "
-        f"bright is soft.",
+        f"pose, in which the arm is drawn. Brighter is more compliant.",
         f"Map of the deflection per newton of load over reach and height, {model}. {said}",
     )
 

@@ -68,7 +68,7 @@ def _shared_gain(causes: Sequence[Cause]) -> str:
 def _cause(place: int, one: Cause, axes: words.Axes, with_gain: bool) -> list[Block | None]:
     facts = [
         _evidence_sentences(one.evidence) if one.evidence else "",
-        f"Signature: {one.signature}." if one.signature else "",
+        f"How it shows: {one.signature}." if one.signature else "",
         _probability_sentence(one),
         _unnamed_sentence(one.outside_catalogue, axes) if one.outside_catalogue else "",
         _size_sentence(one.parameters),

@@ -1,0 +1,298 @@
+"""Laws that nobody listed: made from place, variable and shape, found or not in what was pulled."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from bench.league.hidden import SECRETS
+from bench.league.judge import SCATTER, score
+from bench.league.machine import Machine, Spring
+from bench.league.play import Rules, drawn, play
+from bench.league.run import answer_of
+from pipeline.diagnosis import unlisted as search
+from pipeline.diagnosis.isolability import rich_pulls, rich_tool, twins
+from pipeline.machine.cell import load, paper_cell, sensitivity
+from pipeline.machine.effects import unlisted
+from pipeline.machine.law import Law, parse
+from pipeline.machine.robot import load as robot_of
+from pipeline.prediction.model import Model, dumps, part
+from pipeline.prediction.model import parse as parse_model
+from pipeline.system.beside import by_products
+from pipeline.system.detect import threshold
+
+KR500 = robot_of("kr500_rail")
+RNG = np.random.default_rng(36)
+CELL = paper_cell(KR500, rich_tool(RNG))
+PULLS = rich_pulls(KR500, RNG, 40)
+Q, S, HOURS = PULLS.q, PULLS.q[:, 0], PULLS.time / 3600
+SINCE = (PULLS.time - PULLS.time_zero) / 3600
+ENDS = (-10.0, 10.0)
+
+
+def law(where, part, kind, variable, source=0, order=1.0, ends=ENDS, at=0.0):
+    """A law that was taught between some ends."""
+    return Law(where, part, kind, variable, source, order, *ends, at)
+
+
+def turning(joint, amount, axis=(0, 0, 1), slides=False, fixed=False):
+    """One spring of the league's machine: own force, those of all others -> deflection."""
+    return [Spring(f"j{joint}", joint, axis, slides, amount, fixed=fixed)]
+
+
+CASES = {
+    "ripple": (
+        law(3, "spring", "periodic", "angle", 3, 7.0),
+        1,
+        turning(3, lambda own, _: own * np.sin(7 * Q[:, 2])),
+    ),
+    "by another joint": (
+        law(4, "spring", "coupling", "angle", 6, 2.0),
+        0,
+        turning(4, lambda own, _: own * np.cos(2 * Q[:, 5])),
+    ),
+    "step on the rail": (
+        law("rail", "roll", "step", "position", 1, 0.0, at=6.0),
+        0,
+        turning(1, lambda own, _: own * (S > 6.0), (0, 1, 0), fixed=True),
+    ),
+    "drive by the metre": (
+        law("rail", "drive", "periodic", "position", 1, 0.25),
+        0,
+        turning(1, lambda own, _: own * np.cos(2 * np.pi * S / 4), slides=True),
+    ),
+    "rollers": (
+        law("rail", "vertical", "smooth", "force", 0, 2 / 3),
+        0,
+        turning(
+            1,
+            lambda own, _: 10 * np.sign(own) * np.abs(own) ** (2 / 3),
+            (0, 0, 1),
+            slides=True,
+            fixed=True,
+        ),
+    ),
+    "warms": (
+        law(5, "spring", "smooth", "time", 0, 2.0, (0.0, 2e4)),
+        0,
+        turning(5, lambda own, _: own * (HOURS * 3600 / 2e4) ** 2),
+    ),
+    "knees": (
+        law(2, "knees", "smooth", "torque", 2, 2.0, (-4000.0, 3000.0), 1000.0),
+        1,
+        turning(2, lambda own, _: np.sign(own) * np.maximum(np.abs(own) - 2500.0, 0)),
+    ),
+    "creeps": (
+        law(6, "creep", "smooth", "time"),
+        0,
+        turning(6, lambda own, _: own * SINCE),
+    ),
+    "grows": (
+        law(3, "grows", "smooth", "time"),
+        0,
+        turning(3, lambda own, _: SINCE, (1, 0, 0), slides=True),
+    ),
+    "bearing": (
+        law(4, "bearing_z", "smooth", "force"),
+        0,
+        turning(4, lambda own, _: own, slides=True),
+    ),
+    "tips": (
+        law(5, "tips", "step", "torque", 5, 0.0, at=60.0),
+        1,
+        turning(5, lambda own, _: np.tanh(own / 60.0), (0, 1, 0)),
+    ),
+    "pair": (
+        law(3, "pair", "coupling", "torque", 5),
+        0,
+        [
+            *turning(3, lambda _, every: every["j5"]),
+            *turning(5, lambda _, every: every["j3"]),
+        ],
+    ),
+}
+
+
+def with_and_without(springs, eps):
+    """A machine with springs that give way so much per unit, and the same, all stiff."""
+
+    def yielding(one, much):
+        return replace(one, law=lambda own, every: much * one.law(own, every))
+
+    return [Machine(KR500, [yielding(one, much) for one in springs]) for much in (eps, 0.0)]
+
+
+@pytest.mark.parametrize("name", CASES)
+def test_a_law_moves_the_reflectors_as_a_machine_that_has_it(name):
+    """Columns are what springs of another machine, of 4 x 4 matrices, do per unit of amplitude."""
+    one, column, springs = CASES[name]
+    eps = 1e-9
+    machine, bare = with_and_without(springs, eps)
+    tool = CELL.tool
+    moved, still = (
+        m.settle(Q, tool.points, tool.load_point, PULLS.force)[0] for m in (machine, bare)
+    )
+
+    made = sensitivity(CELL, PULLS, np.zeros(7), [unlisted.effect(KR500, one)])[..., column]
+
+    assert np.abs(made).max() > 0
+    np.testing.assert_allclose(
+        (moved - still) / eps, made, atol=2e-3 * np.abs(made).max() + 1e-3 * np.abs(made).mean()
+    )
+
+
+def test_the_scale_reads_another_force_by_the_law():
+    """A factor of the force moves what the springs move, times what the law says of that pull."""
+    x = KR500.nominal_compliance
+    one = unlisted.effect(KR500, law("scale", "reading", "smooth", "time", 0, 1.0, (0.0, 2e4)))
+    moved = sensitivity(CELL, PULLS, x, CELL.effects) @ x
+
+    made = sensitivity(CELL, PULLS, x, [one])[..., 0]
+
+    np.testing.assert_allclose(made, moved * (PULLS.time / 2e4)[:, None, None], rtol=1e-6)
+
+
+def test_every_law_has_a_share_of_the_odds_and_a_form_that_a_file_can_hold():
+    """Odds of all laws add up to one; label and form give each back."""
+    every = unlisted.effects(KR500, load(CELL, PULLS, np.zeros(7)))
+    forms = {(one.label, one.form) for one in every}
+
+    assert sum(one.odds for one in every) == pytest.approx(1.0)
+    assert len(forms) == len(every) > 500
+    assert all(parse(str(one.law.where), one.form) == one.law for one in every)
+    assert unlisted.named(KR500, "joint_tilt:3", "") is None
+    assert unlisted.named(KR500, "unlisted_law:3", "spring wavy angle 3 1 0 1 0 False") is None
+
+
+ROWS, BASE, POSES = 48, 4, 12
+
+
+def many(seed, suspects=40):
+    """A base and suspects of two columns each, more than rows, and the tests of each for rows y."""
+    rng = np.random.default_rng(seed)
+    X = rng.standard_normal((ROWS, BASE + 2 * suspects))
+
+    def view(y):
+        A = np.column_stack([X, y])
+        at = BASE + np.arange(2 * suspects).reshape(-1, 2)
+        pose = np.repeat(np.arange(POSES), ROWS // POSES)
+        made = SimpleNamespace(A=A, M=A.T @ A, first=BASE, owner=np.repeat(np.arange(suspects), 2))
+        vars(made).update(
+            suspects=[None] * suspects, base=np.arange(BASE), at=at, pose=pose, poses=POSES
+        )
+        return made, by_products(made.M, made.base, at, ROWS - BASE)
+
+    return view
+
+
+def test_the_largest_of_more_columns_than_rows_is_drawn_as_rarely_as_stated():
+    """Of clean draws 2 % lie below what 1 - (1 - 0.02)^(1/m) allows each of m tests."""
+    view = many(1)
+    limit = threshold(view(np.zeros(ROWS))[0], np.arange(BASE), ROWS - BASE, RNG, 8000)
+    each = -np.expm1(np.log1p(-0.02) / limit.independent)
+    rng = np.random.default_rng(2)
+    least = [view(rng.standard_normal(ROWS))[1].p().min() for _ in range(3000)]
+
+    assert np.mean(np.array(least) < each) == pytest.approx(0.02, abs=3 * np.sqrt(0.02 / 3000))
+
+
+def test_structure_within_poses_is_no_law():
+    """What a pose has to itself, whatever it is, is called a law no more often than stated."""
+    view, rng, hits = many(3), np.random.default_rng(4), 0
+    for _ in range(200):
+        own = rng.standard_normal((POSES, ROWS // POSES)) * rng.lognormal(0, 1, (POSES, 1))
+        made, now = view(own.ravel())
+        hits += search._by_structure(made, now, rng).min() < 0.1
+
+    assert hits <= stats.binom.ppf(0.999, 200, 0.1)
+
+
+def test_a_law_over_all_poses_is_one():
+    """The statistic of a law that fills the residuals is not reached by poses of other signs."""
+    view = many(3)
+    first = view(np.zeros(ROWS))[0].A[:, BASE]
+    made, now = view(first + 0.05 * np.random.default_rng(5).standard_normal(ROWS))
+
+    assert int(np.argmin(search._by_structure(made, now, RNG))) == 0
+    assert search._by_structure(made, now, RNG)[0] < search.ALPHA
+
+
+def measured(seed, **sizes):
+    """A campaign of the league's machine with secrets, and what the pipeline says of it."""
+    rng = np.random.default_rng(seed)
+    plan = drawn(KR500, rng, Rules())
+    game = play(KR500, plan, [(SECRETS[name], size) for name, size in sizes.items()], rng, Rules())
+    return game, answer_of(game.files)
+
+
+def named(answer):
+    """Names of the causes, without those of scatter."""
+    return [c["name"] for c in answer["diagnosis"]["causes"] if c["name"] not in SCATTER]
+
+
+@pytest.fixture(scope="module")
+def rippled():
+    """A machine whose second gear ripples with its teeth."""
+    return measured(36, tooth_stiffness=1.0)
+
+
+def test_a_law_that_nobody_listed_is_found(rippled):
+    """Place, kind, order and amplitude of a stiffness that ripples six times a turn are right."""
+    game, answer = rippled
+    (cause,) = (c for c in answer["diagnosis"]["causes"] if c["name"] == "unlisted_law")
+    size = cause["parameters"][0]
+    said = score(game.truth, answer, twins(KR500)).law
+
+    assert answer["diagnosis"]["verdict"] == "explained"
+    assert (cause["where"], cause["law"]["kind"], cause["law"]["variable"]) == (
+        2,
+        "periodic",
+        "angle",
+    )
+    assert cause["law"]["order"] == 6
+    assert size["ci95"][0] < 0.2 / 3.8e6 < size["ci95"][1]
+    assert cause["gain"]["ci95"][0] > 0.5
+    assert cause["p_value"] < 1e-3
+    assert said.place
+    assert said.order
+    assert said.halved
+
+
+def test_in_a_clean_campaign_no_law_is_found():
+    """Nothing is searched where the joint springs explain what was measured."""
+    _, answer = measured(37)
+
+    assert answer["diagnosis"]["verdict"] == "adequate"
+    assert not named(answer)
+
+
+def test_a_listed_cause_keeps_its_name():
+    """What the catalogue explains is no law that nobody listed."""
+    _, answer = measured(38, rail_roll=3.0)
+
+    assert named(answer) == ["rail_roll"]
+
+
+def test_outside_of_where_it_was_taught_a_law_is_as_uncertain_as_it_is_large():
+    """Inside, the uncertainty is that of its amplitudes; beyond, its height joins them."""
+    one = unlisted.effect(KR500, law(2, "spring", "periodic", "angle", 2, 3.0, (-1.2, 1.2)))
+    value = np.append(KR500.nominal_compliance, [3e-8, 4e-8])
+    cov = np.diag(np.append(np.zeros(7), [1e-20, 1e-20]))
+    found = SimpleNamespace(value=value, cov=cov)
+    model = Model("c", "explained", {}, (part(1.0, CELL.with_effects(one), found),))
+    q = np.tile([9.0, 0.5, -0.4, 0.6, 0.3, 0.9, 0.2], (2, 1))
+    q[1, 1] = 1.5
+    force = np.array([[300.0, 1000.0, 0.0]] * 2)
+    machines = with_and_without(turning(2, lambda own, _: own), 5e-8)
+    at = CELL.tool.load_point
+    moved, still = (m.settle(q, at[None], at, force)[0] for m in machines)
+    height = np.abs(moved - still)[:, 0]
+
+    told, again = (m.predict(q, force) for m in (model, parse_model(dumps(model))))
+
+    assert (told.std[0] < 0.01 * height[0].max()).all()
+    np.testing.assert_allclose(told.std[1], height[1], rtol=0.02, atol=1e-7)
+    np.testing.assert_array_equal(again.cov, told.cov)
+    assert model.hypotheses[0].beside_springs == (one,)
