@@ -427,6 +427,37 @@ def test_contradicting_duplicates_are_both_left_out():
     assert not set(lines) & set(got.readings.to_pydict()["line"])
 
 
+@pytest.mark.parametrize("timed", [True, False])
+@pytest.mark.parametrize("name", ["pose01_rep0_unloaded", "pose01_rep3_unloaded"])
+def test_a_zero_after_the_pulls_may_have_the_name_of_the_one_before(name, timed):
+    """As the protocol's sheet has it: both are zeros of the pose, by time or by order of rows."""
+    again = [(name, t, x + 1000.002, y + 0.0625, z) for t, (x, y, z) in TOOL.items()]
+    rows = tracker_rows()
+    last = max(k for k, row in enumerate(rows) if row[0].startswith("pose01"))
+    text = tracker_csv([*rows[: last + 1], *again, *rows[last + 1 :]])
+    if not timed:
+        text = "".join(f"{line.rpartition(',')[0]},\n" for line in text.splitlines()[1:])
+        text = "group,target,x_mm,y_mm,z_mm,time\n" + text
+    got = read(text)
+
+    assert got.rejected.num_rows == 0
+    zeros = got.readings.to_pandas()
+    zeros = zeros[(zeros.state == "unloaded") & (zeros.pose == 1)]
+    assert zeros.groupby("repeat").size().tolist() == [3, 3]
+    assert zeros.groupby("repeat").line.min().is_monotonic_increasing
+    before, after = (part.x_m.to_numpy() for _, part in zeros.groupby("repeat"))
+    np.testing.assert_allclose(after - before, 2e-6, atol=1e-9)
+
+
+def test_a_zero_read_twice_at_once_contradicts_itself():
+    """Nothing lies between the two, so that one of them is wrong."""
+    rows = tracker_rows()
+    text = tracker_csv([*rows[:6], ("pose01_rep0_unloaded", "P2", 881.0, 190.0, 100.0), *rows[6:]])
+    got = read(text)
+
+    assert [line for _, line, why in reasons(got) if "contradicts" in why] == [6, 8]
+
+
 def test_base_reflectors_may_be_read_again_and_again():
     """Two readings of B1 in one group are two readings."""
     text = tracker_csv() + "base_start,B1,600.01,-500.0,-300.0,2026-11-03T09:00:00\n"

@@ -337,6 +337,54 @@ def pulled_at_rest(
         )
 
 
+def in_rounds(shots: Shots, width: int) -> Shots:
+    """Unloaded readings before and after the pulls of a pose as two states, under one name or two.
+
+    Another round begins where a target comes again after a reading of another state of the pose, in
+    the order of time, or of rows where a reading of the pose has no time. What repeats a reading to
+    the last digit is a copy, not another round.
+
+    Args:
+        shots: Readings of known reflectors.
+        width: Number of roles.
+    """
+    slot, pose, repeat = shots.slot.copy(), [*shots.pose], [*shots.repeat]
+    for zero in np.flatnonzero((shots.counted(width) > 1).any(axis=1) & ~shots.loaded).tolist():
+        rows = _in_order(shots, np.flatnonzero(np.isin(slot, np.flatnonzero(
+            shots.pose == shots.pose[zero]))))  # fmt: skip
+        mine = shots.slot[rows] == zero
+        block = np.cumsum(np.diff(mine, prepend=False) & mine)[mine] - 1
+        rows = rows[mine]
+        if block.max(initial=0) == 0 or _copied(shots, rows):
+            continue
+        for number in range(1, int(block.max()) + 1):
+            slot[rows[block == number]] = len(pose)
+            repeat.append(1 + max(r for r, p in zip(repeat, pose, strict=True) if p == pose[zero]))
+            pose.append(pose[zero])
+    more = len(pose) - len(shots.pose)
+    return replace(
+        shots,
+        slot=slot,
+        pose=np.array(pose, dtype=shots.pose.dtype),
+        repeat=np.array(repeat, dtype=shots.repeat.dtype),
+        loaded=np.append(shots.loaded, np.zeros(more, dtype=bool)),
+    )
+
+
+def _in_order(shots: Shots, rows: Ints) -> Ints:
+    """Rows as they were read: by their times where all have one, else as they stand."""
+    time = shots.time.take(pa.array(rows))
+    if time.null_count:
+        return rows
+    return np.asarray(rows[np.argsort(time.cast(pa.int64()).to_numpy(), kind="stable")])
+
+
+def _copied(shots: Shots, rows: Ints) -> bool:
+    """Whether a reading is there twice to the last digit."""
+    each = np.column_stack([shots.role[rows], shots.position[rows]])
+    return len(np.unique(each, axis=0)) < len(rows)
+
+
 def once(shots: Shots, width: int) -> Shots:
     """Readings that are there once; equal ones are kept once, contradicting ones not at all.
 

@@ -163,7 +163,8 @@ def _raw(
     if loads.states:
         _shots.pulled_at_rest(shots, settings.naming.chain, loads.states, file)
     doubt = _doubt(lambda: _size.check_units(shots, settings), plausible) or doubt
-    once = _shots.once(shots, len(settings.measured) + 2)
+    width = len(settings.measured) + 2
+    once = _shots.once(_shots.in_rounds(shots, width), width)
     weighed = _shots.weighed(once, tracker.noise is not None or tracker.sigma_m is not None)
     _three_base_reflectors(weighed, settings)
     _some_pull(weighed, settings, loads)
