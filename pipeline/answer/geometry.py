@@ -59,7 +59,18 @@ def estimated_table(stood: Standing) -> tuple[contract.Letter, ...]:
         [max(found.std[found.best, k], rough[k - at.start]) for k in range(at.start, at.stop)]
     )
     before = np.where([k in free for k in range(at.start, at.stop)], np.inf, before)
-    return table_entries(zeros.robot, found.mean[at], np.diag(found.covariance)[at], rough, before)
+    every = table_entries(zeros.robot, found.mean[at], np.diag(found.covariance)[at], rough, before)
+    shared = _shared(stood)
+    return tuple(
+        entry.model_copy(update={"identifiable": entry.identifiable and letter.label not in shared})
+        for entry, letter in zip(every, letters(zeros.robot), strict=True)
+    )
+
+
+def _shared(stood: Standing) -> set[str]:
+    """Entries of which only the sum with a twin is known."""
+    pairs = [one for one in stood.causes if one.twins]
+    return {label for one in pairs for label in (one.effect.label, *one.twins)}
 
 
 def with_positions(values: contract.Values, stood: Standing) -> contract.Values:

@@ -182,7 +182,8 @@ def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
         return said
     return (
         f"{said} A controller's table of joint stiffnesses has no entry for {listed(beside)}: "
-        f"correct paths and programs with `pipeline compensate {found.campaign}`."
+        f"correct paths and programs with `pipeline compensate {found.campaign}`, or enter the "
+        "effective values."
     )
 
 
@@ -271,7 +272,10 @@ def _for_controller(found: Findings, stated: Stated) -> str:
     error = left_out_mm(found.springs.values.left_out_m)
     left = "" if error is None else f" {_WITH_THEM} {plain(error)} mm rms per axis."
     said = _numbers(found, stated.springs.stiffness, ())
-    return f"Effective values, those of joint springs alone: {said}{left}"
+    return (
+        f"Effective values, for a table of joint stiffnesses and nothing else: {said}{left} The "
+        "stiffnesses of the joints themselves are in the table of stiffnesses."
+    )
 
 
 def _numbers(

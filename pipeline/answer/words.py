@@ -472,18 +472,15 @@ DO: Mapping[Reason, str] = {
     Reason.ADEQUATE: "Use these stiffnesses.",
     Reason.SPRINGS_UNTOUCHED: "Use these stiffnesses.",
     Reason.WEIGHED_ANEW: "Use these stiffnesses with what was identified beside them.",
-    Reason.CAUSE_IDENTIFIED: (
-        "Use the values that include the identified cause, not those of joint springs alone."
-    ),
-    Reason.CAUSE_AND_RIVALS: (
-        "Use the values that include the identified cause, not those of joint springs alone."
-    ),
+    Reason.CAUSE_IDENTIFIED: "Predict with the model that includes the identified cause.",
+    Reason.CAUSE_AND_RIVALS: "Predict with the model that includes the identified cause.",
     Reason.RIVALS: (
         "Use the averaged values with their intervals, which cover every cause with a probability "
         f"above {100 * LIKELY:.0f} %, or find out first which cause it is."
     ),
     Reason.CAUSE_DOUBTFUL: (
-        "Use the values that include the likeliest cause, or find out first whether it is the one."
+        "Predict with the model that includes the likeliest cause, or find out first whether it is "
+        "the one."
     ),
     Reason.UNEXPLAINED: (
         "Enter none of these stiffnesses into a controller; find out first what the model misses."
