@@ -99,18 +99,23 @@ def courses(tables: Tables, axes: Mapping[int, str]) -> tuple[pd.DataFrame, list
         mm=lambda t: MM * t["residual_m"], mm_extended=lambda t: MM * t["residual_extended_m"]
     )
     rail = [c for c in rows.columns if c.endswith("_m") and f"tau_{c[:-2]}" in rows.columns]
-    against = [(c, f"position of {c[:-2]}", "m") for c in rail]
     joints = [c for c in rows.columns if c.startswith("tau_")]
+    called = {c: _called(c[4:], axes.get(number)) for number, c in enumerate(joints, 1)}
+    against = [(c, f"position of {called[f'tau_{c[:-2]}']}", "m") for c in rail]
     known = suspects(tables["diagnosis"], 60) if has(tables, "diagnosis") else pd.DataFrame()
     best = known.get("where", pd.Series(dtype=str)).astype(str)
     number = next((int(where) for where in best if where.isdigit()), 0)
     if 0 < number <= len(joints):
         name = joints[number - 1]
-        about = f"{axes[number]} ({name[4:]})" if number in axes else name[4:]
-        against.append((name, f"torque about {about}", "N m"))
+        against.append((name, f"torque about {called[name]}", "N m"))
     against.append(("time_s", "time", "s"))
     told = [_course(rows, *one) for one in against if one[0] in rows and _varies(rows[one[0]])]
     return rows, told
+
+
+def _called(joint: str, axis: str | None) -> str:
+    """`A1 (theta2)`."""
+    return f"{axis} ({joint})" if axis else joint
 
 
 def _varies(values: pd.Series[float]) -> bool:

@@ -102,9 +102,10 @@ def legend_below(canvas: Canvas) -> None:
 
 def title(axes: Axes, name: str) -> None:
     """What a plot shows, on top of it at the left, in lines no wider than its part of the sheet."""
-    grid = axes.get_gridspec()
+    grid, canvas = axes.get_gridspec(), axes.get_figure(root=True)
+    assert canvas is not None
     columns = 1 if grid is None else grid.ncols
-    wide = max(int(_PER_INCH * axes.get_figure().get_size_inches()[0] / columns), 12)
+    wide = max(int(_PER_INCH * canvas.get_size_inches()[0] / columns), 12)
     lines = [part for line in name.split("\n") for part in textwrap.wrap(line, wide)]
     axes.set_title("\n".join(lines), fontsize=8.5, loc="left", y=1.0, pad=4)
 

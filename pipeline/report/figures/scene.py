@@ -15,7 +15,7 @@ from matplotlib.collections import LineCollection, PolyCollection
 from matplotlib.figure import Figure as Canvas
 from matplotlib.lines import Line2D
 
-from pipeline.answer.contract import Answer
+from pipeline.answer.contract import Answer, JointType
 from pipeline.answer.scene import MOST
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import known, plain, typeset
@@ -333,11 +333,17 @@ def _write(answer: Answer, tables: Tables) -> Figure:
     return Figure(
         "scene",
         "The cell and its measured poses",
-        f"{said} Residuals that all point one way, or turn with the rail, are an effect that the "
+        f"{said} Residuals that all point one way{_along(answer)} indicate an effect that the "
         "model does not have.",
         f"Picture of the cell in perspective: robot, reflectors and vectors. {said} The table "
         "below has the same, pose by pose.",
     )
+
+
+def _along(answer: Answer) -> str:
+    """What else residuals may do that noise does not, of a robot on a rail."""
+    rail = any(joint.joint_type is JointType.PRISMATIC for joint in answer.stiffness)
+    return ", or turn along the rail," if rail else ""
 
 
 def _of_all(poses: pd.DataFrame) -> str:
