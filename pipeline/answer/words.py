@@ -67,12 +67,13 @@ def mistaken(facts: Facts) -> str:
     return f"The data hold a mistake: {first.evidence}{others}. Your files are unchanged."
 
 
-def wrong(facts: Facts, unseen: int) -> str:
+def wrong(facts: Facts, unseen: int, contradicted: Sequence[str] = ()) -> str:
     """What is wrong, in a sentence, mistakes in the data apart, which the verdict tells.
 
     Args:
         facts: What was found.
         unseen: How many causes would not have shown at their usual size.
+        contradicted: Sentences on what was stated and the readings contradict, told before.
     """
     others = _told(facts)
     if others:
@@ -83,7 +84,8 @@ def wrong(facts: Facts, unseen: int) -> str:
         if unseen
         else ""
     )
-    clear = "Nothing else." if facts.mistakes else "Nothing that these readings show."
+    told = facts.mistakes or contradicted
+    clear = "Nothing else." if told else "Nothing that these readings show."
     return f"{clear}{also}"
 
 
