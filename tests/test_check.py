@@ -2,6 +2,7 @@
 
 import json
 from collections import Counter
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -10,6 +11,7 @@ from small_case import PLAN
 from bench.bench_check import KINDS, named
 from pipeline.app import cli
 from pipeline.app.wrong_lines import wrong_lines
+from pipeline.run import answered
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
 
@@ -242,3 +244,18 @@ def test_a_campaign_without_base_reflectors_is_said_to_be_in_the_frame_of_the_ro
 
     assert "taken to be in F_b" not in before
     assert "has no reflectors: readings are taken to be in F_b" in content
+
+
+def test_what_check_says_of_a_point_run_says_too():
+    """P3 of the demo 8 mm off: one sentence, with its line, in both; on the first screen, too."""
+    folder = Path(__file__).parents[1] / "data" / "raw" / "kr500_demo"
+    files = {path.name: path.read_bytes() for path in folder.iterdir() if path.is_file()}
+    text = files["campaign.toml"].decode().replace("P3 = [-0.1, -0.18,", "P3 = [-0.1, -0.188,")
+    raw = in_memory(files | {"campaign.toml": text.encode()})
+    (wrong,) = wrong_lines(raw)
+    answer = answered("demo", raw).answer
+
+    assert "P3 in [tool] is 8.0" in wrong.sentence
+    assert f"{wrong.sentence}." in answer.findings
+    assert f"{wrong.sentence}." in answer.verdict_sentence
+    assert not [line for line in answer.verdict_sentence if line.startswith("Nothing that")]

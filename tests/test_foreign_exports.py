@@ -585,3 +585,62 @@ def test_whoever_runs_is_told_of_two_faces_and_of_times_that_are_none(small_camp
     assert f"{len(rows)} pairs are averaged" in faces
     assert "00:00.0" in clock
     assert sum(joint.identifiable for joint in answer.stiffness) >= 6
+
+
+@pytest.mark.parametrize("dash", "-−‐‑‒–－")
+def test_a_number_with_any_dash_before_it_is_negative(dash):
+    """Office programs put a dash where a minus was typed; behind a number it says nothing."""
+    data = f"group,target,x_mm,y_mm,z_mm\ng,a,{dash}1.5,2,3\ng,b,1.5{dash},2,3\ng,c,(1.5),2,3\n"
+    export = readers.read("t", data.encode())
+
+    np.testing.assert_allclose(export.position, [[-1.5e-3, 2e-3, 3e-3]], atol=1e-15)
+    assert [line for line, _ in export.rejected] == [3, 4]
+
+
+@pytest.mark.parametrize("unit", ["US ft", "ftUS", "sft", "US survey feet"])
+def test_a_foot_of_the_us_survey_is_no_international_one(unit):
+    """39.37 inches to the metre by definition: 60 of them are 36 um longer than 60 feet."""
+    head = f"Group;Target;X [{unit}];Y [{unit}];Z [{unit}]"
+    export = readers.read("t", rows(head, "g;a;60.0;0.0;3.937").encode())
+
+    np.testing.assert_allclose(export.position, [[60 * 12 / 39.37, 0.0, 1.2]], atol=1e-12)
+
+
+@pytest.mark.parametrize("titles", ["N;E;H", "Hochwert;Rechtswert;Höhe"])
+def test_north_is_y_and_east_is_x(titles):
+    """Read left to right they would be mirrored, and every angle would turn the other way."""
+    data = rows(f"Group;Target;{titles}", "g;a;1.0;2.0;3.0", "g;b;4.0;5.5;6.0").encode()
+    export = readers.read("t", data, Hints(unit="m"))
+
+    np.testing.assert_allclose(export.position, [[2, 1, 3], [5.5, 4, 6]], atol=1e-12)
+
+
+def test_the_average_of_shots_that_are_there_counts_once():
+    """Of a target whose shots are not in the table it is the reading."""
+    head = "Group;Target;Type;x [mm];y [mm];z [mm]"
+    shots = ["g;a;Shot;1.0;2.0;3.0", "g;a;Shot;1.2;2.0;3.0", "g;a;Average;1.1;2.0;3.0"]
+    export = readers.read("t", rows(head, *shots, "g;b;Average;7.0;8.0;9.0").encode())
+
+    np.testing.assert_allclose(1e3 * export.position[:, 0], [1.0, 1.2, 7.0], atol=1e-9)
+    ((line, why),) = export.rejected
+    assert line == 4
+    assert "is the average of other rows" in why
+
+
+def test_one_angle_that_is_none_leaves_its_row_out():
+    """9999.5 is an angle in no unit; 390 may be gon under a title of degrees, which is refused."""
+    head = "Group;Target;Azimuth ({});Zenith ({});Distance (mm)"
+    points = [f"g;P{k};{20 * k}.5;{90 + k}.5;{3000 + 100 * k}.0" for k in range(1, 9)]
+    said = Hints(horizontal="clockwise")
+    spoilt = [*points[:3], "g;P4;9999.5;94.5;3400.0", *points[4:]]
+    other = [*points[:3], "g;P4;390.5;94.5;3400.0", *points[4:]]
+    none = [f"g;P{k};{1000 * k}.5;94.5;3400.0" for k in range(1, 9)]
+    gon, deg = head.format("gon", "gon"), head.format("deg", "deg")
+    export = readers.read("t", rows(gon, *spoilt).encode(), said)
+
+    assert [line for line, _ in export.rejected] == [5]
+    assert len(export.position) == 7
+    with pytest.raises(InputError, match=r"^t:5: .* holds 390.5, more than the 360 deg"):
+        readers.read("t", rows(deg, *other).encode(), said)
+    with pytest.raises(InputError, match=r"^t:2: .* more than the 400 gon"):
+        readers.read("t", rows(gon, *none).encode(), said)

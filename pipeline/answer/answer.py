@@ -2,12 +2,11 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-
 from pipeline.answer import contract
 from pipeline.answer.combinations import combination_entries, told
 from pipeline.answer.common_factor import common_factor, told_factor
 from pipeline.answer.contract import Answer
+from pipeline.answer.contradicted import entry_findings
 from pipeline.answer.diagnosis import diagnosis_entry, noise_entry, placed
 from pipeline.answer.findings import Findings
 from pipeline.answer.geometry import estimated_table, with_positions
@@ -56,19 +55,20 @@ def answer(found: Findings) -> Answer:
     overload = overload_entry(raw.robot, found.right.reduced.data.pulls)
     said = [joint.finding for joint in values.stiffness if joint.finding]
     factor = common_factor(raw.robot, values.stiffness)
-    said += [
+    text = raw.files["campaign.toml"].decode("utf-8", "replace")
+    stated = [
         *overstated(raw.settings, found.right.noise),
+        *entry_findings(found.right.case, text),
         *told_factor(factor),
-        *filter(None, map(enormous, found.diagnosis.causes)),
     ]
+    said += [*stated, *filter(None, map(enormous, found.diagnosis.causes))]
     payloads = payload_entries(given.case)
     together = combination_entries(found.told.values)
     diagnosis = diagnosis_entry(found)
     pose = pose_entry(raw.robot, where, found.judged)
     tolerance = tolerance_entry(raw.settings.tolerance, where, found.judged)
-    told_first = Stated(values, springs, together, diagnosis, pose, tolerance)
-    vague = overstated(raw.settings, found.right.noise)
-    lines = (*first_screen(found, told_first), *_wrong([*vague, *told_factor(factor)]))
+    told_first = Stated(values, springs, together, diagnosis, pose, tolerance, stated)
+    lines = first_screen(found, told_first)
     carried = carried_entries(found.carried, found.told.values)
     of = {(effect.name, effect.where): effect for effect in found.told.values.first.effects}
     causes = [one for one in carried if one.name is not None]
@@ -131,11 +131,6 @@ def answer(found: Findings) -> Answer:
         inputs=input_entries(raw),
         versions=versions(),
     )
-
-
-def _wrong(sentences: Sequence[str]) -> tuple[contract.Line, ...]:
-    """Further lines of the first screen on what is wrong."""
-    return tuple(contract.Line(about=contract.About.WRONG, text=one) for one in sentences)
 
 
 def _identity(found: Findings) -> contract.Identity:

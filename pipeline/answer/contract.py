@@ -828,7 +828,9 @@ class JudgedPath(Fact):
 
     file: str
     points: int
-    force_n: tuple[float, float] = Field(description="smallest and largest force asked for")
+    force_n: tuple[float, float] | None = Field(
+        default=None, description="smallest and largest force asked for"
+    )
     decision: Decision = Field(description="pass where every point does, fail where one fails")
     stretches: tuple[Stretch, ...]
 

@@ -64,7 +64,8 @@ def tolerance_entry(
 def path_findings(asked: contract.Tolerance | None, pulled: tuple[float, float]) -> list[str]:
     """A sentence where a path asks for other forces [N] than the campaign pulled with."""
     path = None if asked is None else asked.path
-    return [] if path is None else beside_pulls(np.array(path.force_n), pulled)
+    force = None if path is None else path.force_n
+    return [] if force is None else beside_pulls(np.array(force), pulled)
 
 
 def _path(file: str, rows: pd.DataFrame) -> JudgedPath:

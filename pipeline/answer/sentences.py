@@ -64,6 +64,7 @@ class Stated:
         diagnosis: What is wrong, and what to measure next.
         pose: The test pose.
         tolerance: What is decided by a tolerance; None without one.
+        contradicted: Sentences on what was stated and the readings contradict.
     """
 
     mine: Values
@@ -72,6 +73,7 @@ class Stated:
     diagnosis: Diagnosis
     pose: TestPose
     tolerance: Tolerance | None
+    contradicted: Sequence[str] = ()
 
 
 def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
@@ -88,7 +90,8 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
         (About.MODEL, " ".join(_model(found, stated))),
         (About.NUMBERS, _for_controller(found, stated)),
         (About.TEST_POSE, " ".join(_test_pose(found, stated))),
-        (About.WRONG, wrong(found.facts, len(stated.diagnosis.blind_spots))),
+        *((About.WRONG, one) for one in stated.contradicted),
+        (About.WRONG, wrong(found.facts, len(stated.diagnosis.blind_spots), stated.contradicted)),
         (About.NEXT, _next(found, stated)),
     ]
     return tuple(Line(about=about, text=text) for about, text in lines if text)

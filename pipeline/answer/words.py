@@ -80,18 +80,20 @@ def _some(places: Sequence[str]) -> str:
     return listed([*places[:_PLACES], *rest])
 
 
-def wrong(facts: Facts, unseen: int) -> str:
+def wrong(facts: Facts, unseen: int, contradicted: Sequence[str] = ()) -> str:
     """What is wrong, in a sentence, mistakes in the data apart, which the verdict tells.
 
     Args:
         facts: What was found.
         unseen: How many causes would not have shown at their usual size.
+        contradicted: Sentences on what was stated and the readings contradict, told before.
     """
     others = _told(facts)
     if others:
         return f"With the data corrected: {others}" if facts.mistakes else others
     also = f" {unnoticed(unseen)}; they are listed in the report." if unseen else ""
-    clear = "Nothing else." if facts.mistakes else "Nothing that these readings show."
+    told = facts.mistakes or contradicted
+    clear = "Nothing else." if told else "Nothing that these readings show."
     return f"{clear}{also}"
 
 

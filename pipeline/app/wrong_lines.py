@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from functools import partial
 
+from pipeline.answer.contradicted import contradicted, in_mm
 from pipeline.base.errors import InputError, place
-from pipeline.base.quantities import plain as in_digits
 from pipeline.base.toml import line_of
 from pipeline.faults.conventions import conventions
 from pipeline.faults.entries import Entry, wrong_entries
@@ -74,44 +74,19 @@ def _wrong_word(text: str, word: Word) -> Wrong:
     off = (
         "the export cannot be read"
         if word.before_m is None
-        else f"the reflectors are {_mm(word.before_m)} off"
+        else f"the reflectors are {in_mm(word.before_m)} off"
     )
     right = f'write {word.key} = "{word.better}"' if word.better else f"remove {word.key}"
     said = (
-        f'{word.key} = "{word.stated}" is wrong: with it {off}, and {_mm(word.after_m)} without; '
+        f'{word.key} = "{word.stated}" is wrong: with it {off}, and {in_mm(word.after_m)} without; '
         f"{right}"
     )
     return Wrong(line_of(text, ["tracker", word.key]), f"tracker.{word.key}", said)
 
 
 def _wrong_entry(text: str, one: Entry, found: list[Entry]) -> Wrong:
-    path = [one.table, *one.names[:1]]
     key = ".".join([one.table, *(["/".join(one.names)] if one.names else [])])
-    return Wrong(line_of(text, path), key, _contradicted(text, one, found), one.probability)
-
-
-def _contradicted(text: str, one: Entry, found: list[Entry]) -> str:
-    """What the readings have against an entry, and the way out."""
-    if not one.names:
-        return f"[{one.table}] is in {one.unit}, as the distances as read show; write it in metres"
-    if len(one.names) == 2:
-        line = line_of(text, [one.table, one.names[1]])
-        return (
-            f"{one.names[0]} and {one.names[1]} (line {line}) in [{one.table}] carry each other's "
-            "places; exchange them"
-        )
-    where = ", ".join(f"{x:.4f}" for x in one.found)
-    other = [" and ".join(rival.names) or rival.table for rival in found if rival is not one]
-    maybe = f" (or {' or '.join(other)})" if other else ""
-    return (
-        f"{one.names[0]} in [{one.table}] is {_mm(one.off_m)} from where the readings put it"
-        f"{maybe}: about [{where}], ± {_mm(float(one.std.max()))}; measure it again, and correct "
-        "the line"
-    )
-
-
-def _mm(metres: float) -> str:
-    return f"{in_digits(1e3 * metres, 3)} mm"
+    return Wrong(line_of(text, one.path), key, contradicted(text, one, found), one.probability)
 
 
 def mistaken(raw: Raw) -> list[str]:

@@ -80,6 +80,11 @@ class Entry(Locked):
     probability: float
 
     @property
+    def path(self) -> list[str]:
+        """Where campaign.toml has it; the table of several."""
+        return [self.table, *self.names[:1]]
+
+    @property
     def off_m(self) -> float:
         """How far it is from where it should be [m]."""
         return float(np.linalg.norm(self.found - self.stated))

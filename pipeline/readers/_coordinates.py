@@ -12,12 +12,13 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.base.covariance import flat, symmetric
 from pipeline.base.errors import InputError
 
-Unit = Literal["mm", "m", "in", "um", "cm", "ft"]
+Unit = Literal["mm", "m", "in", "um", "cm", "ft", "ftUS"]
 Usual = Literal["mm", "m", "in"]
 USUAL_UNITS: tuple[str, ...] = get_args(Usual)
 """Units of length that are asked for, and tried where nobody says one."""
-_LONG = {"in": 0.0254, "ft": 0.3048}
-"""An inch and a foot [m], by definition."""
+_LONG = {"in": 0.0254, "ft": 0.3048, "ftUS": 1200 / 3937}
+"""An inch, a foot and a foot of the US survey [m], by definition (1959; Mendenhall Order 1893): the
+latter makes 18 m of rail 36 um longer."""
 _IN_A_METRE = {"mm": 1e3, "cm": 1e2, "m": 1.0, "um": 1e6}
 """How many of the other units of length there are in a metre."""
 PACKED = "dms"
@@ -47,7 +48,7 @@ class Meaning:
     """How the three numbers of a reading are to be read.
 
     Attributes:
-        unit: Unit of length, `mm`, `m`, `in`, `um`, `cm` or `ft`.
+        unit: Unit of length, `mm`, `m`, `in`, `um`, `cm`, `ft` or `ftUS`.
         kind: `cartesian` x, y, z; `spherical` range, azimuth, vertical angle; `cylindrical`
             radius, azimuth, z.
         angle: Unit of angles, `deg`, `rad`, `gon` or `dms`; None for Cartesian coordinates.

@@ -104,3 +104,12 @@ def several(title: str, words: Iterable[str], line: int | None) -> InputError:
 
 def _alike(counts: dict[str, int]) -> bool:
     return len({*counts.values()}) == 1
+
+
+_AVERAGES = {"average", "averaged", "avg", "mean", "mittelwert", "mittel", "gemittelt", "moyenne"}
+"""What programs call the row that they compute from several shots."""
+
+
+def is_average(word: str) -> bool:
+    """Whether a word of a column says that a row was computed from others."""
+    return bool({*re.findall(r"[^\W\d_]+", word.lower())} & _AVERAGES)

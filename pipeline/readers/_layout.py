@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
@@ -95,6 +96,14 @@ class Rows(Locked):
         lost = tuple((int(line), why_not) for line in self.line[~good])
         columns, rejected = sifted(self.columns, good), (*self.rejected, *lost)
         return Rows(columns, self.line[good], self.order[good], rejected)
+
+    def without(self, bad: Mapping[int, str]) -> Rows:
+        """The rows but some, each rejected for its own reason, by row from 0."""
+        good = np.ones(len(self.line), dtype=bool)
+        good[list(bad)] = False
+        lost = tuple((int(self.line[row]), why) for row, why in sorted(bad.items()))
+        kept = self.only(good, "")
+        return self if not bad else replace(kept, rejected=(*self.rejected, *lost))
 
     def floats(self, name: str) -> Array:
         """A column of numbers, NaN where a cell is empty, shape (n,)."""

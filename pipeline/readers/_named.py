@@ -18,6 +18,9 @@ UNIT_WORDS = {
     "um": "um", "µm": "um", "μm": "um", "micron": "um", "microns": "um",
     "ft": "ft", "foot": "ft", "feet": "ft", "cm": "cm", "centimeter": "cm", "centimeters": "cm",
     "centimetre": "cm", "centimetres": "cm",
+    "ftus": "ftUS", "usft": "ftUS", "us ft": "ftUS", "ft us": "ftUS", "ft-us": "ftUS",
+    "us-ft": "ftUS", "sft": "ftUS", "us survey foot": "ftUS", "us survey feet": "ftUS",
+    "survey feet": "ftUS", "us feet": "ftUS",
 }  # fmt: skip
 ANGLE_WORDS = {
     "deg": "deg", "degree": "deg", "degrees": "deg", "°": "deg",

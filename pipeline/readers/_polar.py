@@ -119,10 +119,16 @@ def _circles(values: Array, angle: str) -> Array:
     return plain_angles(values, angle) / FULL[angle]
 
 
+_MINORITY = 0.5
+"""Part of the rows: where as many hold no angle at all, the columns are no angles."""
+
+
 def within_a_circle(
     titles: Sequence[str], numbers: Sequence[Array], line: Ints, meaning: Meaning
-) -> None:
-    """No instrument counts its angles beyond a full circle; _FACE is left for what rounding adds.
+) -> dict[int, str]:
+    """Rows with an angle that is none in any unit, and why; the others are of the stated unit.
+
+    No instrument counts beyond a full circle; _FACE is left for what rounding adds.
 
     Args:
         titles: Of the three columns.
@@ -130,18 +136,31 @@ def within_a_circle(
         line: Line of each row, shape (n,).
         meaning: Which of them are angles, and their unit.
 
+    Returns:
+        Reasons by row from 0, of a minority of the rows.
+
     Raises:
-        InputError: An angle is beyond, so that it is in another unit.
+        InputError: An angle is beyond the circle of its unit, and within that of another one.
     """
+    angle, out = str(meaning.angle), {}
     for k in meaning.angular:
-        angle, values = str(meaning.angle), numbers[k]
-        for row in np.flatnonzero(np.abs(_circles(values, angle)) > 1.0 + _FACE)[:1]:
-            raise InputError(
-                f'column "{shown(titles[k])}" holds {values[row]:.10g}, more than the '
-                f"{FULL[angle]:.4g} {angle} of a full circle",
-                "correct its unit in the title, or angle in [tracker] of campaign.toml, or the row",
-                line=int(line[row]),
+        turns = np.abs(_circles(numbers[k], angle))
+        none = np.abs(numbers[k]) > (1.0 + _FACE) * max(FULL.values())
+        few = none.mean() < _MINORITY if len(none) else False
+        for row in np.flatnonzero(turns > 1.0 + _FACE).tolist():
+            said = (
+                f'column "{shown(titles[k])}" holds {numbers[k][row]:.10g}, more than the '
+                f"{FULL[angle]:.4g} {angle} of a full circle"
             )
+            if not (none[row] and few):
+                raise InputError(
+                    said,
+                    "correct its unit in the title, or angle in [tracker] of campaign.toml, or "
+                    "the row",
+                    line=int(line[row]),
+                )
+            out[row] = f"{said}; correct or remove the row"
+    return out
 
 
 def _is_vertical(values: Array, angle: str, vertical: str) -> bool:

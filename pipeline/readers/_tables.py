@@ -148,13 +148,15 @@ def read(
     )
     table = _below_nominal(rows(text, layout), text, header)
     table, sorted_by = _not_nominal(table, sorting.values())
+    table = _not_twice(table, sorting.values())
     if header.has("date"):
         table = dated(table, layout.moment)
     with at(line=line):
         if axes.kind == "cartesian":
             _one_frame(table, line, sorting.values(), axes)
         meaning = _meaning(header, hints, table, axes)
-        within_a_circle(axes.titles, [*map(table.floats, axes.roles)], table.line, meaning)
+        numbers = [*map(table.floats, axes.roles)]
+        table = table.without(within_a_circle(axes.titles, numbers, table.line, meaning))
         _same_unit(text, header, meaning.unit)
         _unit_of_rows(text, header, meaning.unit, comment)
         table = _counting(table, hints)
@@ -207,6 +209,21 @@ def _not_nominal(table: Rows, sorting: Iterable[Field]) -> tuple[Rows, set[str]]
             table = table.only(~_cells_that(table, field.name, found.__contains__), reason)
             titles.add(field.title)
     return table, titles
+
+
+def _not_twice(table: Rows, sorting: Iterable[Field]) -> Rows:
+    """The rows without averages of shots that are there themselves: they would count twice."""
+    called = [name for name in _NAMES if name in table.columns]
+    for field in sorting if called else ():
+        mean = _cells_that(table, field.name, _kinds.is_average)
+        if not mean.any():
+            continue
+        names = list(zip(*(table.columns[name].to_pylist() for name in called), strict=True))
+        single = {name for name, averaged in zip(names, mean, strict=True) if not averaged}
+        twice = mean & np.array([name in single for name in names], dtype=bool)
+        reason = f"its {shown(field.title)} says that it is the average of other rows; remove it"
+        table = table.only(~twice, reason)
+    return table
 
 
 def _one_frame(table: Rows, line: int | None, sorting: Iterable[Field], axes: _Axes) -> None:

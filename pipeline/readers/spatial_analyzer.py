@@ -93,7 +93,7 @@ def read(text: Text, hints: Hints) -> Export:
     found = rows(text, layout)
     meaning = _meaning(comments, hints, found, first)
     titles, numbers = [f"{axis} of the coordinates" for axis in _AXES], map(found.floats, _AXES)
-    within_a_circle(titles, [*numbers], found.line, meaning)
+    found = found.without(within_a_circle(titles, [*numbers], found.line, meaning))
     covariances = _tables.covariances(
         found, Header(0, shape.delimiter, shape.rest), hints, meaning.unit
     )
