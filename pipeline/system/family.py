@@ -52,9 +52,12 @@ _STEP = 0.1
 _GRID = np.arange(-3.0, 25.0, _STEP)
 """log lambda: up to an error of ten metres where 0.03 mm is stated."""
 
-_SCALES = np.arange(-24, 15) * _STEP
-"""log s^2 that is tried: a scale found in contrasts is known to some ten per cent, and where tails
-make half or more of it, with nu = 2.5 four fifths, the core is narrower by as much."""
+_SCALES = np.arange(-14, 15) * _STEP
+"""log s^2 that is tried: a scale found in contrasts is known to some ten per cent."""
+
+_WIDTHS = np.append(np.arange(-24, -14) * _STEP, _SCALES)
+"""The same for the width of the core, which where tails make most of a variance is narrower by as
+much: with nu = 2.5 four fifths of it are theirs."""
 
 
 @dataclass(frozen=True)
@@ -82,7 +85,7 @@ class Family(Locked):
         mistakes: Part of the readings that are mistakes beside each, posterior mean, shape (f,).
         p_value: Probability of tails as heavy if the stated family were true.
         paper: The stated family is that of Eq. (18).
-        profile: Log likelihood at each of `_SCALES`, the law beside it the likeliest, shape (k,).
+        profile: Log likelihood at each of `_WIDTHS`, the law beside it the likeliest, shape (k,).
     """
 
     weight: Array
@@ -90,7 +93,7 @@ class Family(Locked):
     mistakes: Array
     p_value: float
     paper: bool
-    profile: Array = field(default_factory=lambda: np.zeros(len(_SCALES)))
+    profile: Array = field(default_factory=lambda: np.zeros(len(_WIDTHS)))
 
     @property
     def heavy(self) -> float:
@@ -118,12 +121,12 @@ class Family(Locked):
         """
         best = int(np.argmax(self.profile))
         stated = -2 * float(np.log(used))
-        more = self.profile[best] - float(np.interp(stated, _SCALES, self.profile))
+        more = self.profile[best] - float(np.interp(stated, _WIDTHS, self.profile))
         p = 0.5 * float(special.chdtrc(1, 2 * max(more, 0.0)))
         odds = special.softmax(self.profile)
-        std = float(np.sqrt(odds @ (_SCALES - odds @ _SCALES) ** 2)) / 2
-        scale = used * float(np.exp(_SCALES[best] / 2))
-        return Core(scale, std, p if _SCALES[best] > stated else 1 - p)
+        std = float(np.sqrt(odds @ (_WIDTHS - odds @ _WIDTHS) ** 2)) / 2
+        scale = used * float(np.exp(_WIDTHS[best] / 2))
+        return Core(scale, std, p if _WIDTHS[best] > stated else 1 - p)
 
     @classmethod
     def stated(cls, paper: bool = False) -> Family:
@@ -194,10 +197,12 @@ def family(seen: Array, paper: bool) -> tuple[Family, Array]:
         seen: `likelihood` of every reading, shape (n, K).
         paper: The stated family is that of Eq. (18).
     """
-    tried = np.stack([_bulks(np.full(_LAWS, scale), paper) for scale in _SCALES], axis=1)
+    tried = np.stack([_bulks(np.full(_LAWS, scale), paper) for scale in _WIDTHS], axis=1)
     own = (seen @ tried.reshape(-1, seen.shape[1]).T).T.reshape(*tried.shape[:2], len(seen))
     odd = seen @ _blunder()
     each = np.stack([np.log((1 - b) * own + b * odd + 1e-300).sum(axis=2) for b in MISTAKES])
+    profile = special.logsumexp(each, axis=0).max(axis=0) - np.log(len(MISTAKES))
+    each = each[:, :, -len(_SCALES) :]
     logs = special.logsumexp(each, axis=0) - np.log(len(MISTAKES))  # (f, scales)
     best = logs.max(axis=1)
     free = special.logsumexp(logs, axis=1) - np.log(len(_SCALES))
@@ -208,7 +213,7 @@ def family(seen: Array, paper: bool) -> tuple[Family, Array]:
     p = 0.5 * float(special.chdtrc(1, max(2 * (student.max() - best[0]), 0.0)))
     mistakes = np.array(MISTAKES) @ special.softmax(special.logsumexp(each, axis=2), axis=0)
     scale[0] = 0.0  # what is stated, or was found in contrasts, holds
-    told = Family(weight, scale, mistakes, p, paper, logs.max(axis=0))
+    told = Family(weight, scale, mistakes, p, paper, profile)
     return told, _posterior_mean(told, seen)
 
 
