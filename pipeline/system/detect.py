@@ -44,7 +44,8 @@ def threshold(
 
     Where no suspect leaves a row to tell the scatter from, none can be found, and nothing is drawn.
     """
-    bases = [basis for basis in _bases(view, base, dof) if basis.shape[1] < dof]
+    every = _bases(view, base, dof) if dof > 1 else []
+    bases = [basis for basis in every if basis.shape[1] < dof]
     if not bases:
         return Threshold(alarms.SUSPECT, 1.0)
     inside = sum(basis.shape[0] for basis in bases[:1])
