@@ -68,17 +68,31 @@ def beyond(case: Case, found: Found, start: Array) -> tuple[Case, Found]:
     """
     rng = np.random.default_rng(_SEED)
     if open_(found, rng):
-        case, found = _searched(case, found, (), start, rng)
+        every = _every(case, found)
+        case, found = _searched(case, found, (), every, start, rng)
         if found.accepted and open_(found, rng):
-            case, found = _searched(case, found, found.accepted, start, rng)
+            case, found = _searched(case, found, found.accepted, every, start, rng)
     return case, found
 
 
+def _every(case: Case, found: Found) -> tuple[Effect, ...]:
+    """All laws, with the odds of what has no name shared among them."""
+    model, robot = found.first.model, case.cell.robot
+    loaded = load(model.cell, case.data.pulls, model.values)
+    odds = NAMELESS * len(nameless(robot))
+    return tuple(replace(one, odds=odds * one.odds) for one in unlisted.effects(robot, loaded))
+
+
 def _searched(
-    case: Case, found: Found, beside: tuple[int, ...], start: Array, rng: np.random.Generator
+    case: Case,
+    found: Found,
+    beside: tuple[int, ...],
+    every: tuple[Effect, ...],
+    start: Array,
+    rng: np.random.Generator,
 ) -> tuple[Case, Found]:
     """With laws among the suspects, where one is accepted and carries over to other poses."""
-    laws = _likely(case, found, beside, rng)
+    laws = _likely(_view(case, found, beside, every), len(beside), every, rng)
     if not laws:
         return case, found
     wider = replace(case, suspects=case.suspects + tuple(laws), nameless=())
@@ -119,12 +133,17 @@ def _named(case: Case, found: Found) -> set[tuple[str, str]]:
 
 
 def _likely(
-    case: Case, found: Found, accepted: tuple[int, ...], rng: np.random.Generator
+    view: Whitened, first: int, laws: tuple[Effect, ...], rng: np.random.Generator
 ) -> dict[Effect, float]:
-    """Laws that chance does not make beside some causes, the likeliest first, with that chance."""
-    view, laws = _view(case, found, accepted)
+    """Laws that chance does not make beside a base, the likeliest first, each with that chance.
+
+    Args:
+        view: The campaign, the laws behind the causes of the base.
+        first: How many causes that are.
+        laws: All of them.
+        rng: Source of the draws.
+    """
     now = view.beside(view.base)
-    first = len(accepted)
     evidence, p = now.log_evidence[first:], now.p()[first:]
     limit = threshold(view, view.base, now.dof, rng, _DRAWS)
     by_scatter = -np.expm1(limit.independent * np.log1p(-np.minimum(p, 1 - 1e-15)))
@@ -145,20 +164,13 @@ def _likely(
 
 
 def _view(
-    case: Case, found: Found, accepted: tuple[int, ...]
-) -> tuple[Whitened, tuple[Effect, ...]]:
+    case: Case, found: Found, accepted: tuple[int, ...], laws: tuple[Effect, ...]
+) -> Whitened:
     """The campaign beside some causes, with every law as a suspect behind them."""
     few = case.only(accepted)
     near = found.seen if accepted else found.first.seen
     model = few.model(tuple(range(len(accepted))), near.model.values)
-    seen = few.linearised(model, near)
-    unnamed = nameless(case.cell.robot)
-    loaded = load(model.cell, case.data.pulls, model.values)
-    laws = tuple(
-        replace(one, odds=NAMELESS * len(unnamed) * one.odds)
-        for one in unlisted.effects(case.cell.robot, loaded)
-    )
-    return few.whitened(seen.beside(laws)), laws
+    return few.whitened(few.linearised(model, near).beside(laws))
 
 
 def _by_structure(view: Whitened, now: Scores, rng: np.random.Generator) -> Array:

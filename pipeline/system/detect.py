@@ -44,7 +44,8 @@ def threshold(
 
     Where no suspect leaves a row to tell the scatter from, none can be found, and nothing is drawn.
     """
-    bases = [basis for basis in _bases(view, base, dof) if basis.shape[1] < dof]
+    every = _bases(view, base, dof) if dof > 1 else []
+    bases = [basis for basis in every if basis.shape[1] < dof]
     if not bases:
         return Threshold(alarms.SUSPECT, 1.0)
     inside = sum(basis.shape[0] for basis in bases[:1])
@@ -71,14 +72,18 @@ def _bases(view: Whitened, base: Ints, dof: int) -> list[Array]:
     return bases
 
 
+_MANY = 500
+"""Columns of which the products are decomposed faster than those of the rows, however few."""
+
+
 def _coordinates(view: Whitened, base: Ints, dof: int) -> Array:
     """What the base leaves of all suspects' columns, in an orthonormal basis of it, (d, K).
 
-    From the products of columns or of rows, whichever are fewer.
+    From the products of columns, or of rows where these are fewer and the columns many.
     """
     mine = view.first + np.arange(len(view.owner))
     size = np.sqrt(np.maximum(np.diag(view.M)[mine], 1e-300))
-    if len(mine) <= dof:
+    if len(mine) <= max(dof, _MANY):
         S = eliminate(view.M, base)
         values, vectors = linear.directions(S[np.ix_(mine, mine)] / np.outer(size, size))
         kept = values > linear.LEFT
