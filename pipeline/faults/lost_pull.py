@@ -38,6 +38,8 @@ def lost_readings(given: Case, findings: Sequence[Mistake], asked: Screening) ->
         findings: What was found in it.
         asked: The campaign without that.
     """
+    if not any(one.of_reading for one in findings):  # none has taken a pull along
+        return []
     if asked.cell.tool.six or given.settings.displacements is not None:
         return []
     known = {one.where for one in findings}

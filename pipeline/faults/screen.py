@@ -65,7 +65,7 @@ def screen(case: Case, reduced: Reduced) -> Screened:
         case = _put_right(case, found)
         if not found:
             break
-    if before is not None and before.case is case and findings:
+    if before is not None and before.case is case:
         lost = lost_readings(given, findings, before)
         findings, case = findings + lost, _put_right(case, lost)
     return Screened(tuple(findings), case)
