@@ -7,8 +7,10 @@ import numpy as np
 import pytest
 
 from pipeline.answer.words import enormous, why
+from pipeline.diagnosis.diagnose import _refused
 from pipeline.diagnosis.facts import NOTHING, Amplitude, Cause, Facts, Gain, Named
 from pipeline.diagnosis.finding import Finding, Verdict
+from pipeline.diagnosis.identify import Rival
 from pipeline.diagnosis.verdict import TABLE, findings, verdict
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
@@ -107,6 +109,28 @@ def test_each_row_gives_its_verdict_and_a_sentence(finding):
     assert said[0].isupper()
     assert said.endswith(".")
     assert "_" not in said, "a machine's name in a sentence"
+
+
+def test_what_fits_only_at_an_impossible_size_is_said_to():
+    """It is no cause, and yet the place to look at: said once, after what was found."""
+    left = replace(FOUND, explains=False, remainder=2.0)
+    tilt = effect("joint_tilt:5")
+
+    said = why(replace(left, refused=(tilt,)))
+
+    assert said.startswith(why(left))
+    assert "Tilt of the bearing in joint 5 would explain the readings better" in said
+    assert why(replace(Facts(), refused=(tilt,))) == why(Facts()), "nothing was found"
+
+
+def test_only_what_is_likeliest_in_a_place_is_impossible_there():
+    """Refused labels that another cause beats are no place to look at."""
+    likely, other = Rival("a", 0, 0.9), Rival("b", 1, 0.1)
+    found = SimpleNamespace(rivals=((likely, other),), single=(), refused=("a", "b"))
+    case = SimpleNamespace(suspects=("effect a", "effect b"))
+
+    assert _refused(case, found) == ("effect a",)
+    assert _refused(case, SimpleNamespace(rivals=(), single=(other,), refused=("b",))) == ()
 
 
 def test_a_cause_needs_a_certain_gain_where_nobody_knows_the_scatter():

@@ -107,7 +107,20 @@ def _told(facts: Facts) -> str:
     """Every finding but mistakes and "nothing", in sentences."""
     found: list[Finding] = [row.finding for row in findings(facts)]
     others = [one for one in found if one not in (Finding.NOTHING, Finding.MISTAKE)]
-    return " ".join(capital(_FINDINGS[one](facts)) for one in others)
+    told = [capital(_FINDINGS[one](facts)) for one in others]
+    return " ".join([*told, *([_impossible(facts)] if told and facts.refused else [])])
+
+
+def _impossible(facts: Facts) -> str:
+    """What fits best, and cannot be so large."""
+    return (
+        f"{capital(_named(facts.refused))} would explain the readings better, but only at a size "
+        "that no sound machine has: look there first."
+    )
+
+
+def _named(effects: Sequence[Effect]) -> str:
+    return listed([effect.called for effect in effects])
 
 
 def _identified(facts: Facts) -> str:

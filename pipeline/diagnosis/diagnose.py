@@ -184,12 +184,25 @@ def _facts(case: Case, found: Found, spread: Scatter) -> Facts:
         outside=Named(found.wide.suspects[outside.suspect], outside.probability)
         if outside
         else None,
+        refused=_refused(case, found),
         remainder=found.rough,
         loose_p=found.first.soft_p,
         scale_ratio=case.force_noise,
         tracker_ratio=case.noise,
         scatter_told=case.data.noise_stated or spread.known_from == "contrasts",
         beyond_certificate=_beyond_certificate(spread, case.data.noise_stated),
+    )
+
+
+def _refused(case: Case, found: Found) -> tuple[Effect, ...]:
+    """Causes refused for their size that are likelier than not in the place of an accepted one.
+
+    Where none was accepted, by themselves.
+    """
+    places = found.rivals or (found.single,)
+    likely = {one.suspect: one for place in places for one in place if one.probability > 0.5}
+    return tuple(
+        case.suspects[suspect] for suspect, one in likely.items() if one.label in found.refused
     )
 
 

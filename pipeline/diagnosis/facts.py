@@ -370,6 +370,7 @@ class Facts:
         causes: What the displacements call for, whether or not it predicts better.
         gain: What these are worth at poses that were left out.
         outside: The likeliest outside the catalogue, in the place of a cause.
+        refused: Causes that explain best, but at a size that physics does not allow.
         remainder: What is left with the causes over what the readings scatter; None if unknown.
         loose_p: Chance that the reflectors only seem to move against each other under load.
         scale_ratio: Scatter of the scale found over stated, relative to the tracker's, where only
@@ -396,6 +397,7 @@ class Facts:
     causes: tuple[Cause, ...] = ()
     gain: Gain | None = None
     outside: Named | None = None
+    refused: tuple[Effect, ...] = ()
     remainder: float | None = None
     loose_p: float = 1.0
     scale_ratio: float = 1.0
