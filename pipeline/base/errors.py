@@ -140,7 +140,10 @@ def first_wrong(problem: ValidationError) -> tuple[list[str], str]:
     shown = f'"{printable(value, _VALUE)}"' if isinstance(value, str) else value
     simple = isinstance(value, str | int | float)
     if first["type"] == "missing":
-        said = "is missing"
+        last = first["loc"][-1]
+        said = f"value {last + 1} is missing" if isinstance(last, int) else "is missing"
+    elif first["type"] in _FORMS:
+        said = f"should be {_FORMS[first['type']]}"
     elif first["type"] == "extra_forbidden":
         said = "unknown key"
     elif first["type"] in ("too_short", "too_long"):
@@ -151,6 +154,16 @@ def first_wrong(problem: ValidationError) -> tuple[list[str], str]:
     elif simple and said.startswith("Input should be "):
         said = f"{shown} should be {said.removeprefix('Input should be ')}"
     return path, said.removeprefix("Value error, ")
+
+
+_FORMS = {
+    "model_type": "a table",
+    "dict_type": "a table",
+    "list_type": "a list in square brackets",
+    "tuple_type": "a list in square brackets",
+    "string_type": "text in quotation marks",
+}
+"""What pydantic calls otherwise, in the words of a TOML file."""
 
 
 def decisive(problem: ValidationError) -> ErrorDetails:

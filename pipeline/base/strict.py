@@ -168,9 +168,11 @@ def checked(
         return kind.model_validate(content)
     except ValidationError as problem:
         words, message = first_wrong(problem)
+        called = {record.__name__ for record, _ in _nested(kind)}  # members of a union are no keys
+        words = [one for one in words if one not in called]
         first = decisive(problem)
         cause = first.get("ctx", {}).get("error")
-        key = [part for one in first["loc"] for part in _apart(one)]
+        key = [part for one in first["loc"] if one not in called for part in _apart(one)]
         if isinstance(cause, Misplaced):
             key, way_out = list(cause.key), cause.way_out or way_out
         line = toml.line_of(text, key)
@@ -178,6 +180,8 @@ def checked(
             way_out = _meant(kind, key) or way_out
         if first["type"] == "too_long":  # a decimal comma makes two numbers of one
             way_out = toml.remedy(text, line, way_out)
+        message, own, told = message.partition("; ")
+        way_out = told if own else way_out
         where = ".".join(words) or whole
         said = f"{where}: {message}" if where else message
         raise InputError(said, way_out, file=file, line=line) from problem
@@ -222,6 +226,14 @@ def _known(
         yield (*path, *above), name
         for inner, called in _records(info.annotation):
             yield from _known(inner, (*path, *above, name, *[_ANY] * called))
+
+
+def _nested(kind: type[BaseModel]) -> Iterator[tuple[type[BaseModel], bool]]:
+    """Records within a record, at any depth."""
+    for info in kind.model_fields.values():
+        for inner in _records(info.annotation):
+            yield inner
+            yield from _nested(inner[0])
 
 
 def _records(annotation: object, called: bool = False) -> Iterator[tuple[type[BaseModel], bool]]:

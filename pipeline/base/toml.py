@@ -173,6 +173,8 @@ def line_of(text: str, path: Sequence[str | int]) -> int | None:
     """
     best, line = 0, None
     for number, found, value in _entries(text):
+        if found[-1:] == [0] and list(path) == found[:-1]:
+            found = found[:-1]  # a list of tables where one table should be
         if list(path[: len(found)]) != found:
             continue
         depth = len(found) + _within(value, path[len(found) :])

@@ -24,9 +24,7 @@ _TURNS = re.compile(
 )
 """Degrees, minutes and seconds; with hyphens only where a fraction says that it is no date."""
 _FORTRAN = re.compile(r"(?<=[0-9.])[dD](?=[+-][0-9])")
-_DASHES = re.compile("[−‐‑‒–﹣－](?=[0-9.,])")
-"""A typographer's minus, and the dashes that word processors put in the place of one."""
-ODD = "[ '’\u00a0\u202f\u2009−‐‑‒–﹣－°dD]|,.*\\.|\\..*,|[0-9]-[0-9]"
+ODD = "[ '’\u00a0\u202f\u2009−°dD]|,.*\\.|\\..*,|[0-9]-[0-9]"
 """What no number has that is written as programs read them."""
 _IS_ODD = re.compile(ODD)
 _MINUTES = 60
@@ -111,7 +109,7 @@ def bare_number(cell: str) -> str:
     """
     if not _IS_ODD.search(cell):
         return cell
-    plain = _FORTRAN.sub("E", _minus(cell))
+    plain = _FORTRAN.sub("E", cell.replace("−", "-"))
     for grouped in _GROUPS:
         if found := grouped.fullmatch(plain):
             return found["sign"] + re.sub(r"[^0-9]", "", found["whole"]) + found["rest"]
@@ -119,14 +117,9 @@ def bare_number(cell: str) -> str:
     return _in_degrees(found) if found else plain
 
 
-def _minus(cell: str) -> str:
-    """A cell that begins with a dash of any kind, with a minus."""
-    return "-" + cell[1:] if _DASHES.match(cell) else cell.replace("−", "-")
-
-
 def is_turn(cell: str) -> bool:
     """Whether a cell is an angle in degrees, minutes and seconds."""
-    return _TURNS.fullmatch(_minus(cell)) is not None
+    return _TURNS.fullmatch(cell.replace("−", "-")) is not None
 
 
 def _in_degrees(turn: re.Match[str]) -> str:

@@ -238,8 +238,6 @@ def _axis(column: Named) -> tuple[str, tuple[str, ...]]:
     if column.role and column.role not in "xyz":
         return "", ()
     words = _words(column.title)
-    if column.role and " ".join(words) in _ROLE_OF:  # n is a normal only beside an axis
-        return column.role, ()
     if column.role:
         return column.role, tuple(word for word in words if word in _OTHERS)
     axes = [word for word in words if word in ("x", "y", "z")]
