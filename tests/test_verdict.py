@@ -119,7 +119,7 @@ def test_what_fits_only_at_an_impossible_size_is_said_to():
     said = why(replace(left, refused=(tilt,)))
 
     assert said.startswith(why(left))
-    assert "Tilt of the bearing in joint 5 would explain the readings better" in said
+    assert "Tilt of the bearing in joint 5 (A4) would explain the readings better" in said
     assert why(replace(Facts(), refused=(tilt,))) == why(Facts()), "nothing was found"
 
 
