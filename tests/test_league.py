@@ -381,6 +381,7 @@ def answer(verdict, *causes, next_poses=()):
             "causes": causes,
             "next_poses": list(next_poses),
             "detection": {"remainder_over_scatter": 2.0},
+            "noise_floor_mm": 0.03,
         },
         "joint_springs": {"validation": {"held_out_rms_mm": 0.2}},
     }

@@ -49,7 +49,7 @@ CAMPAIGNS = {
     "adequate": lambda: files_of(None, 0.0, [1, 2]),
     "explained": lambda: files_of("rail_roll", 1.0, [1, 2]),
     "ambiguous": lambda: files_of("joint_tilt:5", 2.0, [1, 2]),
-    "unexplained": lambda: files_of("hertzian_rollers", 2.0, [1, 3]),
+    "unexplained": lambda: files_of("chain_rubs", 2.0, [1, 3]),
     "bad_data": lambda: mistyped(files_of("rail_roll", 1.0, [1, 2])),
 }
 OTHER = "other"

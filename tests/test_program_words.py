@@ -546,7 +546,7 @@ def test_a_program_of_another_arm_is_refused(tmp_path):
 def test_a_target_at_its_limit_is_refused_where_it_would_leave_it(kuka):
     """Axis 2 stands at +20 deg: pushed one way it has to go beyond, pushed the other way not."""
     text = "PTP {A1 10.0,A2 20.0,A3 60.0,A4 20.0,A5 40.0,A6 -30.0,E1 3000}\n"
-    up, down = "0,0,20000", "0,0,-20000"
+    up, down = "0,0,14000", "0,0,-14000"
     refused = []
     for force in (up, down):
         try:
