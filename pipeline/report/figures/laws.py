@@ -22,7 +22,7 @@ _MOST_LAWS = 4
 _NAMES = {"torque": "torque about its axis", "force": "force along it", "load": "size of the load"}
 _NAMES |= {"time": "time after the first reading", "turn": "turn", "shift": "shift"}
 _NAMES |= {"angle": "angle of the joint", "position": "position along the rail"}
-_NAMES |= {"compliance": "compliance that the springs leave"}
+_NAMES |= {"compliance": "extra compliance"}
 
 
 def _laws(tables: Tables) -> list[pd.DataFrame]:
@@ -93,9 +93,18 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         name = capital(_NAMES[first["is"]]) if first["is"] in _NAMES else first["is"]
         view.set(xlabel=f"{capital(_NAMES[first['of']])} [{first['x_unit']}]")
         view.set_ylabel(f"{name} [{unit}]" if unit else name)
-        title(view, words.from_label(str(first["cause"]), answer.axes))
+        title(view, _called(answer, str(first["cause"])))
     legend_below(canvas)
     return tips
+
+
+def _called(answer: Answer, label: str) -> str:
+    """A cause; a law that nobody listed by what it is, with its amplitude."""
+    name, _, where = label.partition(":")
+    for cause in answer.diagnosis.causes:
+        if cause.law is not None and (cause.name, str(cause.where or "")) == (name, where):
+            return cause.law.text
+    return words.from_label(label, answer.axes)
 
 
 def _write(answer: Answer, tables: Tables) -> Figure | None:
@@ -104,7 +113,7 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
         return None
     causes = pd.concat(told).groupby("cause", sort=False)
     parts = [
-        f"{words.from_label(str(label), answer.axes)} explains {percent(_explained(rows))}"
+        f"{_called(answer, str(label))} explains {percent(_explained(rows))}"
         for label, rows in causes
     ]
     said = f"Of the variation between pulls {', '.join(parts)}."
