@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.answer.contract import Answer
+from pipeline.answer.scene import MOST
 
 REPEATS, TARGETS = 3, ("P1", "P2", "P3")
 ROLL = {"name": "rail_roll", "where": None, "form": None, "in_catalogue": True}
@@ -411,6 +412,9 @@ def _cell(points: pd.DataFrame, rows: pd.DataFrame) -> dict[str, pd.DataFrame]:
         vectors[f"left_{a}_m"] = last[a].to_numpy()
     for pair in ("xx", "xy", "xz", "yy", "yz", "zz"):
         vectors[f"c{pair}_m2"] = 1e-9 if pair[0] == pair[1] else 0.0
+    every = vectors["pose"].unique()  # of many poses the stage draws some
+    drawn = every[np.unique(np.linspace(0, len(every) - 1, MOST).astype(int))]
+    vectors = vectors[vectors["pose"].isin(drawn)].reset_index(drop=True)
     bodies = [_body(0, "base", "base", (0, -0.5, -0.4), (0, 18.5, -0.4), 0.4)]
     bodies.append(_body(0, "tracker", "tracker", (6.0, 9.0, 0.7), (6.0, 9.0, 0.7), 0.0))
     bodies.append(_body(0, "reflector", "B1", (0.6, -0.5, -0.3), (0.6, -0.5, -0.3), 0.0))

@@ -16,7 +16,7 @@ Tables = Mapping[str, pd.DataFrame]
 """Tables by the lower-case name of their promise, SI."""
 
 MM = 1e3
-MOST = 3000
+MOST = 2000
 """Marks in one picture; of more, the largest and an even choice of the rest are drawn."""
 
 AXES = ["dx_m", "dy_m", "dz_m"]
