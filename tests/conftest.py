@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import signal
+from collections import defaultdict
 from collections.abc import Callable
 
 import pytest
@@ -25,12 +26,24 @@ def pytest_collection_modifyitems(config: pytest.Config, items: list[pytest.Item
     Without that each worker makes every fixture of a module, and a long group that begins last
     keeps one worker busy while the other has nothing left.
     """
+    _sample(items)
     if not hasattr(config, "workerinput"):
         return
     for item in items:
         if item.get_closest_marker("xdist_group") is None and _shares(item):
             item.add_marker(pytest.mark.xdist_group(item.path.stem))
     items.sort(key=lambda item: item.get_closest_marker("xdist_group") is None)
+
+
+def _sample(items: list[pytest.Item]) -> None:
+    """Of a test that is `sampled(n)`, all but the first n are slow: kinds that differ little."""
+    played: dict[str, int] = defaultdict(int)
+    for item in items:
+        if (few := item.get_closest_marker("sampled")) is not None:
+            name = item.nodeid.partition("[")[0]
+            played[name] += not item.get_closest_marker("slow")
+            if played[name] > few.args[0]:
+                item.add_marker(pytest.mark.slow)
 
 
 def _shares(item: pytest.Item) -> bool:

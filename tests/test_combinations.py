@@ -186,6 +186,7 @@ def test_what_is_known_is_what_numpy_finds(world, told):
             assert joint.compliance_std == pytest.approx(np.linalg.norm(half[k]), rel=1e-6)
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("world", list(WORLDS))
 def test_undetermined_is_no_rejection(world, told, tmp_path):
     """Exit 0, with --strict a doubt; JSON, page, PDF and hand-over hold what is known."""

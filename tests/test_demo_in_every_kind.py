@@ -223,6 +223,7 @@ UNKNOWN = {
 """Kinds that name their targets and leave something open."""
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", UNKNOWN)
 def test_known_reflectors_settle_what_the_file_leaves_open(name, ours):
     """Unit, kind of coordinates and where angles are zero, by [tool] and [base_frame] alone."""
@@ -272,6 +273,7 @@ def test_which_way_azimuths_grow_only_points_off_a_plane_settle():
         assert len(why) == (sense is not None)
 
 
+@pytest.mark.sampled(11)
 @pytest.mark.parametrize("name", KINDS)
 def test_the_demo_is_read_from_every_kind(name, ours):
     """Names and states as they were, places to the digits written, times where there are some."""

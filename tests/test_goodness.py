@@ -22,6 +22,7 @@ def answer_to(name, seed):
     return asked(run._files(cell, world, record, factor)).answer
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     "world",
     [

@@ -201,6 +201,7 @@ def test_through_real_files_an_innocent_machine_is_let_go(blind):
     assert blind("innocent").verdict == "adequate"
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("league")
 def test_through_real_files_a_secret_is_named(blind):
     """With a gain that is certain."""

@@ -296,6 +296,7 @@ def test_suspicious_screenings_are_answered(before):
 # --- limits --------------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_what_does_not_end_is_ended_and_reported(monkeypatch):
     """A hang, a dead process, a deaf one, one without memory; the next case is played."""
     monkeypatch.setattr(run, "GRACE", 0.5)

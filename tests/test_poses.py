@@ -145,6 +145,7 @@ def test_the_rotation_of_a_pose_has_its_own_uncertainty():
     assert alike.loaded_cov[1] == pytest.approx(5e-5**2 * np.eye(3))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(("kind", "verdict"), [
     ("laser_tracker", "unexplained"), ("camera", "adequate"), ("arm", "adequate"),
     ("unknown", "adequate"),

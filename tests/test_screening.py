@@ -59,6 +59,7 @@ BLUNDERS = [
 ]
 
 
+@pytest.mark.sampled(7)
 @pytest.mark.parametrize("blunder", BLUNDERS)
 def test_a_blunder_is_named_with_its_place(blunder):
     """First of all findings stands what the operator did, and where."""

@@ -29,6 +29,7 @@ def case():
     return small()
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("world", "name"),
     [("student3", "heavy_tails"), ("bursts", "heavy_tails"), ("wander10", "tracker_wander")],

@@ -121,6 +121,7 @@ def test_weighted_registration_is_the_maximum_of_the_likelihood(settings):
     assert found.dof == 3 * 4 - 6
 
 
+@pytest.mark.slow
 def test_registration_claims_the_scatter_it_has(settings):
     """Over 400 noisy registrations the rotation scatters as its covariance says."""
     rng = np.random.default_rng(9)

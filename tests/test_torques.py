@@ -1,6 +1,7 @@
 """Torques of joints that scatter unlike each other: intervals of what they weigh hold the truth."""
 
 import numpy as np
+import pytest
 
 from pipeline.reduction.torques import _drawn, _std
 
@@ -17,6 +18,7 @@ def campaign(rng):
     return X, A @ TRUE + 5.0 + scatter * rng.standard_normal(len(joint)), joint
 
 
+@pytest.mark.slow
 def test_scatters_that_few_readings_tell_are_not_taken_for_known():
     """95 % intervals of 60 campaigns; weights taken for certain hold 88 % of them."""
     rng, inside = np.random.default_rng(20261123), []

@@ -318,6 +318,7 @@ def torques(files, q, repeats, seed=1, offset=3.0, noise=0.5, sense=-1.0, arm=20
     return dict(files, **{"joints.csv": ("\n".join(lines) + "\n").encode()})
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("repeats", [True, False])
 def test_joint_torques_weigh_a_payload(repeats):
     """Mass and centre with honest uncertainties, whatever the sense, the offsets, the arm."""
@@ -428,6 +429,7 @@ SLIPS = {
 }  # fmt: skip
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", SLIPS)
 def test_a_slip_in_the_loads_is_found_and_put_right(name):
     """In the unit of the row, once, and the springs are right without it."""

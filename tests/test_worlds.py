@@ -451,6 +451,7 @@ def remembering(joint, part, minutes):
     return Secret("memory", f"joint {joint}", False, plant), part
 
 
+@pytest.mark.slow
 def test_a_joint_that_remembers_its_loads_is_none_of_the_catalogue():
     """Friction of that joint fits, too: something without a name is likelier, and that is said."""
     world = WORLDS["memory"]
