@@ -9,7 +9,7 @@ from pipeline.answer.contract import Answer
 from pipeline.answer.contradicted import entry_findings
 from pipeline.answer.diagnosis import diagnosis_entry, noise_entry, placed
 from pipeline.answer.findings import Findings
-from pipeline.answer.geometry import estimated_table, with_positions
+from pipeline.answer.geometry import estimated_combinations, estimated_table, with_positions
 from pipeline.answer.inputs import (
     assumptions,
     growth_findings,
@@ -121,7 +121,8 @@ def answer(found: Findings) -> Answer:
         instrument=instrument_entry(given.case.settings),
         robot_unit=unit_entry(given.case.settings),
         overload=overload,
-        geometry=estimated_table(stood),
+        geometry=(table := estimated_table(stood)),
+        geometry_combinations=estimated_combinations(stood, table),
         common_factor=factor,
         model=contract.Forward(
             equilibrium=contract.Equilibrium(found.told.values.first.cell.equilibrium),

@@ -740,6 +740,22 @@ class Letter(Placed):
     )
 
 
+class Mixed(Placed):
+    """An entry of the robot's table within a sum of several."""
+
+    weight: float = Field(description="of its error; the largest is 1")
+
+
+class TableCombination(Fact):
+    """What is determined of entries of the robot's table that are not determined singly."""
+
+    of: tuple[Mixed, ...]
+    value: float = Field(description="sum of weight times error; an error is value minus nominal")
+    std: float = Field(description="standard uncertainty")
+    ci95: Interval
+    unit: Literal["m", "rad"]
+
+
 class PositionStep(Fact):
     """Mean distance of left-out targets from their prediction by one model [mm]."""
 
@@ -965,6 +981,12 @@ class Answer(Values, Heading):
         exclude_if=_nothing,
         description="the robot's table as absolute positions or unloaded reflectors show it; "
         "absent without them",
+    )
+    geometry_combinations: tuple[TableCombination, ...] = Field(
+        default=(),
+        exclude_if=_nothing,
+        description="what only several entries of the robot's table together are known by; absent "
+        "without such",
     )
     position_steps: tuple[PositionStep, ...] = Field(
         default=(),

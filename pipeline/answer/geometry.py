@@ -2,14 +2,18 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pipeline.answer import contract
-from pipeline.base.arrays import Array
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Parameter
 from pipeline.base.linear import rms
 from pipeline.diagnosis.facts import Standing
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.letters import letters, nominal
+from pipeline.system.combinations import mixes
 
 KNOWN = 0.5
 """Variance over that of the prior below which the readings alone know more than the prior does."""
@@ -43,6 +47,71 @@ def table_entries(
         for letter, stated, moved, v, prior, std in zip(
             every, table, off, variance, rough, before, strict=True
         )
+    )
+
+
+_QUANTILE = 1.959964
+"""Of 95 % intervals: there are many readings."""
+
+
+_HALF = 2.0
+"""A mix is determined if known to half of its typical size: if the readings by themselves know it
+to the uncertainty it had before, as with a single entry and `KNOWN`."""
+
+
+def table_combinations(
+    entries: Sequence[contract.Letter], cov: Array, after: Array, before: Array
+) -> tuple[contract.TableCombination, ...]:
+    """Every direction that the readings determine of entries that they do not determine singly.
+
+    With S = diag(s^2) the covariance of the entries before the readings and C after them, the
+    readings by themselves have the information S^(1/2) C^-1 S^(1/2) - 1 on entries in units of s,
+    whatever the place of the robot, its tool and all else is.
+
+    Args:
+        entries: All of the table, in its order.
+        cov: Covariance of their errors as stated [m] or [rad], shape (k, k).
+        after: C, on the same roughness of the table as `before`, shape (k, k).
+        before: s, shape (k,).
+    """
+    one, size = np.eye(len(before)), _HALF * before
+    N = _HALF**2 * (linear.solve(after / np.outer(before, before), one) - one)
+    kinds = [Parameter(e.name, e.unit, s) for e, s in zip(entries, size.tolist(), strict=True)]
+    off = np.array([entry.value - entry.nominal for entry in entries])
+    alone = np.array([entry.identifiable for entry in entries], dtype=bool)
+    return tuple(
+        _combination(
+            [entries[k] for k in one.of], one.weights, off[one.of], cov[np.ix_(one.of, one.of)]
+        )
+        for one in mixes(N, kinds, off, alone)
+    )
+
+
+def _combination(
+    members: Sequence[contract.Letter], weights: Array, off: Array, cov: Array
+) -> contract.TableCombination:
+    value, std = float(weights @ off), float(np.sqrt(weights @ cov @ weights))
+    return contract.TableCombination(
+        of=tuple(
+            contract.Mixed(name=entry.name, where=entry.where, weight=weight)
+            for entry, weight in zip(members, weights.tolist(), strict=True)
+        ),
+        value=value,
+        std=std,
+        ci95=(value - _QUANTILE * std, value + _QUANTILE * std),
+        unit=members[0].unit,
+    )
+
+
+def estimated_combinations(
+    stood: Standing, entries: Sequence[contract.Letter]
+) -> tuple[contract.TableCombination, ...]:
+    """What is determined of several entries together, in a campaign of pulls."""
+    if (found := stood.cells) is None:
+        return ()
+    at, best = found.zeros.columns.table, found.best
+    return table_combinations(
+        entries, found.covariance[at, at], found.cov[best][at, at], found.std[best][at]
     )
 
 

@@ -20,7 +20,7 @@ from pipeline.answer.contract import (
     Reason,
     Which,
 )
-from pipeline.answer.geometry import KNOWN, table_entries
+from pipeline.answer.geometry import KNOWN, table_combinations, table_entries
 from pipeline.answer.inputs import (
     identity_entry,
     input_entries,
@@ -107,6 +107,7 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
             raw.settings, None, np.arange(len(shown.found.readings)), np.zeros((0, 3))
         ),
         geometry=letter_entries(shown.found),
+        geometry_combinations=letter_combinations(shown.found),
         position_steps=tuple(_step(one) for one in found.stages),
         model=contract.Forward(equilibrium=contract.Equilibrium.UNDEFORMED),
         assumptions=(*raw.robot.assumptions, *_ASSUMED),
@@ -210,6 +211,13 @@ def letter_entries(found: Identified) -> tuple[contract.Letter, ...]:
         np.array([known.roughness(letter.turns) for letter in mechanism.letters]),
         known.std[:k],
     )
+
+
+def letter_combinations(found: Identified) -> tuple[contract.TableCombination, ...]:
+    """What is determined of several entries of the robot's table together."""
+    k = len(found.mechanism.values)
+    cov = found.solution.cov[:k, :k]
+    return table_combinations(letter_entries(found), cov, cov, found.known.std[:k])
 
 
 def _fit(found: Identified) -> contract.Fit:

@@ -165,7 +165,8 @@ def mix(weights: Iterable[float], names: Iterable[str]) -> str:
     said = ""
     for weight, name in zip(weights, names, strict=True):
         sign = "-" if weight < 0 else "+" if said else ""
-        size = "" if abs(weight) == 1 else f"{plain(abs(weight))} "
+        size = plain(abs(weight))
+        size = "" if float(size) == 1 else f"{size} "
         said += f" {sign} {size}{name}" if said else f"{sign}{size}{name}"
     return said
 

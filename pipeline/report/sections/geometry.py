@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from pipeline.answer.contract import Answer, Cause, Letter, PositionStep
-from pipeline.base.quantities import p_value, percent, plain
+from pipeline.answer.contract import Answer, Cause, Letter, PositionStep, TableCombination
+from pipeline.base.quantities import mix, p_value, percent, plain
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import Section, Table, Text, section_of
@@ -47,7 +47,9 @@ def laws(answer: Answer, tables: Tables) -> Section | None:
 
 def letters(answer: Answer) -> Section | None:
     """The robot's table as delivered and as found."""
-    return section_of("table", "Geometric parameters of the robot", [_letters(answer)])
+    return section_of(
+        "table", "Geometric parameters of the robot", [_letters(answer), _together(answer)]
+    )
 
 
 def _steps(answer: Answer) -> Table | None:
@@ -111,6 +113,29 @@ def _letters(answer: Answer) -> Table | None:
         "A parameter that is not determined moves the targets as others do, or hardly at all; it "
         "keeps the uncertainty of a table as delivered.",
     )
+
+
+def _together(answer: Answer) -> Table | None:
+    columns: list[Cells[TableCombination]] = [
+        said("Combination", _sum),
+        measured(
+            "Identified minus delivered [mm or mrad]",
+            lambda one: (1e3 * one.value, 1e3 * one.std),
+        ),
+    ]
+    return table_of(
+        "letter_combinations",
+        "Parameters that only together are determined",
+        columns,
+        answer.geometry_combinations,
+        "These move the targets as one, as offsets along parallel axes do. Enter what is found in "
+        "any one of them.",
+    )
+
+
+def _sum(one: TableCombination) -> str:
+    names = [f"{_NAMES.get(entry.name, entry.name)} {entry.where}" for entry in one.of]
+    return mix([entry.weight for entry in one.of], names)
 
 
 def _scaled(one: Letter, value: float) -> float:
