@@ -9,7 +9,12 @@ from pipeline.answer.contract import Answer
 from pipeline.answer.contradicted import entry_findings
 from pipeline.answer.diagnosis import diagnosis_entry, noise_entry, placed
 from pipeline.answer.findings import Findings
-from pipeline.answer.geometry import estimated_combinations, estimated_table, with_positions
+from pipeline.answer.geometry import (
+    estimated_combinations,
+    estimated_table,
+    misshapen_findings,
+    with_positions,
+)
 from pipeline.answer.inputs import (
     assumptions,
     growth_findings,
@@ -108,6 +113,7 @@ def answer(found: Findings) -> Answer:
             *shot_findings(given.case, given.data.pulls),
             *treated_findings(given.case),
             *pose_findings(found.one_pose),
+            *misshapen_findings(stood),
             *contradicted(payloads),
             *overloaded(overload),
             *path_findings(tolerance, found.right.data.pulls.range_n),
@@ -136,8 +142,11 @@ def answer(found: Findings) -> Answer:
 
 def _identity(found: Findings) -> contract.Identity:
     """What the report is filed by."""
-    readings, data = found.given.reduced.shown["readings"], found.right.data.pulls
-    return identity_entry(found.raw.settings, readings["time"], data.pose, data.force)
+    readings, data = found.given.reduced.shown["readings"], found.right.data
+    alone = 0 if data.idle is None else data.idle.poses
+    return identity_entry(
+        found.raw.settings, readings["time"], data.pulls.pose, data.pulls.force, alone
+    )
 
 
 def _day_to_day(found: Findings) -> contract.DayToDay | None:

@@ -793,6 +793,12 @@ class Identity(Fact):
     temperature_c: Number = Field(description="mean of rail and base frame")
     scale: Unit | None
     poses: int
+    unloaded_only: int = Field(
+        default=0,
+        exclude_if=_nothing,
+        description="poses beside them in which reflectors were read and nothing was pulled; "
+        "absent without such",
+    )
     pulls: int
     force_n: tuple[float, float] | None = Field(description="smallest and largest load")
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.answer import contract
+from pipeline.answer.words import listed
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Parameter
 from pipeline.base.linear import rms
@@ -134,6 +135,20 @@ def estimated_table(stood: Standing) -> tuple[contract.Letter, ...]:
         entry.model_copy(update={"identifiable": entry.identifiable and letter.label not in shared})
         for entry, letter in zip(every, letters(zeros.robot), strict=True)
     )
+
+
+def misshapen_findings(stood: Standing) -> list[str]:
+    """Poses without a pull that tell nothing of the table."""
+    found = () if stood.cells is None else stood.cells.zeros.misshapen.tolist()
+    if not found:
+        return []
+    few = len(found) == 1
+    which = f"Pose {found[0]}" if few else f"Poses {listed([str(pose) for pose in found])}"
+    return [
+        f"{which}, where nothing was pulled, {'is' if few else 'are'} left out of the estimate of "
+        "the robot's table: the distances between the reflectors are not those of the other "
+        f"poses, so one of the readings is spoilt. Read {'it' if few else 'them'} again."
+    ]
 
 
 def _shared(stood: Standing) -> set[str]:

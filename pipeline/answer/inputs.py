@@ -190,7 +190,11 @@ def _unit(said: Unit | Scale) -> contract.Unit | None:
 
 
 def identity_entry(
-    settings: Settings, times: pd.Series[pd.Timestamp] | None, pose: Ints, force: Array
+    settings: Settings,
+    times: pd.Series[pd.Timestamp] | None,
+    pose: Ints,
+    force: Array,
+    unloaded_only: int = 0,
 ) -> contract.Identity:
     """What a report is filed by.
 
@@ -199,6 +203,7 @@ def identity_entry(
         times: Of the readings; None where they have none.
         pose: Pose of each pull, or of each reading of positions, shape (m,).
         force: Of each pull [N], F_b, shape (m, 3), no rows without pulls.
+        unloaded_only: Number of poses in which reflectors were read and nothing was pulled.
     """
     known = None if times is None or times.dropna().empty else times.dropna()
     size = np.linalg.norm(force, axis=1)
@@ -209,6 +214,7 @@ def identity_entry(
         temperature_c=settings.temperature_c,
         scale=None if settings.scale is None else _unit(settings.scale),
         poses=len(np.unique(pose)),
+        unloaded_only=unloaded_only,
         pulls=len(size),
         force_n=(float(size.min()), float(size.max())) if len(size) else None,
     )

@@ -18,17 +18,20 @@ from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
+from scipy.linalg import block_diag
 from scipy.spatial.transform import Rotation
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.linear import rms
+from pipeline.base.tails import chi2_beyond
 from pipeline.geometry.mechanism import reach
 from pipeline.geometry.scatter import START
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Geometry, Pulls
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.letters import Letter, changed, letters, twists
+from pipeline.reduction.idle import Idle
 from pipeline.reduction.measured import Measured
 
 USUAL = (2e-4, 2e-4)
@@ -91,6 +94,8 @@ class Unloaded(Locked):
         tool_std: The same of points of the tool [m], 0 where nothing is stated.
         place: Where F_b stands if the table is right [m], shape (3,): metres of it would cost the
             likelihoods, which are differences of squares, their digits.
+        misshapen: Poses without a pull that are left out: their targets are not where a rigid
+            effector has them, so that one of the readings is spoilt.
     """
 
     robot: Robot
@@ -105,6 +110,7 @@ class Unloaded(Locked):
     joint_std: Array
     tool_std: float = 0.0
     place: Array = field(default_factory=lambda: np.zeros(3))
+    misshapen: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
 
     @cached_property
     def letters(self) -> tuple[Letter, ...]:
@@ -270,24 +276,97 @@ def unloaded(
     """
     _, first = np.unique(data.zero, return_index=True)
     first = first[np.isfinite(data.unloaded[first]).all(axis=1)]
-    poses, pose = np.unique(data.pulls.pose[data.pull[first]], return_inverse=True)
+    pulls, target = data.pulls.part(data.pull[first]), data.target[first]
+    at, cov, misshapen = data.unloaded[first], data.zero_cov[first], np.zeros(0, np.int64)
+    if data.idle is not None and len(first):
+        misshapen = _misshapen(data.idle, _Shape.of(pulls.pose, target, at, cov), scale)
+        more = np.flatnonzero(~np.isin(data.idle.pulls.pose, misshapen))
+        pulls, target = (
+            pulls.and_then(data.idle.pulls.part(more)),
+            np.r_[target, data.idle.target[more]],
+        )
+        at, cov = np.r_[at, data.idle.at[more]], np.r_[cov, data.idle.cov[more]]
+    poses, pose = np.unique(pulls.pose, return_inverse=True)
     if len(poses) < _FEWEST or not np.isfinite(scale):
         return None
     found = Unloaded(
         robot=robot,
         tool=tool,
         sag=sag,
-        pulls=data.pulls.part(data.pull[first]),
+        pulls=pulls,
         pose=pose.astype(np.int64),
-        target=data.target[first],
-        at=data.unloaded[first],
-        cov=data.zero_cov[first] * scale**2,
+        target=target,
+        at=at,
+        cov=cov * scale**2,
         rotation=linear.factor(data.rotation_cov),
         joint_std=data.joint_std,
         tool_std=data.tool_std,
+        misshapen=misshapen,
     )
     return replace(found, place=found.seen(np.zeros(found.columns.count)).mean(axis=0))
 
+
+@dataclass(frozen=True, eq=False)
+class _Shape(Locked):
+    """Distances between targets of the effector.
+
+    Attributes:
+        mean: Of the poses in which something was pulled [m], NaN where never read, shape (t, t).
+        variance: Of that [m^2], shape (t, t).
+    """
+
+    mean: Array
+    variance: Array
+
+    @classmethod
+    def of(cls, pose: Ints, target: Ints, at: Array, cov: Array) -> _Shape:
+        """From positions of targets in several poses."""
+        t = int(target.max()) + 1
+        total, variance, count = np.zeros((3, t, t))
+        for one in np.unique(pose):
+            mine = pose == one
+            a, b, D, J = _distances(target[mine], at[mine])
+            total[a, b] += D
+            variance[a, b] += np.einsum("di,ij,dj->d", J, block_diag(*cov[mine]), J)
+            count[a, b] += 1
+        with np.errstate(invalid="ignore", divide="ignore"):
+            return cls(total / count, variance / count**2)
+
+
+def _distances(target: Ints, at: Array) -> tuple[Ints, Ints, Array, Array]:
+    """Pairs of targets of one pose in ascending order, distances [m], derivatives (pairs, 3 n)."""
+    order = np.argsort(target)
+    i, j = (order[k] for k in np.triu_indices(len(target), 1))
+    apart = at[i] - at[j]
+    D = np.linalg.norm(apart, axis=1)
+    J, pair = np.zeros((len(i), len(target), 3)), np.arange(len(i))
+    J[pair, i] = apart / D[:, None]
+    J[pair, j] = -J[pair, i]
+    return target[i], target[j], D, J.reshape(len(i), -1)
+
+
+def _misshapen(idle: Idle, shape: _Shape, scale: float) -> Ints:
+    """Poses without a pull in which distances between targets are not those of the other poses.
+
+    Nothing else tells a spoilt reading there: a rigid effector keeps its distances D wherever the
+    robot is, and chi2 = d' (J C J' + V)^-1 d of their differences d is that of its readings.
+    """
+    poses = np.unique(idle.pulls.pose)
+    out = []
+    for one in poses:
+        mine = (idle.pulls.pose == one) & (idle.target < len(shape.mean))
+        a, b, D, J = _distances(idle.target[mine], idle.at[mine])
+        known = np.isfinite(shape.mean[a, b])
+        d, J = (D - shape.mean[a, b])[known], J[known]
+        V = J @ block_diag(*idle.cov[mine]) @ J.T + np.diag(shape.variance[a, b][known])
+        chi2 = float(d @ linear.inverse(V) @ d) / scale**2
+        if chi2_beyond(chi2, linear.rank(V)) < _RARE / len(poses):
+            out.append(one)
+    return np.array(out, dtype=np.int64)
+
+
+_RARE = 1e-3
+"""Chance of leaving out any pose without a pull, if all of them are sound."""
 
 _FEWEST = 4
 """Poses: with fewer, place, turn and tool explain everything."""

@@ -103,6 +103,11 @@ class Pulls(Locked):
         """Some of the pulls."""
         return Pulls(**{one.name: getattr(self, one.name)[which] for one in fields(self)})
 
+    def and_then(self, others: Pulls) -> Pulls:
+        """These and others behind them."""
+        pairs = {f.name: (getattr(self, f.name), getattr(others, f.name)) for f in fields(self)}
+        return Pulls(**{name: np.concatenate(pair) for name, pair in pairs.items()})
+
     def under(self, forces: Array) -> Pulls:
         """The same pulls under n sets of forces, one set after the other.
 

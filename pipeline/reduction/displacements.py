@@ -53,6 +53,26 @@ def displacements(settings: Settings, placed: pd.DataFrame) -> pd.DataFrame:
     return pd.DataFrame(columns, copy=False)
 
 
+def zeros(settings: Settings, placed: pd.DataFrame) -> pd.DataFrame:
+    """Mean unloaded reading of each target in each pose that has any.
+
+    Columns pose, target (index in the measured targets), zero_x_m.., zero_cxx_m2.., zero_count,
+    zero_time_s; sorted by pose and target.
+
+    Args:
+        settings: Names of the measured targets.
+        placed: Table PLACED, F_b.
+    """
+    names = settings.measured
+    target = places(placed["target"], names)
+    rows = np.flatnonzero((places(placed["state"], ["unloaded"]) == 0) & (target >= 0))
+    poses, of_pose = numbered(placed["pose"].to_numpy()[rows])
+    zero = _zero(placed, rows, of_pose * len(names) + target[rows], len(poses) * len(names))
+    pose, index = np.repeat(poses, len(names)), np.tile(np.arange(len(names)), len(poses))
+    found = pd.DataFrame({"pose": pose, "target": index, **zero}, copy=False)
+    return found[found["zero_count"] > 0]
+
+
 def _order(pose: Ints, repeat: Ints, target: Ints) -> Ints | slice:
     """What sorts rows by pose, repeat and target; most exports are in order already."""
     pull = pull_number(pose, repeat)

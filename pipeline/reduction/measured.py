@@ -16,6 +16,7 @@ from pipeline.machine.cell import Tool
 from pipeline.machine.effect import MOUNTED, Pulls
 from pipeline.machine.robot import Robot, configure
 from pipeline.reduction.case import tool
+from pipeline.reduction.idle import Idle, idle
 from pipeline.reduction.register import Registration
 from pipeline.reduction.settings import Instrument, Scale, Settings
 from pipeline.reduction.weights import PULL
@@ -67,6 +68,7 @@ class Measured(Locked):
         day: Day of each pull, counted from 0, shape (m,); empty where no pose was repeated on
             another day.
         day_rel: Relative standard uncertainty of all displacements of a day [1], see `days`.
+        idle: Unloaded readings of poses without a pull; None where there are none.
     """
 
     pulls: Pulls
@@ -100,6 +102,7 @@ class Measured(Locked):
     length_rel: float = 0.0
     day: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     day_rel: float = 0.0
+    idle: Idle | None = None
 
     def __post_init__(self) -> None:
         """Pulls of which nothing else is said have no weight."""
@@ -122,6 +125,7 @@ class Measured(Locked):
             loaded_cov=self.loaded_cov * factor**2,
             zero_cov=self.zero_cov * factor**2,
             direction_cov=self.direction_cov * factor**2,
+            idle=self.idle and self.idle.scaled(factor),
         )
 
     def reweighed(self, loaded: Array, zero: Array) -> Measured:
@@ -157,7 +161,8 @@ def measured(
         joints: Table of joint values, `tables.joints(robot)`.
         forces: Table FORCES.
         displacements: Table DISPLACEMENTS.
-        placed: Table PLACED, for the times of the zeros; they are unknown without it.
+        placed: Table PLACED, for the times of the zeros and for poses without a pull; both are
+            unknown without it.
     """
     targets, off = settings.measured, settings.joints
     pulls = forces.merge(joints, on="pose").sort_values(["pose", "repeat"], ignore_index=True)
@@ -209,6 +214,9 @@ def measured(
         tracked=settings.instrument.kind == "laser_tracker",
         length_rel=settings.instrument.length_sigma_rel,
     )
+    if placed is not None:
+        alone = idle(settings, robot, joints, placed, np.unique(data.pulls.pose[data.pull]))
+        data = replace(data, idle=alone if len(alone) else None)
     effector = tool(settings)
     return in_poses(data, robot, effector, settings.instrument) if effector.six else data
 
@@ -265,6 +273,7 @@ def in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) -> 
         name=effector.read[kind],
         delta=delta.reshape(-1, 3),
         unloaded=np.full((2 * len(pull), 3), np.nan),
+        idle=None,
         loaded_cov=np.stack([loaded, turned[0]], axis=1).reshape(-1, 3, 3),
         zero_cov=np.stack([zero, turned[1]], axis=1).reshape(-1, 3, 3),
         zero=2 * np.repeat(which, 2) + kind,

@@ -76,4 +76,10 @@ def _counts(found: Identity) -> str:
     if found.force_n is None:
         return f"{found.poses} poses"
     least, most = (plain(force) for force in found.force_n)
-    return f"{found.poses} poses, {found.pulls} pulls of {least} N to {most} N"
+    beside = f"; {_counted(found.unloaded_only)} read without a pull" if found.unloaded_only else ""
+    return f"{found.poses} poses, {found.pulls} pulls of {least} N to {most} N{beside}"
+
+
+def _counted(poses: int) -> str:
+    """`1 more pose`, `5 more poses`."""
+    return "1 more pose" if poses == 1 else f"{poses} more poses"
