@@ -53,7 +53,7 @@ class Made:
             "efficiency": proposal.efficiency,
             "seconds": round(self.seconds, 3),
         }
-        content |= _cell(proposal, factor, unit)
+        content |= _cell(proposal, factor, unit) | _unpulled(proposal)
         if proposal.mixed is not None:
             content[f"pure_epsilon{unit}"] = factor * proposal.plan.figure
             content["named"] = proposal.mixed.named
@@ -72,6 +72,7 @@ class Made:
             _summary(self),
             cell_lines(self.proposal),
             _poses(self.proposal),
+            [*unpulled_lines(self.proposal), *_poses_without_a_pull(self.proposal)],
             _joints(self.proposal),
         ]
         parts += [[str(path) for path in self.written]] if self.written else []
@@ -157,6 +158,34 @@ def _cell(proposal: Proposal, factor: float, unit: str) -> dict[str, Any]:
     return {"cell": told}
 
 
+def _unpulled(proposal: Proposal) -> dict[str, Any]:
+    """Poses without a pull and what they tell of the robot's table; nothing without them."""
+    if (found := proposal.unpulled) is None:
+        return {}
+    return {
+        "unloaded": {
+            "poses": printed(proposal.problem, found.q).tolist(),
+            "table_relative_std": found.figure,
+            "table_relative_std_without": found.without,
+            "bound": found.bound,
+            "offered": found.offered,
+        }
+    }
+
+
+def unpulled_lines(proposal: Proposal) -> list[str]:
+    """The same in a sentence."""
+    if (found := proposal.unpulled) is None:
+        return []
+    few = "1 pose" if len(found.q) == 1 else f"{len(found.q)} poses"
+    return [
+        f"{few} more, read without a pull, for the robot's table: standard uncertainty of its "
+        f"entries {percent(found.figure)} of that as delivered (geometric mean), "
+        f"{percent(found.without)} without them; of the {found.offered} poses on offer no choice "
+        f"is below {percent(found.bound)}"
+    ]
+
+
 def _unchecked(problem: Problem) -> tuple[str, ...]:
     return unchecked(problem.robot, problem.spec.targets, problem.spec)
 
@@ -191,6 +220,16 @@ def _poses(proposal: Proposal) -> list[str]:
         )
     ]
     return [" ".join(f"{cell:>11}" for cell in row) for row in [head, *rows]]
+
+
+def _poses_without_a_pull(proposal: Proposal) -> list[str]:
+    if proposal.unpulled is None:
+        return []
+    first = len(proposal.measurement.q) + 1
+    return [
+        " ".join(f"{cell:>11}" for cell in [f"{number:4d}", *(f"{value:.3f}" for value in row)])
+        for number, row in enumerate(printed(proposal.problem, proposal.unpulled.q), first)
+    ]
 
 
 def _joints(proposal: Proposal) -> list[str]:

@@ -36,12 +36,17 @@ def plan_text(proposal: Proposal, file: str) -> str:
 def plan_content(proposal: Proposal) -> dict[str, Any]:
     """The entries of the plan; what the problem does not say keeps the simulator's default."""
     spec, measurement = proposal.problem.spec, proposal.measurement
-    q = printed(proposal.problem, measurement.q)
+    every = measurement.q
+    approach = measurement.approach.astype(int)
+    if (beside := proposal.unpulled) is not None:
+        every = np.concatenate([every, beside.q])
+        approach = np.append(approach, np.resize([1, -1], len(beside.q)))
+    q = printed(proposal.problem, every)
     content: dict[str, Any] = {
         "name": spec.name,
         "robot": spec.robot,
         "seed": 1,
-        "poses": {"q": q.tolist(), "approach": measurement.approach.astype(int).tolist()},
+        "poses": {"q": q.tolist(), "approach": approach.tolist()},
         "pulls": _pulls(proposal),
         **tooled({name: list(at) for name, at in spec.tool.items()}, spec),
         "tracker": _tracker(proposal),
@@ -59,14 +64,15 @@ def plan_content(proposal: Proposal) -> dict[str, Any]:
 def _pulls(proposal: Proposal) -> dict[str, Any]:
     problem, measurement = proposal.problem, proposal.measurement
     steps: dict[str, Any]
-    if proposal.mixed is None:
+    more = 0 if proposal.unpulled is None else len(proposal.unpulled.q)
+    if proposal.mixed is None and not more:
         steps = {"steps_n": problem.spec.pull.steps_n, "repeats": problem.repeats}
     else:
-        steps = {"pose_steps_n": [own.tolist() for own in measurement.steps]}
+        steps = {"pose_steps_n": [own.tolist() for own in measurement.steps] + [[]] * more}
     return steps | {
         "zero": problem.spec.noise.zero,
         "anchors": [measurement.anchor.tolist()],
-        "anchor": [0] * len(measurement.q),
+        "anchor": [0] * (len(measurement.q) + more),
     }
 
 

@@ -15,6 +15,7 @@ from pipeline.design.measurement import Measurement, of_mixed, of_plan, seen_by
 from pipeline.design.problem import Problem
 from pipeline.design.search import Effort, Plan, rounded, search, undetermined
 from pipeline.design.trade import Mixed, trade
+from pipeline.design.unpulled import Unpulled, unpulled
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,6 +29,8 @@ class Proposal:
         done: What has been done, for a line of progress.
         mixed: The plan with power to diagnose, where the problem asks for one.
         cost: What the limits of the cell cost; None without a cell, or while not yet computed.
+        unpulled: Poses beside it in which only reflectors are read; None where none are asked for,
+            or while not yet chosen.
     """
 
     problem: Problem
@@ -36,6 +39,7 @@ class Proposal:
     done: str
     mixed: Mixed | None = None
     cost: Cost | None = None
+    unpulled: Unpulled | None = None
 
     @property
     def figure(self) -> float:
@@ -76,7 +80,7 @@ def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterat
         InputError: No plan meets the request; says why and what to change.
     """
     effort = effort or Effort()
-    for_search, for_bound, for_trade, for_cost = np.random.default_rng(seed).spawn(4)
+    for_search, for_bound, for_trade, for_cost, for_table = np.random.default_rng(seed).spawn(5)
     plan: Plan | None = None
     for progress in search(problem, for_search, effort):
         if progress.best is not None:
@@ -95,4 +99,8 @@ def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterat
         yield proposal
     if (asked := problem.spec.diagnosis) is not None:
         for mixed in trade(lens(problem), plan, asked, for_trade):
-            yield replace(proposal, mixed=mixed, done=f"exchange, {mixed.named} causes named")
+            proposal = replace(proposal, mixed=mixed, done=f"exchange, {mixed.named} causes named")
+            yield proposal
+    if problem.spec.plan.unloaded:
+        beside = unpulled(problem, proposal.measurement.q, for_table)
+        yield replace(proposal, unpulled=beside, done="poses without a pull")

@@ -37,17 +37,18 @@ Range = tuple[Length, Length]
 
 
 class PlanSize(Strict):
-    """How many poses, and pulls in all."""
+    """How many poses, pulls in all, and poses beside them in which only reflectors are read."""
 
     poses: int = Field(ge=1, le=200)
     readings: int = Field(ge=1, le=10_000)
+    unloaded: int = Field(default=0, ge=0, le=200)
 
 
 class DesignSpec(Strict):
     """How long the pulls may take in all, and what takes how long [s].
 
-    A pose takes `pose_s`, two readings of every reflector and one slackening; a pull one
-    tightening, and a reading of every reflector and both ends of the chain.
+    A pose takes `pose_s`, two readings of every reflector and, where it is pulled, one slackening;
+    a pull one tightening, and a reading of every reflector and both ends of the chain.
     """
 
     minutes: Positive
@@ -261,11 +262,17 @@ def _in_time(content: dict[str, Any], file: str) -> dict[str, Any]:
     targets, steps = len(spec.targets), max(1, len(spec.pull.steps_n))
     pose_s = asked.pose_s + 2 * targets * asked.reading_s + asked.tighten_s
     pull_s = asked.tighten_s + (targets + 2) * asked.reading_s
+    unpulled_s = plan.get("unloaded", 0) * (asked.pose_s + 2 * targets * asked.reading_s)
     poses, sets = counts(
-        60 * asked.minutes, pose_s, pull_s, steps, spec.noise.zero_share, plan.get("poses")
+        60 * asked.minutes - unpulled_s,
+        pose_s,
+        pull_s,
+        steps,
+        spec.noise.zero_share,
+        plan.get("poses"),
     )
     if not sets:
-        need = poses * (pose_s + steps * pull_s) / 60
+        need = (poses * (pose_s + steps * pull_s) + unpulled_s) / 60
         raise InputError(
             f"design.minutes = {asked.minutes:g} is too short for {poses} poses with {steps} pulls "
             f"each, which take {need:.0f} min",

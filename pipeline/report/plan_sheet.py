@@ -21,6 +21,7 @@ from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem, with_steps
 from pipeline.design.propose import Proposal
 from pipeline.design.schedule import pulls_at
+from pipeline.design.unpulled import Unpulled
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.machine.effect import branches
 from pipeline.machine.robot import Joint, Robot
@@ -92,6 +93,7 @@ def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
                 _setting_up(problem, measurement),
                 _driving(problem, measurement),
                 *_pulling(problem, measurement),
+                _reading_only(proposal),
                 _telling(proposal, extras),
                 _seeing(extras.sights, words.axes_of(problem.robot)),
                 _controlling(problem, extras.controls),
@@ -224,6 +226,47 @@ def _pose(
     drive = Text(_drive_to(problem.robot, measurement, pose))
     log = _log(problem, pose, measurement.steps[pose], moved)
     return section_of(f"pose{pose + 1}", name, [drive, figure, log])
+
+
+def _reading_only(proposal: Proposal) -> Section | None:
+    """Poses without a pull, one row each."""
+    if (found := proposal.unpulled) is None:
+        return None
+    robot, first = proposal.problem.robot, len(proposal.measurement.q) + 1
+    q = _in_degrees(robot, found.q)
+    names = robot.controller or tuple(joint.name for joint in robot.joints)
+    values = _turned(robot, q) if robot.controller else q
+    columns: list[Cells[int]] = [
+        said("Pose", lambda k: first + k),
+        *(_of_pose(name, column, 3) for name, column in zip(names, values.T, strict=True)),
+        said("Readings", lambda k: f"pose{first + k:02d}_rep0_unloaded", code=True),
+    ]
+    return section_of(
+        "unpulled",
+        "Poses without a pull",
+        [
+            Text(
+                "Take the chain off and read every reflector once more at these poses. They tell "
+                f"of the robot's table, not of stiffness: {worth_unpulled(found)}"
+            ),
+            table_of(
+                "unpulled",
+                "Drive to and read",
+                columns,
+                range(len(q)),
+                "Rail in m, the others in degrees." if robot.prismatic.any() else "In degrees.",
+            ),
+        ],
+    )
+
+
+def worth_unpulled(found: Unpulled) -> str:
+    """What poses without a pull are worth, and how near that is to the best."""
+    return (
+        f"its entries are then known to {percent(found.figure)} of their uncertainty as delivered "
+        f"(geometric mean), and to {percent(found.without)} from the pulled poses alone; of "
+        f"{found.offered} poses on offer no choice is below {percent(found.bound)}."
+    )
 
 
 def _drive_to(robot: Robot, measurement: Measurement, pose: int) -> str:

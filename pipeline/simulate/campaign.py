@@ -185,7 +185,7 @@ def _names(scene: Scene) -> list[tuple[str, str]]:
     """
     base, targets, pulls = scene.plan.base_frame, scene.plan.targets, scene.pulls
     wide = max(2, len(str(len(scene.anchor))))
-    after = np.bincount(pulls.pose) + 1
+    after = np.bincount(pulls.pose, minlength=len(scene.anchor) + 1) + 1
     numbers = [(k, (0, after[k])[: scene.schedule.zero.shape[1]]) for k in scene.stands.pose]
     unloaded = [f"pose{k:0{wide}d}_rep{n}_unloaded" for k, both in numbers for n in both]
     each = zip(pulls.pose, pulls.repeat, strict=True)

@@ -98,7 +98,7 @@ class Pull(Strict):
         steps_n: What the scale shows at each load step, in the order of tightening.
         repeats: How often the steps are run through, the chain released in between.
         pose_steps_n: Load steps of each pose, where poses differ; a step is negative where the
-            turnbuckle is slackened to it from above.
+            turnbuckle is slackened to it from above. A pose without steps is read unloaded only.
         zero: Whether the unloaded targets are read only before the pulls or after them too.
         anchors: Attachment points on the floor [m], F_b; spread along the robot when not given.
         anchor: Index into `anchors` per pose; in turn for drawn poses, else the nearest in reach.
@@ -267,7 +267,7 @@ class Plan(Surrounded):
 
     @model_validator(mode="after")
     def steps_are_there(self) -> Plan:
-        """Where poses have steps of their own, each has at least one, and none is zero."""
+        """Where poses have steps of their own, one has any, and no step is zero."""
         steps = self.pulls.pose_steps_n
         if steps is None:
             return self
@@ -275,8 +275,8 @@ class Plan(Surrounded):
             raise ValueError(
                 f"pulls.pose_steps_n is for {len(steps)} poses, there are {self.poses.number}"
             )
-        if not all(own and all(own) for own in steps):
-            raise ValueError("pulls.pose_steps_n: every pose needs steps, and no step is 0 N")
+        if not any(steps) or not all(all(own) for own in steps):
+            raise ValueError("pulls.pose_steps_n: a pose at least needs steps, and no step is 0 N")
         return self
 
     @property

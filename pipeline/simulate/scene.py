@@ -59,6 +59,8 @@ class Scene(Locked):
         values: Parameters of all effects of `cell`, shape (k,).
         planted: The planted effects with their values.
         pulls: Nominal pulls, the force as the scale is meant to show it along the chain, m of them.
+        stands: Each pose as its zero is read, p of them: its first pull, or no force where it is
+            read unloaded only.
         run: The loads they are of.
         anchor: Where each pose's chain is attached [m], shape (p, 3).
         schedule: When what is read.
@@ -69,14 +71,10 @@ class Scene(Locked):
     values: Array
     planted: tuple[Planted, ...]
     pulls: Pulls
+    stands: Pulls
     run: Run
     anchor: Array
     schedule: Schedule
-
-    @property
-    def stands(self) -> Pulls:
-        """The first pull of each pose."""
-        return self.pulls.part(np.flatnonzero(self.pulls.repeat == 1))
 
     def in_tracker(self, points: Array) -> Array:
         """Points of F_b (..., 3) in the frame of the tracker [m]."""
@@ -145,16 +143,36 @@ def build(
         by=loads.by,
         acts_at=loads.acts_at,
     )
+    pulls = _along_chain(truth, values, pulls, loads.shown, anchor[pose_of])
     return Scene(
         plan=plan,
         cell=truth,
         values=values,
         planted=planted,
-        pulls=_along_chain(truth, values, pulls, loads.shown, anchor[pose_of]),
+        pulls=pulls,
+        stands=_stands(pulls, q, _approach(plan), schedule),
         run=loads,
         anchor=anchor,
         schedule=schedule,
     )
+
+
+def _stands(pulls: Pulls, q: Array, approach: Array, schedule: Schedule) -> Pulls:
+    """Each pose as its zero is read, in order."""
+    idle = np.setdiff1d(np.arange(len(q)), pulls.pose - 1)
+    none, time = np.zeros(len(idle)), schedule.zero.mean(axis=(1, 2))[idle]
+    alone = Pulls(
+        pose=idle + 1,
+        repeat=none.astype(np.int64),
+        q=q[idle],
+        force=np.zeros((len(idle), 3)),
+        branch=none,
+        approach=approach[idle],
+        time=time,
+        time_zero=time,
+    )
+    every = pulls.part(np.flatnonzero(pulls.repeat == 1)).and_then(alone)
+    return every.part(np.argsort(every.pose, kind="stable"))
 
 
 def draw(scene: Scene, rng: np.random.Generator, n: int = 1) -> Draws:

@@ -26,6 +26,9 @@ def design(
     ] = "paper_reference",
     poses: Annotated[int | None, Option(help="Number of poses, m_0.")] = None,
     readings: Annotated[int | None, Option(help="Pulls in all, n.")] = None,
+    unloaded: Annotated[
+        int | None, Option(help="Poses beside them, read without a pull, for the robot's table.")
+    ] = None,
     step: Steps = None,
     anchor: Annotated[
         tuple[float, float, float] | None, Option(help="Anchor in F_b [m], fixed there.")
@@ -52,7 +55,7 @@ def design(
     changes = {
         "name": name,
         "robot": robot,
-        "plan": {"poses": poses, "readings": readings},
+        "plan": {"poses": poses, "readings": readings, "unloaded": unloaded},
         "pull": {"steps_n": step},
         "anchor": dict(zip(("x_m", "y_m", "z_m"), anchor, strict=True)) if anchor else None,
         "criterion": {"kind": criterion},
