@@ -10,6 +10,7 @@ from pipeline.design.feasible import check_reachable
 from pipeline.design.limits import kept, narrow, penalty
 from pipeline.design.search import Effort, rounded, search
 from pipeline.design.space import Box
+from pipeline.design.unpulled import unpulled
 from pipeline.library.poses import problem_of
 from pipeline.machine.gaps import free
 from pipeline.machine.robot import configure, load
@@ -293,6 +294,17 @@ def test_every_pose_of_a_design_can_be_shot(robot, seed):
 
     assert plan.kept
     assert complaints(problem, plan, tool, cell) == [[]] * len(plan.q)
+
+
+def test_every_pose_without_a_pull_can_be_shot():
+    """The same check of poses in which reflectors are read only."""
+    problem = in_cell(plan={"unloaded": 6})
+    found = unpulled(problem, np.zeros((0, problem.robot.n)), np.random.default_rng(8))
+    checked = Checked(problem.robot, CELL, TOOL)
+
+    assert len(found.q) == 6
+    said = [one for q in found.q for one in checked.complaints(q, problem.anchor_lower, 0.0)]
+    assert [one for one in said if "line from load_point" not in one] == []  # there is no chain
 
 
 def test_the_free_design_would_not_be_shot():

@@ -236,18 +236,19 @@ def _reading_only(proposal: Proposal) -> Section | None:
     q = _in_degrees(robot, found.q)
     names = robot.controller or tuple(joint.name for joint in robot.joints)
     values = _turned(robot, q) if robot.controller else q
+    often = "twice" if proposal.problem.spec.noise.zero == "before_after" else "once"
     columns: list[Cells[int]] = [
         said("Pose", lambda k: first + k),
         *(_of_pose(name, column, 3) for name, column in zip(names, values.T, strict=True)),
-        said("Readings", lambda k: f"pose{first + k:02d}_rep0_unloaded", code=True),
+        said("Group in the tracker", lambda k: f"pose{first + k:02d}_rep0_unloaded", code=True),
     ]
     return section_of(
         "unpulled",
         "Poses without a pull",
         [
             Text(
-                "Take the chain off and read every reflector once more at these poses. They tell "
-                f"of the robot's table, not of stiffness: {worth_unpulled(found)}"
+                f"Take the chain off and read every reflector {often} at these poses. They tell of "
+                f"the robot's table, not of stiffness: {worth_unpulled(found)}"
             ),
             table_of(
                 "unpulled",
