@@ -152,7 +152,14 @@ def _told(
         *grown,
     ]
     doubled = _load_point_at_a_target(raw)
-    notes = [*others, *_unplaced(raw.settings), *doubled, *said, *found.doubts(), *overloaded(overload)]
+    notes = [
+        *others,
+        *_unplaced(raw.settings),
+        *doubled,
+        *said,
+        *found.doubts(),
+        *overloaded(overload),
+    ]
     todo, next_step = _next(name, wrong)
     text = [f"{name}: {line}", *found.lines(raw), f"  next         {todo}"]
     return Outcome(
