@@ -456,7 +456,9 @@ def compare(
             metavar="FIRST", help="A campaign; one of its models as NAME:joints or NAME:extended."
         ),
     ],
-    second: Annotated[str, Argument(metavar="SECOND", help="Another campaign, or another model of the same one.")],
+    second: Annotated[
+        str, Argument(metavar="SECOND", help="Another campaign, or another model of the same one.")
+    ],
     as_json: AsJson = False,
     opened: Annotated[bool, Option("--open", help="Open the page in the browser.")] = False,
     root: Root = Path(),
