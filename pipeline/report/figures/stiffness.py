@@ -99,7 +99,7 @@ def _draw_stiffness(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     joints = _comparable(answer)
     canvas.set_size_inches(5.6, 0.9 + 0.28 * len(joints))
     axes = canvas.subplots()
-    at = np.arange(len(joints))
+    at = np.arange(len(joints), dtype=float)
     nominal = np.array([joint.nominal for joint in joints], dtype=float)
     share, low, high = _interval(joints, nominal / 100)
     other = 100 * _beside(answer, joints) / nominal
