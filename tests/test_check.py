@@ -246,6 +246,20 @@ def test_a_campaign_without_base_reflectors_is_said_to_be_in_the_frame_of_the_ro
     assert "has no reflectors: readings are taken to be in F_b" in content
 
 
+@pytest.mark.parametrize(("copied", "onto"), [("P2", "load_point"), ("load_point", "P2")])
+def test_a_load_at_the_place_of_a_reflector_is_doubted(said, copied, onto):
+    """A line that was copied in [tool]: one sentence with both names and both lines."""
+    rows = TOML.splitlines()
+    at = {row.partition(" =")[0]: k for k, row in enumerate(rows)}
+    rows[at[onto]] = f"{onto} = {rows[at[copied]].partition('= ')[2]}"
+    _, good, good_err = said(FILES)
+    _, _, err = said(FILES | {"campaign.toml": "\n".join(rows).encode()})
+
+    assert "load_point and P2" not in good + good_err
+    assert "load_point and P2 have the same coordinates in [tool]" in err
+    assert f"lines {at['load_point'] + 1} and {at['P2'] + 1}" in err
+
+
 def test_what_check_says_of_a_point_run_says_too():
     """P3 of the demo 8 mm off: one sentence, with its line, in both; on the first screen, too."""
     folder = Path(__file__).parents[1] / "data" / "raw" / "kr500_demo"

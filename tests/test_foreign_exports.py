@@ -606,7 +606,17 @@ def test_a_foot_of_the_us_survey_is_no_international_one(unit):
     np.testing.assert_allclose(export.position, [[60 * 12 / 39.37, 0.0, 1.2]], atol=1e-12)
 
 
-@pytest.mark.parametrize("titles", ["Northing;Easting;Height", "Hochwert;Rechtswert;Höhe"])
+@pytest.mark.parametrize(
+    "titles",
+    [
+        "Northing;Easting;Height",
+        "North;East;Elev",
+        "North;East;Up",
+        "N;E;H",
+        "N [m];E [m];H [m]",
+        "Hochwert;Rechtswert;Höhe",
+    ],
+)
 def test_north_is_y_and_east_is_x(titles):
     """Read left to right they would be mirrored, and every angle would turn the other way."""
     data = rows(f"Group;Target;{titles}", "g;a;1.0;2.0;3.0", "g;b;4.0;5.5;6.0").encode()

@@ -7,8 +7,9 @@ from pathlib import Path
 
 import pytest
 
+from pipeline.app import cli
 from pipeline.app.cli import main
-from pipeline.readers import Hints
+from pipeline.readers import Hints, logs
 from pipeline.readers.inspect import inspect
 
 GOLDEN = Path(__file__).parent / "golden"
@@ -195,3 +196,35 @@ def test_names_that_hold_group_and_target_are_parted(capsys, tmp_path):
     assert code == 0
     assert re.search(r"groups +12\n +targets +P1 P2 P3\n", out)
     assert 'names = "(?P<group>.+)/(?P<target>.+)"' in out
+
+
+@pytest.mark.parametrize(
+    "titles",
+    [
+        "A1;A2;A3;A4;A5;A6",
+        "E1,A1,A2,A3,A4,A5,A6",
+        "J1_deg,J2_deg,J3_deg,J4_deg",
+        "r1_mm,theta2_deg,theta3_deg,theta4_deg,theta5_deg,theta6_deg,theta7_deg",
+        "time,joint 1 [deg],joint 2 [deg],joint 3 [deg],joint 4 [deg]",
+    ],
+)
+def test_a_joint_log_without_poses_is_told_in_one_sentence(tmp_path, capsys, titles):
+    """Axes are no coordinates: it is not offered as azimuths, and it says which column lacks."""
+    mark = ";" if ";" in titles else ","
+    rows = [mark.join(str(10.5 * k + n) for n in range(len(titles.split(mark)))) for k in (1, 2)]
+    path = tmp_path / "axes.csv"
+    path.write_text("\n".join([titles, *rows]) + "\n")
+    code = cli._exit_code(["inspect", str(path)])
+    out, err = capsys.readouterr()
+
+    assert code == 5
+    assert len(err.splitlines()) == 1
+    assert "no column numbers the poses; add a column pose" in err
+    assert "azimuth" not in out + err
+
+
+@pytest.mark.parametrize("titles", ["A1,A2,A3", "x,y,z,q1,q2,q3,q4"])
+def test_numbered_columns_of_a_point_are_no_axes(titles):
+    """Three may be the coordinates of a point, and a quaternion is none of a robot."""
+    rows = "\n".join([titles, ",".join("7.5" for _ in titles.split(","))])
+    logs.refuse_without_poses("some.csv", rows.encode())

@@ -315,6 +315,31 @@ def test_a_stiffness_without_upper_limit_is_drawn_and_said(sample):
     assert 'data-tip="k_r1: 97.4 % of nominal, above 96.6 %"' in html
 
 
+@pytest.mark.parametrize("upper", [40.0, None], ids=["wide", "endless"])
+@pytest.mark.parametrize("which", [0, 3])
+def test_one_wide_interval_leaves_the_others_readable(sample, upper, which):
+    """It runs out of the plot with its numbers; the others keep a third of the width or more."""
+
+    def widen(content):
+        one = content["stiffness"][which]
+        one["ci95"] = [0.01 * one["nominal"], upper and upper * one["nominal"]]
+
+    result = report_sample.revised(sample[0], widen)
+    canvas = Canvas()
+    with rc_context(STYLE):
+        CATALOGUE[[plot.name for plot in CATALOGUE].index("stiffness")].draw(
+            canvas, result, sample[1]
+        )
+    first, last = canvas.axes[0].get_xlim()
+    others = [joint for k, joint in enumerate(result.stiffness) if k != which and joint.ci95[1]]
+    ends = [100 * end / joint.nominal for joint in others for end in joint.ci95]
+
+    assert first < min(ends) < max(ends) < last
+    assert max(ends) - min(ends) > (last - first) / 3 / 1.3  # the margins
+    told = "1.00 % to 4000 %" if upper else "above 1.00 %"
+    assert told in {label.get_text().partition("(")[2].strip(")") for label in canvas.axes[0].texts}
+
+
 def test_a_sentence_of_the_answer_is_shown_to_the_letter(sample):
     """Sentences are made once, in words; the report neither parses nor rewords them."""
     why = "link_bending:upper_arm explains it; joint_tilted does not."

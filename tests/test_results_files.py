@@ -4,6 +4,7 @@ import csv
 import io
 import zipfile
 
+import numpy as np
 import openpyxl
 import pandas as pd
 import pytest
@@ -87,6 +88,23 @@ def test_every_stiffness_is_a_number_to_sixteen_digits(written, answer):
     assert [row["joint springs alone"] for row in rows(written, "stiffness")] == [
         "" if x is None else pytest.approx(x, rel=1e-15) for x in alone
     ]
+
+
+def test_every_reading_is_on_the_sheet_of_reliability(answer, tables):
+    """Not only the ten of result.json; what has no size is an empty cell, in Excel and in CSV."""
+    one = {"source": "tracker_noise", "reading": "g/P1", "file": "tracker.csv", "line": 7}
+    one |= {"axis": "x", "r": 0.5, "w": -1.5, "smallest_visible": 3e-4, "unit": "m"}
+    one |= {"moves_sigmas": 0.25, "moves_most": "k_theta2"}
+    lost = one | {"reading": None, "line": None, "w": np.nan, "smallest_visible": np.inf}
+    told = pd.DataFrame([one, lost] * 20)
+    made = workbook.files(answer, tables | {"reliability": told})
+    first, second, *others = rows(made, "reliability")
+
+    assert len(others) == 38
+    assert (first["reading"], first["line"], first["redundancy [1]"]) == ("g/P1", 7, 0.5)
+    assert first["smallest detectable error"] == 3e-4
+    assert [second[k] for k in ("reading", "line", "smallest detectable error")] == [""] * 3
+    assert made["csv/reliability.csv"].count(b"g/P1") == 20
 
 
 def test_causes_predictions_and_validation_are_those_of_the_answer(written, answer):

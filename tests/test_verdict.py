@@ -206,3 +206,12 @@ def test_a_cause_certainly_many_times_its_usual_size_is_said_to_be(times, std, t
         assert "is 26 times its usual size: dl_y = " in said
         assert "5.00 mm is usual" in said
         assert one.needs in said
+
+
+def test_what_makes_the_same_robot_is_named_as_the_controller_does():
+    """Offsets along parallel axes: each joint with its axis, where the robot file has one."""
+    one, other = (replace(effect(f"joint_offset:{k}"), axis=f"A{k - 1}") for k in (3, 4))
+    off = cause("joint_offset:3", twins=("joint_offset:4",), same_robot=(other,))
+    facts = Facts(moved=(replace(off, effect=one),), unloaded=MISPLACED)
+
+    assert "in joint 4 (A3) it would make the same robot" in why(facts)

@@ -11,12 +11,13 @@ from typing import Any
 
 import pandas as pd
 
+from pipeline import tables
 from pipeline.answer import contract
 from pipeline.answer.contract import Answer, Reason
 from pipeline.answer.history import precedes, previous
 from pipeline.answer.recommended import row_of
 from pipeline.answer.words import BECAUSE
-from pipeline.base import files
+from pipeline.base import files, parquet
 from pipeline.base.errors import UsageError
 from pipeline.diagnosis.finding import Verdict
 from pipeline.store.campaign import Campaign, dump
@@ -202,7 +203,5 @@ def mark(before: Answer | None) -> str | None:
 
 def shown(campaign: Campaign) -> dict[str, pd.DataFrame]:
     """The tables of a report, as the run left them."""
-    import pyarrow.parquet as pq
-
     paths = {name: campaign.processed / f"{file}.parquet" for name, file in _SHOWN.items()}
-    return {name: pq.read_table(p).to_pandas() for name, p in paths.items() if p.is_file()}
+    return {name: tables.frame(parquet.read(p)) for name, p in paths.items() if p.is_file()}

@@ -85,10 +85,7 @@ class Experience:
 
 def experience(answers: Iterable[Answer], names: Collection[str]) -> Experience:
     """What finished campaigns teach of causes with these names."""
-    by_robot: dict[str, list[Answer]] = {}
-    for one in answers:
-        if one.diagnosis.verdict in _TEACHES and not one.model.priors:
-            by_robot.setdefault(one.machine, []).append(one)
+    by_robot = _by_robot(answers)
     seen = {name: [_share(own, name) for own in by_robot.values()] for name in sorted(names)}
     sizes = {name: [size for own in by_robot.values() for size in _size(own, name)]
              for name in sorted(names)}  # fmt: skip
@@ -101,6 +98,15 @@ def experience(answers: Iterable[Answer], names: Collection[str]) -> Experience:
         for name, y, o in zip(seen, total.tolist(), odds.tolist(), strict=True)
     ]
     return Experience(len(by_robot), count, tuple(causes))
+
+
+def _by_robot(answers: Iterable[Answer]) -> dict[str, list[Answer]]:
+    """Campaigns of each robot that teach something; those with priors repeat what was learnt."""
+    found: dict[str, list[Answer]] = {}
+    for one in answers:
+        if one.diagnosis.verdict in _TEACHES and not one.model.priors:
+            found.setdefault(one.machine, []).append(one)
+    return found
 
 
 _TEACHES = (Verdict.ADEQUATE, Verdict.EXPLAINED, Verdict.AMBIGUOUS)

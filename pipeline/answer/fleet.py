@@ -9,7 +9,6 @@ all robots of a type.
 
 from __future__ import annotations
 
-import io
 import os
 import shutil
 from collections.abc import Iterable, Iterator, Mapping
@@ -22,14 +21,13 @@ from urllib.parse import quote, unquote
 
 import pyarrow as pa
 import pyarrow.compute as pc
-import pyarrow.parquet as pq
 from filelock import FileLock
 
 from pipeline import tables
 from pipeline.answer import archive, worn
 from pipeline.answer.contract import Answer, Cause, Stiffness
 from pipeline.answer.worn import column
-from pipeline.base import files
+from pipeline.base import files, parquet
 from pipeline.base.errors import UsageError
 from pipeline.store.campaign import FLEET, MANIFEST, Campaign, code_version, dump, recalled
 
@@ -244,13 +242,13 @@ def _write_wear(place: Path, robot: str, scatter: float | None) -> None:
         path.unlink(missing_ok=True)
         return
     rows = worn.rows(held, scatter)
-    _keep(path, pa.Table.from_pylist(rows, worn.WEAR))
+    parquet.write(path, pa.Table.from_pylist(rows, worn.WEAR))
 
 
 def _held(place: Path, name: str, robot: str) -> list[dict[str, Any]]:
     """All rows of one table of a type."""
     paths = sorted(_path(place, name, robot, "x").parent.glob("*.parquet"))
-    parts = [pq.ParquetFile(io.BytesIO(path.read_bytes())).read() for path in paths]
+    parts = [parquet.read(path) for path in paths]
     return [row for part in parts for row in part.to_pylist()]
 
 
@@ -259,7 +257,7 @@ def wear(root: Path) -> tuple[worn.Robot, ...]:
     place = folder(root)
     found = []
     for path in sorted((place / "wear").glob("robot=*/wear.parquet")):
-        rows = pq.ParquetFile(io.BytesIO(path.read_bytes())).read().to_pylist()
+        rows = parquet.read(path).to_pylist()
         found += worn.robots(unquote(path.parent.name.removeprefix("robot=")), rows)
     return tuple(found)
 
@@ -309,20 +307,14 @@ def _write(
         path = _path(place, name, robot, part)
         kept = []
         if path.is_file():
-            old = pq.ParquetFile(io.BytesIO(path.read_bytes())).read()
+            old = parquet.read(path)
             kept = [old.filter(pc.invert(pc.is_in(old["campaign"], pa.array(list(stale)))))]
         table = pa.concat_tables([promise.empty_table(), *kept, *(one[name] for one in rows)])
         if not table.num_rows and name == "campaigns":
             for other in PROMISED:  # the last campaign of this part is gone
                 _path(place, other, robot, part).unlink(missing_ok=True)
             return
-        _keep(path, table)
-
-
-def _keep(path: Path, table: pa.Table) -> None:
-    sink = io.BytesIO()
-    pq.write_table(table, sink, compression="zstd")
-    files.write(path, sink.getvalue())
+        parquet.write(path, table)
 
 
 def _rows(campaign: Campaign, answer: Answer) -> dict[str, pa.Table]:
@@ -349,7 +341,7 @@ def _own(campaign: Campaign, name: str) -> pa.Table:
     path, promise = campaign.processed / f"{_OWN[name]}.parquet", PROMISED[name]
     if not path.is_file():
         return promise.empty_table()
-    table = pq.ParquetFile(io.BytesIO(path.read_bytes())).read()
+    table = parquet.read(path)
     table = table.append_column("campaign", pa.array([campaign.name] * table.num_rows, _STR))
     return table.select(promise.names).replace_schema_metadata(None).cast(promise)
 
@@ -383,7 +375,7 @@ def _covariance(campaign: Campaign) -> list[dict[str, Any]]:
     path = campaign.processed / "41_covariance.parquet"
     if not path.is_file():
         return []
-    columns = pq.ParquetFile(io.BytesIO(path.read_bytes())).read().to_pydict()
+    columns = parquet.read(path).to_pydict()
     names = columns.pop("parameter")
     return [
         {"parameter": name, "other": other, "covariance": value}

@@ -154,7 +154,7 @@ def misshapen_findings(stood: Standing) -> list[str]:
 def _shared(stood: Standing) -> set[str]:
     """Entries of which only the sum with a twin is known."""
     pairs = [one for one in stood.causes if one.twins]
-    return {label for one in pairs for label in (one.effect.label, *one.twins)}
+    return {effect.label for one in pairs for effect in (one.effect, *one.twins)}
 
 
 def with_positions(values: contract.Values, stood: Standing) -> contract.Values:

@@ -167,7 +167,6 @@ def _stiffness(
     number: int, joint: Joint, axis: str | None, x: float, std: float, known: bool
 ) -> contract.Stiffness:
     has_value = known and x > 0
-    low, high = x - _QUANTILE * std, x + _QUANTILE * std
     return contract.Stiffness(
         joint=number,
         joint_name=joint.name,
@@ -175,7 +174,7 @@ def _stiffness(
         unit=joint.stiffness_unit,
         value=1 / x if has_value else None,
         std=std / x**2 if has_value else None,
-        ci95=(1 / high if known and high > 0 else None, 1 / low if known and low > 0 else None),
+        ci95=_interval(x, std) if known else (None, None),
         identifiable=known,
         joint_type=JointType.PRISMATIC if joint.prismatic else JointType.REVOLUTE,
         axis=axis,
@@ -187,6 +186,12 @@ def _stiffness(
         finding=_about(joint, x, known),
         budget=(),
     )
+
+
+def _interval(x: float, std: float) -> tuple[float | None, float | None]:
+    """95 % limits of a stiffness by those of its compliance; None where that may be zero."""
+    low, high = x - _QUANTILE * std, x + _QUANTILE * std
+    return (1 / high if high > 0 else None, 1 / low if low > 0 else None)
 
 
 def _about(joint: Joint, x: float, known: bool) -> str | None:

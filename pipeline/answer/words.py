@@ -299,8 +299,8 @@ def _sized(cause: Cause) -> str:
             continue
         factor, letter = _THOUSANDTHS.get(unit, (1.0, unit))
         sizes.append(f"{with_std(factor * one.value, factor * one.std)} {letter}")
-    same = [f"joint {label.partition(':')[2]}" for label in cause.twins]
-    also = f"; in {listed(same)} it would make the same robot" if same else ""
+    same = [in_place(twin.where, twin.name, twin.axis).strip() for twin in cause.same_robot]
+    also = f"; {listed(same)} it would make the same robot" if same else ""
     return f"{cause.effect.called} ({', '.join(sizes)}{also})"
 
 

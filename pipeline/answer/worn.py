@@ -233,6 +233,27 @@ def _names(history: History) -> list[str]:
     return [order[joint] for joint in sorted(order)]
 
 
+def _compliances(rows: Rows, n: int) -> dict[str, Array]:
+    """Of each campaign what its recommended model determines, else NaN, shape (n,)."""
+    found: dict[str, Array] = {}
+    for row in rows:
+        if row["model"] == "recommended" and row["identifiable"]:
+            value = np.nan if row["compliance"] is None else row["compliance"]
+            found.setdefault(row["campaign"], np.full(n, np.nan))[row["joint"] - 1] = value
+    return found
+
+
+def _covariances(rows: Rows, names: Sequence[str]) -> dict[str, Array]:
+    """Of the compliances of each campaign, NaN where it states none, shape (n, n)."""
+    place, n = {name.removeprefix("k_"): k for k, name in enumerate(names)}, len(names)
+    found: dict[str, Array] = {}
+    for row in rows:
+        i, j = (place.get(row[key].removeprefix("c_")) for key in ("parameter", "other"))
+        if i is not None and j is not None:
+            found.setdefault(row["campaign"], np.full((n, n), np.nan))[i, j] = row["covariance"]
+    return found
+
+
 @dataclass(frozen=True)
 class _Known:
     """What campaigns say of compliances, by their names."""
@@ -243,18 +264,8 @@ class _Known:
     @classmethod
     def of(cls, history: History, names: Sequence[str]) -> _Known:
         """Sorted by campaign; a campaign without its covariance is in none."""
-        place = {name.removeprefix("k_"): k for k, name in enumerate(names)}
-        n = len(names)
-        x: dict[str, Array] = {}
-        for row in history.stiffness:
-            if row["model"] == "recommended" and row["identifiable"]:
-                value = np.nan if row["compliance"] is None else row["compliance"]
-                x.setdefault(row["campaign"], np.full(n, np.nan))[row["joint"] - 1] = value
-        cov: dict[str, Array] = {}
-        for row in history.covariance:
-            i, j = (place.get(row[key].removeprefix("c_")) for key in ("parameter", "other"))
-            if i is not None and j is not None and row["campaign"] in x:
-                cov.setdefault(row["campaign"], np.full((n, n), np.nan))[i, j] = row["covariance"]
+        x = _compliances(history.stiffness, len(names))
+        cov = _covariances([row for row in history.covariance if row["campaign"] in x], names)
         for campaign, own in cov.items():
             x[campaign][~np.isfinite(np.diag(own))] = np.nan
         return cls(x, cov)

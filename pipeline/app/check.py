@@ -151,7 +151,15 @@ def _told(
         *treated_findings(case),
         *grown,
     ]
-    notes = [*others, *_unplaced(raw.settings), *said, *found.doubts(), *overloaded(overload)]
+    doubled = _load_point_at_a_target(raw)
+    notes = [
+        *others,
+        *_unplaced(raw.settings),
+        *doubled,
+        *said,
+        *found.doubts(),
+        *overloaded(overload),
+    ]
     todo, next_step = _next(name, wrong)
     text = [f"{name}: {line}", *found.lines(raw), f"  next         {todo}"]
     return Outcome(
@@ -176,6 +184,24 @@ def _unplaced(settings: Settings) -> Iterator[str]:
             "[base_frame] of campaign.toml has no reflectors: readings are taken to be in F_b; "
             "give the coordinates of three or more where they are in the tracker's frame"
         )
+
+
+def _load_point_at_a_target(raw: Raw) -> Iterator[str]:
+    """That the load point has the coordinates of a reflector: nothing can be hung there.
+
+    Not asked of reduced data, which may state force and displacement at one point.
+    """
+    tool = raw.settings.tool
+    measured = raw.settings.measured if raw.settings.tracker is not None else []
+    for name in measured:
+        if tool[name] == tool["load_point"]:
+            lines = [line_of(text_of(raw), ["tool", one]) for one in ("load_point", name)]
+            where = " and ".join(str(line) for line in lines if line)
+            yield (
+                f"load_point and {name} have the same coordinates in [tool] ({TOML}, lines "
+                f"{where}), but no load can act at the centre of a reflector: measure both points "
+                "and correct the wrong one"
+            )
 
 
 def _used(reduced: Reduced) -> dict[str, int]:

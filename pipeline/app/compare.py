@@ -8,13 +8,12 @@ from pathlib import Path
 from typing import Any
 
 import numpy as np
-import pandas as pd
 
 from pipeline.answer.archive import Finished, finished, with_digest
 from pipeline.answer.contract import Answer, Data, Stiffness, Which
 from pipeline.answer.history import chance, changes, together, trusted
 from pipeline.app.outcome import Outcome
-from pipeline.base import files
+from pipeline.base import files, parquet
 from pipeline.base.arrays import Array
 from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.report import words
@@ -161,7 +160,7 @@ def _covariance(campaign: Campaign, model: str, stiffness: Sequence[Stiffness]) 
     if not kept.is_file():
         raise UsageError(f"{campaign.name} has no covariance: run `pipeline run {campaign.name}`")
     names = [f"c_{joint.joint_name}" for joint in stiffness]
-    return pd.read_parquet(kept).set_index("parameter").loc[names, names].to_numpy(float)
+    return parquet.read(kept).to_pandas().set_index("parameter").loc[names, names].to_numpy(float)
 
 
 def _campaign_and_model(root: Path, name: str) -> tuple[Finished, str]:

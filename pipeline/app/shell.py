@@ -134,6 +134,7 @@ def inspect(
     from pipeline.readers.inspect import as_csv
     from pipeline.readers.inspect import inspect as look
     from pipeline.readers.known import settled
+    from pipeline.readers.logs import refuse_without_poses
 
     data, hints = b"", None
     try:
@@ -141,8 +142,10 @@ def inspect(
         begins = partial(refuse_other_programs, path.name)
         data = files.read(path, path.name, largest(path.name), none, begins)
         folder = Campaign(path.parent, path.parent)
-        if not (csv or mapping or any(said.values())) and (log := _log(path, data, folder)):
-            return log
+        if not (csv or mapping or any(said.values())):
+            if log := _log(path, data, folder):
+                return log
+            refuse_without_poses(path.name, data)
         hints, bodies = _hints(folder, said, mapping)
         hints, why = settled(path.name, data, hints, bodies)
         hints = _answered(path.name, data, hints, ask)

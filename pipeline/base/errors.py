@@ -5,7 +5,7 @@ The core raises these; only the command line turns them into a sentence and an e
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from functools import partial
 from typing import TYPE_CHECKING, Any
@@ -136,24 +136,36 @@ def first_wrong(problem: ValidationError) -> tuple[list[str], str]:
     """The first word of a file that cannot be as it is: its path, and what is wrong with it."""
     first = decisive(problem)
     path = [printable(str(part), _VALUE) for part in first["loc"] if part != "[key]"]
-    value, said = first.get("input"), first["msg"]
-    shown = f'"{printable(value, _VALUE)}"' if isinstance(value, str) else value
-    simple = isinstance(value, str | int | float)
-    if first["type"] == "missing":
+    return path, _wrong(first).removeprefix("Value error, ")
+
+
+def _wrong(first: ErrorDetails) -> str:
+    """What is wrong with a word, by its kind."""
+    kind = first["type"]
+    if kind == "missing":
         last = first["loc"][-1]
-        said = f"value {last + 1} is missing" if isinstance(last, int) else "is missing"
-    elif first["type"] in _FORMS:
-        said = f"should be {_FORMS[first['type']]}"
-    elif first["type"] == "extra_forbidden":
-        said = "unknown key"
-    elif first["type"] in ("too_short", "too_long"):
-        limits = first["ctx"]
-        bound = f"at least {limits['min_length']}" if "min_length" in limits else (
-            f"at most {limits['max_length']}")  # fmt: skip
-        said = f"there are {limits['actual_length']} here and {bound} are needed"
-    elif simple and said.startswith("Input should be "):
-        said = f"{shown} should be {said.removeprefix('Input should be ')}"
-    return path, said.removeprefix("Value error, ")
+        return f"value {last + 1} is missing" if isinstance(last, int) else "is missing"
+    if kind == "extra_forbidden":
+        return "unknown key"
+    if kind in _FORMS:
+        return f"should be {_FORMS[kind]}"
+    if kind in ("too_short", "too_long"):
+        return _wrong_length(first["ctx"])
+    return _wrong_value(first.get("input"), first["msg"])
+
+
+def _wrong_length(limits: Mapping[str, Any]) -> str:
+    least, most = limits.get("min_length"), limits.get("max_length")
+    bound = f"at most {most}" if least is None else f"at least {least}"
+    return f"there are {limits['actual_length']} here and {bound} are needed"
+
+
+def _wrong_value(value: object, said: str) -> str:
+    """The value before what it should be, where it can be printed."""
+    if not isinstance(value, str | int | float) or not said.startswith("Input should be "):
+        return said
+    shown = f'"{printable(value, _VALUE)}"' if isinstance(value, str) else value
+    return f"{shown} should be {said.removeprefix('Input should be ')}"
 
 
 _FORMS = {

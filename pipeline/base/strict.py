@@ -141,6 +141,7 @@ class Misplaced(ValueError):
 
 
 _Record = TypeVar("_Record", bound=BaseModel)
+_Part = TypeVar("_Part", str, str | int)
 
 
 def checked(
@@ -168,11 +169,9 @@ def checked(
         return kind.model_validate(content)
     except ValidationError as problem:
         words, message = first_wrong(problem)
-        called = {record.__name__ for record, _ in _nested(kind)}  # members of a union are no keys
-        words = [one for one in words if one not in called]
         first = decisive(problem)
+        words, key = _without_unions(kind, words), _path(kind, first["loc"])
         cause = first.get("ctx", {}).get("error")
-        key = [part for one in first["loc"] if one not in called for part in _apart(one)]
         if isinstance(cause, Misplaced):
             key, way_out = list(cause.key), cause.way_out or way_out
         line = toml.line_of(text, key)
@@ -180,11 +179,27 @@ def checked(
             way_out = _meant(kind, key) or way_out
         if first["type"] == "too_long":  # a decimal comma makes two numbers of one
             way_out = toml.remedy(text, line, way_out)
-        message, own, told = message.partition("; ")
-        way_out = told if own else way_out
+        message, way_out = _with_way_out(message, way_out)
         where = ".".join(words) or whole
         said = f"{where}: {message}" if where else message
         raise InputError(said, way_out, file=file, line=line) from problem
+
+
+def _with_way_out(message: str, otherwise: str) -> tuple[str, str]:
+    """What is wrong, and the way out that the message has behind a semicolon, if it has one."""
+    said, own, told = message.partition("; ")
+    return said, told if own else otherwise
+
+
+def _without_unions(kind: type[BaseModel], words: Sequence[_Part]) -> list[_Part]:
+    """A path without the members of a union, which are no keys."""
+    called = {record.__name__ for record, _ in _nested(kind)}
+    return [one for one in words if one not in called]
+
+
+def _path(kind: type[BaseModel], location: Sequence[str | int]) -> list[str | int]:
+    """The keys of a file that lead to a wrong word."""
+    return [part for one in _without_unions(kind, location) for part in _apart(one)]
 
 
 def _apart(word: str | int) -> list[str | int]:

@@ -120,7 +120,8 @@ def of_unloaded(stood: Standing) -> tuple[Cause, ...]:
             amplitudes=_sizes(one.effect, one.value, one.std),
             p_value=one.p_value,
             rivals=one.rivals,
-            twins=one.twins,
+            twins=tuple(twin.label for twin in one.twins),
+            same_robot=one.twins,
             gain=stood.gain,
         )
         for one in stood.causes

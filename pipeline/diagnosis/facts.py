@@ -226,7 +226,7 @@ class Off(Locked):
         p_value: Chance of so much in a robot without, as many causes being looked for as are.
         probability: Of it, or of a twin, against all that could stand in its place.
         rivals: What else could, likeliest first.
-        twins: Labels of what makes the same robot: offsets along parallel axes.
+        twins: What makes the same robot: offsets along parallel axes.
     """
 
     effect: Effect
@@ -235,7 +235,7 @@ class Off(Locked):
     p_value: float
     probability: float
     rivals: tuple[Named, ...]
-    twins: tuple[str, ...]
+    twins: tuple[Effect, ...]
 
 
 @dataclass(frozen=True, eq=False)
@@ -301,6 +301,7 @@ class Cause(Locked):
             a name does; None where nothing was asked.
         as_good: What has no name and predicts as well in its place, the best first.
         twins: Labels of rivals that no pose separates from it.
+        same_robot: Those of them that make the same robot: offsets along parallel axes.
         gain: Cross-validation error without and with all identified causes; None for causes of
             scatter and for a drift that the base reflectors show.
         test_pose_change_m: By how much the predicted deflection at the test pose changes [m]; None
@@ -316,6 +317,7 @@ class Cause(Locked):
     unnamed: Named | None = None
     as_good: tuple[AsGood, ...] = ()
     twins: tuple[str, ...] = ()
+    same_robot: tuple[Effect, ...] = ()
     gain: Gain | None = None
     test_pose_change_m: float | None = None
     height: Amplitude | None = None

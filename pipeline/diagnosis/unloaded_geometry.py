@@ -275,7 +275,7 @@ def _off(search: _Search, number: int) -> Off:
             for i in order
             if odds[i] > _RARE and others[i] is not one and others[i] not in twins
         ),
-        twins=tuple(other.label for other in twins),
+        twins=tuple(other.effect for other in twins),
     )
 
 

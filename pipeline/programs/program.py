@@ -172,9 +172,14 @@ def _rewritten(old: str, value: float, worth: float) -> str:
         return old
     if letter:
         new = _with_exponent(new, letter, found[5], len(digits))
-    elif not whole and abs(value) < 1:
-        new = new.replace("0.", ".", 1)
+    elif not whole:
+        new = _without_zero(new, value)
     return f"+{new}" if sign == "+" and not new.startswith("-") else new
+
+
+def _without_zero(new: str, value: float) -> str:
+    """`.5` for `0.5` and `-.5` for `-0.5`; others as they are."""
+    return new.replace("0.", ".", 1) if abs(value) < 1 else new
 
 
 def _with_exponent(new: str, letter: str, sign: str, digits: int) -> str:

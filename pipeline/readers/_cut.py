@@ -96,7 +96,7 @@ def _read(body: pa.Buffer, layout: Layout) -> pa.Table:
         arrow_csv.ReadOptions(
             column_names=keys,
             block_size=_BLOCK,
-            use_threads=body.size > _BLOCK,  # threads that are still there at exit end it badly
+            use_threads=body.size > _BLOCK,
         ),
         arrow_csv.ParseOptions(
             delimiter=layout.delimiter, quote_char=False, ignore_empty_lines=False
@@ -111,13 +111,18 @@ def _read(body: pa.Buffer, layout: Layout) -> pa.Table:
 
 
 def _body(text: Text, first: int, special: Bools) -> pa.Buffer:
-    """The lines from `first` on that are not special, in one piece."""
+    """The lines from `first` on that are not special, in one piece.
+
+    Copied into memory of Arrow's: a thread of its that lets go of Python's while the interpreter
+    ends aborts the process (apache/arrow issue 34314).
+    """
     starts = text.starts[first - 1 :]
-    if not special.any():
-        return pa.py_buffer(text.data)[starts[0] :]
-    edge = np.flatnonzero(np.diff(np.concatenate([[True], special, [True]])))
-    data = memoryview(text.data)
-    return pa.py_buffer(b"".join(data[starts[a] : starts[b]] for a, b in edge.reshape(-1, 2)))
+    edge = np.flatnonzero(np.diff(np.concatenate([[True], special, [True]]))).reshape(-1, 2)
+    body = pa.allocate_buffer(int(np.diff(starts[edge], axis=1).sum()))
+    with pa.FixedSizeBufferWriter(body) as into:
+        for begin, end in starts[edge]:
+            into.write(memoryview(text.data)[begin:end])
+    return body
 
 
 def _each(text: Text, layout: Layout, line: Ints) -> Cut:

@@ -40,6 +40,9 @@ _BRANCH = {
 """Which way the turnbuckle was last turned."""
 _BRANCH_OF = {word: ours for ours, words in _BRANCH.items() for word in words}
 _AXIS = re.compile(r"(?:axis|achse|joint|gelenk|ax|a|j) ?0*([1-9])|e ?1")
+_MOVED = re.compile(r"(axis|achse|joint|gelenk|ax|a|j|theta)[ _]?0*([1-9])(?![0-9])")
+_OF_A_POINT = 3
+"""Coordinates."""
 _NUMBERED = {"nr", "no", "number", "nummer"}
 """Words beside a name that say no more than that it is a number."""
 _UNIT = {"°": "deg", "grad": "deg", "degree": "deg", "degrees": "deg", "kp": "kgf"}
@@ -55,6 +58,25 @@ def has_poses(titles: Sequence[str]) -> bool:
     """Whether a column numbers poses, as one of every log does, and none are coordinates."""
     axes = {word for title in titles for word in _WORDS.findall(title.lower())[:1]}
     return not {"x", "y", "z"} <= axes and bool(_first(titles, {"pose": ()}))
+
+
+def axes_without_pose(titles: Sequence[str]) -> list[str]:
+    """The titles of a robot's axes, A1, A2, A3, A4 ..., where no column numbers poses; else none.
+
+    They are more than the three coordinates of a point, of one word and numbered from 1 on.
+    """
+    if _first(titles, {"pose": ()}):
+        return []
+    found: dict[str, list[tuple[int, str]]] = {}
+    for title in titles:
+        if one := _MOVED.match(title.lower()):
+            found.setdefault(one[1], []).append((int(one[2]), title))
+    for axes in found.values():
+        first = axes[0][0]
+        in_turn = [number for number, _ in axes] == [*range(first, first + len(axes))]
+        if in_turn and first <= 2 and len(axes) > _OF_A_POINT:  # theta1 is the rail to some
+            return [title for _, title in axes]
+    return []
 
 
 def of_loads(titles: Sequence[str], units: Mapping[str, Sequence[str]]) -> dict[str, str] | None:

@@ -47,9 +47,9 @@ _ROLES = {
                "vz zenith"),
     "elevation": ("elevation angle", "elev", "höhenwinkel"),
     "range": ("slope distance", "sd", "dist", "strecke", "schrägstrecke", "s", "entfernung"),
-    "x": ("easting", "rechtswert", "ost", "e"),
-    "y": ("northing", "hochwert", "nord", "n"),
-    "height": ("height", "höhe", "hoehe", "h"),
+    "x": ("easting", "east", "rechtswert", "ost", "e"),
+    "y": ("northing", "north", "hochwert", "nord", "n"),
+    "height": ("height", "up", "höhe", "hoehe", "h"),
 }  # fmt: skip
 _ROLE_OF = {title: role for role, titles in _ROLES.items() for title in titles}
 _SHORT_OF_A_DISTANCE = {"hd", "horizontaldistanz", "horizontalstrecke", "horizontalentfernung"}
@@ -195,8 +195,9 @@ def name_a_place(cells: Sequence[str] | None) -> bool:
 def _cartesian(columns: Sequence[Named]) -> Iterator[Triple]:
     """Columns of x, y and z whose other words are the same, left to right."""
     sets: dict[tuple[str, ...], dict[str, list[int]]] = {}
+    surveyed = _surveyed(columns)
     for place, column in enumerate(columns):
-        axis, stem = _axis(column)
+        axis, stem = (column.role, ()) if place in surveyed else _axis(column)
         if axis:
             sets.setdefault(stem, {}).setdefault(axis, []).append(place)
     for stem, axes in sets.items():
@@ -205,6 +206,16 @@ def _cartesian(columns: Sequence[Named]) -> Iterator[Triple]:
         plain, nominal = {*stem} <= _PLAIN, bool({*stem} & _NOMINAL)
         for x, y, z in zip(*(axes[axis] for axis in "xyz"), strict=False):
             yield Triple("cartesian", (x, y, z), AXES["cartesian"], plain, nominal)
+
+
+def _surveyed(columns: Sequence[Named]) -> list[int]:
+    """The columns of an easting and a northing, where these two alone are x and y.
+
+    N alone may be a normal, and beside x and y it is none of them.
+    """
+    level = [place for place, column in enumerate(columns) if column.role in ("x", "y")]
+    roles = [_ROLE_OF.get(" ".join(_words(columns[place].title))) for place in level]
+    return level if sorted(role or "" for role in roles) == ["x", "y"] else []
 
 
 def _polar(columns: Sequence[Named]) -> list[Triple]:

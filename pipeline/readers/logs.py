@@ -58,6 +58,7 @@ __all__ = [
     "numbered_joints",
     "of_poses",
     "once",
+    "refuse_without_poses",
     "settled",
     "table",
     "understood_joints",
@@ -291,6 +292,26 @@ def may_be_log(name: str, data: bytes) -> bool:
         return {} if _log_words.has_poses(titles) else None
 
     return understood(name, data, "scale", poses) is not None
+
+
+def refuse_without_poses(name: str, data: bytes) -> None:
+    """Tell a joint log that does not say which pose a row is.
+
+    Raises:
+        InputError: It is one.
+    """
+
+    def axes(titles: Sequence[str]) -> dict[str, str] | None:
+        return {one: one for one in _log_words.axes_without_pose(titles)} or None
+
+    form = understood(name, data, "joints", axes)
+    if form is not None:
+        first, *_, last = form.columns
+        raise InputError(
+            f"seems to be a joint log ({first} to {last}), but no column numbers the poses",
+            "add a column pose with the numbers that the tracker's groups and the load log use",
+            file=name,
+        )
 
 
 def understood_loads(name: str, data: bytes) -> LogForm | None:

@@ -480,11 +480,15 @@ class Settings(Surrounded):
                     raise ValueError(f'"{name}" stands in {seen[name]} and in {part}; rename one')
             if twice := sorted({name for name in names if names.count(name) > 1}):
                 raise ValueError(f"{part} has {listed(twice)} twice; name each reflector once")
-        places = [self.tool.get(name) for name in self.measured]
-        if self.positions is not None:
-            return self
-        if same := [n for n in self.measured if places.count(self.tool[n]) > 1]:
-            raise ValueError(f"[tool] has {listed(same)} in one place; give each its own")
+        return self
+
+    @model_validator(mode="after")
+    def one_place_each(self) -> Settings:
+        """Two reflectors do not stand in one place; a campaign of positions finds where they do."""
+        if self.positions is None:
+            places = [self.tool[name] for name in self.measured]
+            if same := [n for n in self.measured if places.count(self.tool[n]) > 1]:
+                raise ValueError(f"[tool] has {listed(same)} in one place; give each its own")
         return self
 
     def within_reach(self, text: str) -> None:

@@ -69,23 +69,32 @@ def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
     ]
     raised = {name: alarm(one) for name, one in followed.items() if one.alarm}
     compared = {name: names for name, names in changed.items() if name not in followed}
-    moved, several = bool(raised) or any(compared.values()), _several(by_robot)
-    held = "No stiffness has changed" if several else "Nothing to compare yet"
+    several = _several(by_robot)
+    verdict, tone = _of_all(bool(raised) or any(compared.values()), several)
     return Report(
         kicker="Joint stiffness",
         heading="All campaigns",
         title="Joint stiffness: all campaigns",
-        verdict="A stiffness has changed" if moved else held,
-        tone="attention" if moved else "good" if several else "neutral",
+        verdict=verdict,
+        tone=tone,
         first=unlabelled(
             f"{_counted(len(answers), 'campaign')} on {_counted(len(by_robot), 'robot')}.",
-            *(f"{name}: {words}" for name, words in raised.items()),
+            *map(": ".join, raised.items()),
             *_change_sentences(compared, several, bool(raised)),
             *_not_compared(by_robot),
         ),
         sections=present(sections),
         elsewhere="Details are on the page of each campaign.",
     )
+
+
+def _of_all(changed: bool, several: bool) -> tuple[str, str]:
+    """The verdict on all campaigns, and its tone."""
+    if changed:
+        return "A stiffness has changed", "attention"
+    if several:
+        return "No stiffness has changed", "good"
+    return "Nothing to compare yet", "neutral"
 
 
 def _several(by_robot: Mapping[str, Sequence[Answer]]) -> bool:

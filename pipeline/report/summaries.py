@@ -102,15 +102,20 @@ def courses(tables: Tables, axes: Mapping[int, str]) -> tuple[pd.DataFrame, list
     joints = [c for c in rows.columns if c.startswith("tau_")]
     called = {c: _called(c[4:], axes.get(number)) for number, c in enumerate(joints, 1)}
     against = [(c, f"position of {called[f'tau_{c[:-2]}']}", "m") for c in rail]
-    known = suspects(tables["diagnosis"], 60) if has(tables, "diagnosis") else pd.DataFrame()
-    best = known.get("where", pd.Series(dtype=str)).astype(str)
-    number = next((int(where) for where in best if where.isdigit()), 0)
+    number = _suspected(tables)
     if 0 < number <= len(joints):
         name = joints[number - 1]
         against.append((name, f"torque about {called[name]}", "N m"))
     against.append(("time_s", "time", "s"))
     told = [_course(rows, *one) for one in against if one[0] in rows and _varies(rows[one[0]])]
     return rows, told
+
+
+def _suspected(tables: Tables) -> int:
+    """Number of the joint in which the suspect with the most evidence sits, 0 without one."""
+    known = suspects(tables["diagnosis"], 60) if has(tables, "diagnosis") else pd.DataFrame()
+    best = known.get("where", pd.Series(dtype=str)).astype(str)
+    return next((int(where) for where in best if where.isdigit()), 0)
 
 
 def _called(joint: str, axis: str | None) -> str:

@@ -47,8 +47,8 @@ def files(answer: Answer, tables: Mapping[str, pd.DataFrame]) -> dict[str, bytes
 
     Args:
         answer: The answer to the campaign.
-        tables: RESIDUALS by the lower-case name of its promise, SI; a table that is missing gives
-            an empty sheet.
+        tables: RESIDUALS and RELIABILITY by the lower-case names of their promises, SI; a table
+            that is missing gives an empty sheet.
     """
     found = sheets(answer, tables)
     each = {f"csv/{name}.csv": as_csv(table) for name, table in found.items()}
@@ -64,8 +64,8 @@ def sheets(answer: Answer, tables: Mapping[str, pd.DataFrame]) -> dict[str, pa.T
         "causes": _sheet(_CAUSES, _parameters(answer.diagnosis.causes)),
         "predictions": _sheet(_PREDICTIONS, answer.test_pose_deflection),
         "validation": _sheet(_VALIDATION, _targets(answer)),
-        "residuals": _residuals(tables.get("residuals")),
-        "reliability": _sheet(_RELIABILITY, answer.reliability),
+        "residuals": _of_table(_RESIDUALS, tables.get("residuals")),
+        "reliability": _of_table(_RELIABILITY, tables.get("reliability")),
         "rejected": _sheet(_REJECTED, answer.rejected),
     }
 
@@ -253,21 +253,6 @@ def _targets(answer: Answer) -> list[_Row]:
     return [_Row(target, found) for target in found.test_pose] if found else []
 
 
-_RELIABILITY = (
-    _Column("source", lambda one: words.source(one.source)),
-    _Column("reading", lambda one: one.reading),
-    _Column("file", lambda one: one.file),
-    _number("line", lambda one: one.line),
-    _Column("axis", lambda one: one.axis),
-    _number("redundancy [1]", lambda one: one.r),
-    _number("standardised residual [1]", lambda one: one.w),
-    _number("smallest visible", lambda one: one.smallest_visible),
-    _Column("unit", lambda one: one.unit),
-    _number("moves [standard uncertainties]", lambda one: one.moves_sigmas),
-    _Column("of", lambda one: one.moves_most),
-)
-
-
 _REJECTED = (
     _Column("file", lambda one: one.file),
     _number("line", lambda one: one.line),
@@ -286,17 +271,44 @@ _RESIDUALS = {
 """Columns of RESIDUALS: heading, and the factor of a number."""
 
 
-def _residuals(table: pd.DataFrame | None) -> pa.Table:
-    """Every reading's residual, coordinate by coordinate; NaN is nothing."""
-    found = pd.DataFrame(columns=list(_RESIDUALS)) if table is None else table
+_RELIABILITY = {
+    "source": ("source", None),
+    "reading": ("reading", None),
+    "file": ("file", None),
+    "line": ("line", 1.0),
+    "axis": ("axis", None),
+    "r": ("redundancy [1]", 1.0),
+    "w": ("standardised residual [1]", 1.0),
+    "smallest_visible": ("smallest detectable error", 1.0),
+    "unit": ("unit", None),
+    "moves_sigmas": ("moves [standard uncertainties]", 1.0),
+    "moves_most": ("of", None),
+}
+"""The same of RELIABILITY."""
+
+
+def _of_table(
+    columns: Mapping[str, tuple[str, float | None]], table: pd.DataFrame | None
+) -> pa.Table:
+    """Every row of a table under headings for people; what is no finite number is an empty cell."""
+    found = pd.DataFrame(columns=list(columns)) if table is None else table
     return pa.table(
         {
-            title: pa.array([printable(str(word)) for word in found[name]], STR)
-            if factor is None
-            else pa.array(found[name].to_numpy(float) * factor, F64, from_pandas=True)
-            for name, (title, factor) in _RESIDUALS.items()
+            title: _words_of(found[name]) if factor is None else _numbers_of(found[name], factor)
+            for name, (title, factor) in columns.items()
         }
     )
+
+
+def _words_of(column: pd.Series) -> pa.Array:
+    told = column.astype(object).where(column.notna(), None)
+    said = words.source if column.name == "source" else str
+    return pa.array([None if one is None else printable(said(one)) for one in told], STR)
+
+
+def _numbers_of(column: pd.Series, factor: float) -> pa.Array:
+    value = column.to_numpy(float, na_value=np.nan) * factor
+    return pa.array(np.where(np.isfinite(value), value, np.nan), F64, from_pandas=True)
 
 
 # --- the workbook --------------------------------------------------------------------------

@@ -6,7 +6,6 @@ reports/<campaign>, and the manifest, written last, says from which inputs and c
 
 from __future__ import annotations
 
-import io
 import itertools
 import json
 import os
@@ -22,11 +21,10 @@ from typing import Any
 
 import pandas as pd
 import pyarrow as pa
-import pyarrow.parquet as pq
 from filelock import FileLock, Timeout
 
 from pipeline import tables
-from pipeline.base import files, toml
+from pipeline.base import files, parquet, toml
 from pipeline.base.errors import InputError, UsageError, listed
 from pipeline.base.patterns import depth, fits, is_glob
 from pipeline.base.shown import in_json, is_printable
@@ -203,9 +201,7 @@ class Campaign:
     ) -> pd.DataFrame:
         """Check a table against its promise, write it as Parquet, and give it on as promised."""
         kept = tables.conform(table, promise)
-        sink = io.BytesIO()
-        pq.write_table(kept, sink, compression="zstd")
-        files.write(self.processed / f"{name}.parquet", sink.getvalue())
+        parquet.write(self.processed / f"{name}.parquet", kept)
         return tables.frame(kept)
 
     @contextmanager

@@ -160,14 +160,22 @@ def _groups(told: tuple[bool, ...], trend: bool) -> tuple[Bools, Array]:
     """Joints that change together, (D, n), and their weights, (D,); of steps one or all."""
     use, n = np.flatnonzero(told).tolist(), len(told)
     m = len(use)
-    sizes = list(range(2, m)) if trend and m <= _MANY else [2] if trend and m > 2 else []
-    part = {1: _ONE, m: _ALL if m > 1 else 1.0} if m else {}
-    part |= {size: (1 - _ONE - _ALL) / len(sizes) for size in sizes}
+    part = _parts(m, trend)
     found = [
         (one, part[size] / math.comb(m, size)) for size in part for one in combinations(use, size)
     ]
     joints = np.array([np.isin(np.arange(n), one) for one, _ in found], bool).reshape(-1, n)
     return joints, np.array([weight for _, weight in found])
+
+
+def _parts(m: int, trend: bool) -> dict[int, float]:
+    """Weight of all groups of a size by that, of `m` joints: of one, of all, of those between."""
+    if m == 0:
+        return {}
+    between = range(2, m) if m <= _MANY else range(2, 3)
+    sizes = [*between] if trend else []
+    part = {1: _ONE, m: _ALL if m > 1 else 1.0}
+    return part | {size: (1 - _ONE - _ALL) / len(sizes) for size in sizes}
 
 
 def _p_values(found: Beside, tried: _Tried, scatter: Scatter) -> tuple[Array, Array]:

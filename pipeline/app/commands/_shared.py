@@ -38,16 +38,22 @@ def everything(
         Option("--version", callback=_version, is_eager=True, help="Print the version."),
     ] = False,
 ) -> None:
-    """Joint stiffnesses of a robot from tracker campaigns, and how far to trust them."""
+    """Identify the joint stiffnesses of a robot from laser tracker measurements.
+
+    Every value comes with its uncertainty and with a diagnosis of what the model leaves out.
+    """
 
 
-Root = Annotated[Path, Option(help="Project root with data/ and reports/.")]
-Named = Annotated[str, Argument(metavar="CAMPAIGN", help="Name under data/raw, or a path.")]
-AsJson = Annotated[bool, Option("--json", help="Print JSON on stdout, one line each.")]
+Root = Annotated[Path, Option(help="Project folder, with data/ and reports/ in it.")]
+Named = Annotated[
+    str, Argument(metavar="CAMPAIGN", help="Name of a folder in data/raw, or a path.")
+]
+AsJson = Annotated[bool, Option("--json", help="Print JSON on stdout, one line per result.")]
 
-Jobs = Annotated[int | None, Option(min=1, help="Processes of this machine, so many at a time.")]
+Jobs = Annotated[int | None, Option(min=1, help="Number of parallel processes on this machine.")]
 On = Annotated[
-    str | None, Option(metavar="ADDRESS", help="Scheduler of a Dask cluster, tcp://host:port.")
+    str | None,
+    Option(metavar="ADDRESS", help="Run on a Dask cluster: its scheduler, tcp://host:port."),
 ]
 
 
@@ -62,7 +68,7 @@ def executor(jobs: int | None, on: str | None) -> Executor | None:
 
 
 Steps = Annotated[
-    list[float] | None, Option(help="Load step [N]; repeat it for more, up and down.")
+    list[float] | None, Option(help="Load step [N]; repeat the option for each step, up and down.")
 ]
 
 

@@ -39,20 +39,20 @@ _USUAL = "kr500_rail"
 _OPEN = "Enter leaves it open"
 
 
-@app.command(short_help="Write campaign.toml for the files of a folder.")
+@app.command(short_help="Set up a campaign: write its campaign.toml.")
 def init(
     name: Annotated[
-        str | None, Argument(metavar="NAME", help="Of the new campaign and its folder.")
+        str | None, Argument(metavar="NAME", help="Name of the campaign and of its folder.")
     ] = None,
-    robot: Annotated[str | None, Option(help="A robot that ships, or a robot file.")] = None,
+    robot: Annotated[str | None, Option(help="Name of a built-in robot, or a robot file.")] = None,
     plan: Annotated[
-        Path | None, Option(help="Plan file: its poses, steps and tool are filled in.")
+        Path | None, Option(help="Take poses, load steps and tool from this plan file.")
     ] = None,
     root: Root = Path(),
 ) -> None:
-    """Write campaign.toml for the files that lie in a folder, or for none yet.
+    """Set up a campaign: write campaign.toml for the files in its folder, or for none yet.
 
-    On a terminal it asks for what no file says.
+    On a terminal it asks for whatever the files do not say.
     """
     from pipeline.app import blank
 
@@ -288,9 +288,9 @@ def _place(question: str, units: Mapping[str, float]) -> tuple[float, float, flo
     return None
 
 
-@app.command(short_help="Read a campaign, say what would be used and what is wrong.")
+@app.command(short_help="Check a campaign: what would be used, and what looks wrong.")
 def check(campaign: Named, as_json: AsJson = False, root: Root = Path()) -> None:
-    """Read a campaign, say what would be used and what is wrong; compute nothing."""
+    """Check a campaign without computing it: what would be used, and what looks wrong."""
     from pipeline.app import shell
 
     outcome = shell.check(root, campaign)
@@ -298,31 +298,41 @@ def check(campaign: Named, as_json: AsJson = False, root: Root = Path()) -> None
     raise typer.Exit(outcome.exit_code)
 
 
-@app.command(short_help="Say what an export or a log is, and what is wrong with it.")
+@app.command(short_help="Describe a tracker export or a log, and what is wrong with it.")
 def inspect(
-    file: Annotated[Path, Argument(metavar="FILE", help="A tracker export, or a log.")],
-    unit: Annotated[str | None, Option(help="mm, m or in, where the export does not say.")] = None,
-    decimal: Annotated[str | None, Option(help="The decimal mark, likewise.")] = None,
-    angles: Annotated[str | None, Option(help="deg, rad, gon or dms (D.MMSS), likewise.")] = None,
-    vertical: Annotated[str | None, Option(help="zenith or elevation, likewise.")] = None,
+    file: Annotated[
+        Path, Argument(metavar="FILE", help="A tracker export, a load log or a joint log.")
+    ],
+    unit: Annotated[
+        str | None, Option(help="Unit of length if the file does not state it: mm, m or in.")
+    ] = None,
+    decimal: Annotated[
+        str | None, Option(help="Decimal mark if the file does not show it: . or ,")
+    ] = None,
+    angles: Annotated[
+        str | None, Option(help="Unit of angles if not stated: deg, rad, gon or dms (D.MMSS).")
+    ] = None,
+    vertical: Annotated[
+        str | None, Option(help="Vertical angle if not stated: zenith or elevation.")
+    ] = None,
     horizontal: Annotated[
-        str | None, Option(help="clockwise or counter-clockwise, likewise.")
+        str | None,
+        Option(help="Sense of horizontal angles if not stated: clockwise or counter-clockwise."),
     ] = None,
     coordinates: Annotated[
-        str | None, Option(help="cartesian, spherical or cylindrical, likewise.")
+        str | None, Option(help="Coordinates if not stated: cartesian, spherical or cylindrical.")
     ] = None,
     mapping: Annotated[
-        Path | None, Option(metavar="TOML", help="File with a [tracker.mapping] to try.")
+        Path | None, Option(metavar="TOML", help="Try the [tracker.mapping] in this file.")
     ] = None,
     as_json: AsJson = False,
-    csv: Annotated[
-        bool, Option("--csv", help="Print the readings in SI, for a spreadsheet.")
-    ] = False,
+    csv: Annotated[bool, Option("--csv", help="Print the readings as CSV, in SI units.")] = False,
 ) -> None:
-    """Say what a tracker export is: dialect, unit, coordinates, times, what is wrong with it.
+    """Describe a file: its format, unit, coordinates and times, and what is wrong with it.
 
-    Of a table that it does not know it says what each column seems to be, of a log which one it
-    is, and what to write into campaign.toml; on a terminal it asks what an export leaves open.
+    For a table in an unknown format it says what each column seems to be, for a log whether it
+    holds loads or joint values, and what to write into campaign.toml. On a terminal it asks for
+    whatever the file leaves open.
     """
     from pipeline.app import asking, shell
     from pipeline.readers._coordinates import USUAL_UNITS
@@ -350,27 +360,35 @@ def _known(what: str, word: str | None, known: Sequence[str]) -> str | None:
     raise UsageError(f'there is no {what} "{word}": use {others}')
 
 
-@app.command(short_help="Compute what is new or changed, and write the reports.")
+@app.command(short_help="Process new or changed campaigns and write their reports.")
 def run(
     campaigns: Annotated[
         list[str] | None,
         Argument(
-            metavar="CAMPAIGN", help="Name under data/raw, or a path; all when none is named."
+            metavar="CAMPAIGN",
+            help="Name of a folder in data/raw, or a path; all campaigns if omitted.",
         ),
     ] = None,
     as_json: AsJson = False,
     engine: Annotated[
-        str | None, Option(help="prefect or local; local with --jobs and --on.")
+        str | None, Option(help="prefect or local; --jobs and --on imply local.")
     ] = None,
     jobs: Jobs = None,
     on: On = None,
-    force: Annotated[bool, Option("--force", help="Compute even if nothing changed.")] = False,
+    force: Annotated[
+        bool, Option("--force", help="Compute again even if nothing has changed.")
+    ] = False,
     strict: Annotated[
-        bool, Option("--strict", help="Exit 4 when model or tolerance fails or a joint is open.")
+        bool,
+        Option(
+            "--strict",
+            help="Exit with code 4 if the model does not fit, the tolerance is not certainly met, "
+            "or a stiffness is not determined.",
+        ),
     ] = False,
     root: Root = Path(),
 ) -> None:
-    """Compute what is new or changed, write the reports and say where they are."""
+    """Process new or changed campaigns, write their reports and print where they are."""
     from pipeline.app import shell
 
     if engine not in (None, "prefect", "local"):
@@ -388,9 +406,9 @@ def run(
     raise typer.Exit(worst(codes))
 
 
-@app.command(short_help="List the campaigns: new, changed or done, with verdicts.")
+@app.command(short_help="List the campaigns: new, changed or done, with their verdicts.")
 def status(as_json: AsJson = False, root: Root = Path()) -> None:
-    """List the campaigns under data/raw: new, changed or done, with their verdicts."""
+    """List the campaigns in data/raw: new, changed or done, with their verdicts."""
     from pipeline.app import shell
 
     codes = []
@@ -402,14 +420,16 @@ def status(as_json: AsJson = False, root: Root = Path()) -> None:
     raise typer.Exit(worst(codes))
 
 
-@app.command(short_help="Open or print a report, or the page over all of them.")
+@app.command(short_help="Open or print a report, or the overview of all campaigns.")
 def report(
     campaign: Annotated[
         str | None,
-        Argument(metavar="CAMPAIGN", help="Name or path; without it the page over all campaigns."),
+        Argument(
+            metavar="CAMPAIGN", help="Name or path; the overview of all campaigns if omitted."
+        ),
     ] = None,
     form: Annotated[str, Option("--format", help="html, pdf, json or text.")] = "html",
-    opened: Annotated[bool, Option("--open", help="Open it.")] = False,
+    opened: Annotated[bool, Option("--open", help="Open it in the browser or viewer.")] = False,
     root: Root = Path(),
 ) -> None:
     """Bring a campaign's report up to date and say where it is; with --format text, print it."""
@@ -428,18 +448,22 @@ def report(
         open_it(path)
 
 
-@app.command(short_help="Say how two campaigns, or two models of one, differ.")
+@app.command(short_help="Compare two campaigns, or two models of one campaign.")
 def compare(
     first: Annotated[
         str,
-        Argument(metavar="FIRST", help="A campaign, or campaign:joints, campaign:extended."),
+        Argument(
+            metavar="FIRST", help="A campaign; one of its models as NAME:joints or NAME:extended."
+        ),
     ],
-    second: Annotated[str, Argument(metavar="SECOND", help="Another one, or another model of it.")],
+    second: Annotated[
+        str, Argument(metavar="SECOND", help="Another campaign, or another model of the same one.")
+    ],
     as_json: AsJson = False,
-    opened: Annotated[bool, Option("--open", help="Open the page.")] = False,
+    opened: Annotated[bool, Option("--open", help="Open the page in the browser.")] = False,
     root: Root = Path(),
 ) -> None:
-    """Say how the stiffnesses of two campaigns, or of two models of one, differ."""
+    """Compare the stiffnesses of two campaigns, or of two models of one campaign."""
     from pipeline.app import compare as comparing
 
     outcome, path = comparing.compare(root, first, second)

@@ -30,48 +30,61 @@ def compensate(
     ],
     force: Annotated[
         str | None,
-        Option(metavar="FX,FY,FZ", help="Force on the robot at the tip [N], for every point."),
+        Option(
+            metavar="FX,FY,FZ", help="Force on the robot at the tip [N], the same at every point."
+        ),
     ] = None,
     force_frame: Annotated[
-        Frame, Option(help="The frame of all forces: F_b (base) or that of the tool.")
+        Frame, Option(help="Frame in which forces are given: base (F_b) or tool.")
     ] = Frame.BASE,
     tool: Annotated[
         list[str] | None, Option(metavar="FRAME", help=f"Tool in the flange frame: {_NAMED}.")
     ] = None,
     base: Annotated[
         list[str] | None,
-        Option(metavar="FRAME", help=f"Frame that the coordinates stand in: {_NAMED}."),
+        Option(
+            metavar="FRAME", help=f"Frame in which the program gives its coordinates: {_NAMED}."
+        ),
     ] = None,
     world: Annotated[
-        str | None, Option(metavar="FRAME", help="World of the controller in F_b; F_b itself.")
+        str | None,
+        Option(
+            metavar="FRAME", help="World frame of the controller in F_b; F_b itself if omitted."
+        ),
     ] = None,
     flange: Annotated[
         str | None,
-        Option(metavar="FRAME", help="Flange of the controller in that of the robot file."),
+        Option(
+            metavar="FRAME",
+            help="Flange frame of the controller in the flange frame of the robot file.",
+        ),
     ] = None,
     start: Annotated[
         str | None,
-        Option(metavar="AXES", help="Axes before the first motion [deg], [mm], with commas."),
+        Option(
+            metavar="AXES",
+            help="Axis values before the first motion [deg], [mm], separated by commas.",
+        ),
     ] = None,
     tip: Annotated[
         tuple[float, float, float] | None,
         Option(
-            help="Where the force acts in the flange frame [m]; else the tool's origin, and "
-            "without a tool the campaign's load point."
+            help="Point where the force acts, flange frame [m]; by default the tool's origin, or "
+            "the campaign's load point if there is no tool."
         ),
     ] = None,
     output: Annotated[
         Path | None,
         Option(
-            help="Where to; else the folder of the report for a path, stdout for a program. Never "
-            "under data/raw."
+            help="Output file; by default a path goes to the report's folder, a program to stdout. "
+            "Never in data/raw."
         ),
     ] = None,
     root: Root = Path(),
 ) -> None:
     """Correct a path or a robot program for the deflection under load.
 
-    Of a program only the coordinates change. Frames are written as the program writes poses:
+    In a program only the coordinates change. Write frames as the program writes poses:
     X,Y,Z,A,B,C (KUKA), X,Y,Z,W,P,R (FANUC), x,y,z,q1,q2,q3,q4 (ABB), all in mm and degrees, or
     x,y,z,rx,ry,rz in m and rad (UR).
     """

@@ -18,35 +18,44 @@ if TYPE_CHECKING:
     from pipeline.design.made import Made
 
 
-@app.command(short_help="Choose the poses to measure.")
+@app.command(short_help="Choose the poses to measure, with a measurement sheet.")
 def design(
     problem: Annotated[
         str,
         Argument(metavar="PROBLEM", help="paper_reference, or a problem file ending in .toml."),
     ] = "paper_reference",
+<<<<<<< HEAD
     poses: Annotated[int | None, Option(help="Number of poses, m_0.")] = None,
     readings: Annotated[int | None, Option(help="Pulls in all, n.")] = None,
     unloaded: Annotated[
         int | None, Option(help="Poses beside them, read without a pull, for the robot's table.")
     ] = None,
+=======
+    poses: Annotated[int | None, Option(help="Number of poses m_0.")] = None,
+    readings: Annotated[int | None, Option(help="Total number of pulls n.")] = None,
+>>>>>>> h-19
     step: Steps = None,
     anchor: Annotated[
-        tuple[float, float, float] | None, Option(help="Anchor in F_b [m], fixed there.")
+        tuple[float, float, float] | None, Option(help="Fixed position of the anchor in F_b [m].")
     ] = None,
-    robot: Annotated[str | None, Option(help="A robot that ships, or a robot file.")] = None,
-    criterion: Annotated[str | None, Option(help="test_pose, workspace, D, A or E.")] = None,
+    robot: Annotated[str | None, Option(help="Name of a built-in robot, or a robot file.")] = None,
+    criterion: Annotated[
+        str | None, Option(help="Optimality criterion: test_pose, workspace, D, A or E.")
+    ] = None,
     add_to: Annotated[str | None, Option(help="Propose further poses for this campaign.")] = None,
     name: Annotated[str | None, Option(help="Name of the plan.")] = None,
-    seed: Annotated[int, Option(help="Determines the plan.")] = 1,
-    rounds: Annotated[int, Option(min=1, help="Rounds of new starts.")] = 2,
+    seed: Annotated[int, Option(help="Seed of the search.")] = 1,
+    rounds: Annotated[
+        int, Option(min=1, help="Number of search rounds from new random starts.")
+    ] = 2,
     wanted: Annotated[
         bool | None,
-        Option("--write/--no-write", help="Plan file and sheet; not with --json."),
+        Option("--write/--no-write", help="Write plan file and sheet; off with --json."),
     ] = None,
     as_json: AsJson = False,
     root: Root = Path(),
 ) -> None:
-    """Choose the poses to measure, and say how near they are to the best that could be."""
+    """Choose the poses to measure, and print how close the plan is to the optimum."""
     from pipeline.design.made import make
     from pipeline.design.search import Effort
     from pipeline.library.campaign import load_campaign

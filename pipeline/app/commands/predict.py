@@ -22,15 +22,18 @@ class Of(StrEnum):
     NOMINAL = "nominal"
 
 
-@app.command(short_help="Predict where targets stand at joint values.")
+@app.command(short_help="Predict the positions of targets at given joint values.")
 def predict(
     campaign: Named,
     file: Annotated[
         Path,
-        Argument(metavar="FILE.csv", help="Joint values, columns as in joints.csv; fx_n, payload."),
+        Argument(
+            metavar="FILE.csv",
+            help="Joint values, with columns as in joints.csv; also fx_n and payload.",
+        ),
     ],
-    model: Annotated[Of, Option(help="Of what is identified, or of the table.")] = Of.RECOMMENDED,
-    output: Annotated[Path | None, Option(help="CSV to write; stdout without it.")] = None,
+    model: Annotated[Of, Option(help="Identified model, or the nominal robot.")] = Of.RECOMMENDED,
+    output: Annotated[Path | None, Option(help="CSV file to write; stdout if omitted.")] = None,
     root: Root = Path(),
 ) -> None:
     """Predict the absolute positions of a campaign's targets, in F_b, with their uncertainty."""

@@ -13,21 +13,24 @@ from pipeline.app.commands._shared import Root, app
 from pipeline.base.errors import UsageError
 
 
-@app.command(short_help="Ask all finished campaigns a question in SQL.")
+@app.command(short_help="Query all finished campaigns in SQL.")
 def query(
     sql: Annotated[
         str | None,
-        Argument(metavar="SQL", help='"SELECT ..."; without it the tables and their columns.'),
+        Argument(
+            metavar="SQL", help='"SELECT ..."; lists the tables and their columns if omitted.'
+        ),
     ] = None,
     form: Annotated[
-        str | None, Option("--format", help="table, csv, json or xlsx; csv for programs.")
+        str | None,
+        Option("--format", help="table, csv, json or xlsx; csv where stdout is no terminal."),
     ] = None,
     output: Annotated[
-        Path | None, Option(metavar="FILE", help="Write a file, whose end says its format.")
+        Path | None, Option(metavar="FILE", help="Write to this file; its suffix sets the format.")
     ] = None,
     root: Root = Path(),
 ) -> None:
-    """Ask all finished campaigns a question in SQL: docs/query.md has tables and examples."""
+    """Query all finished campaigns in SQL; tables and examples are in docs/query.md."""
     from pipeline.app import query as asking
 
     wanted = _format(form, output, asking.FORMATS)
@@ -56,14 +59,14 @@ def _format(form: str | None, output: Path | None, known: tuple[str, ...]) -> st
     return wanted
 
 
-@app.command(short_help="What all campaigns teach: how common causes are, and how large.")
+@app.command(short_help="Estimate from all campaigns how common and how large causes are.")
 def priors(
     robot: Annotated[
-        str, Option(help="A robot that ships, whose causes are meant.")
+        str, Option(help="Name of the built-in robot whose causes are asked for.")
     ] = "kr500_rail",
     root: Root = Path(),
 ) -> None:
-    """Say how common causes are and how large, learnt from all campaigns, for campaign.toml."""
+    """Estimate from all campaigns how common and how large causes are, for campaign.toml."""
     from pipeline.app import priors as learning
 
     typer.echo(learning.toml(learning.learnt(root, robot)), nl=False)

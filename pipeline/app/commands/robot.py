@@ -26,14 +26,16 @@ on every robot."""
 @app.command(short_help="Make a robot file from a URDF.")
 def robot(
     file: Annotated[Path, Argument(metavar="FILE.urdf", help="URDF of the robot.")],
-    base: Annotated[str, Option(help="Link whose frame is F_b.")],
-    flange: Annotated[str, Option(help="Link whose frame is the flange.")],
+    base: Annotated[str, Option(help="Link whose frame is the base frame F_b.")],
+    flange: Annotated[str, Option(help="Link whose frame is the flange frame.")],
     output: Annotated[
-        Path | None, Option(help="Robot file to write, .toml; stdout without it.")
+        Path | None, Option(help="Robot file to write (.toml); stdout if omitted.")
     ] = None,
-    payload: Annotated[float | None, Option(help="What it carries [kg]; no URDF says it.")] = None,
+    payload: Annotated[
+        float | None, Option(help="Rated payload [kg], which a URDF does not state.")
+    ] = None,
 ) -> None:
-    """Make a robot file of the joints between two links of a URDF, and hold it against the URDF."""
+    """Make a robot file from the joints between two links of a URDF, and verify it."""
     if output is not None and output.suffix != ".toml":
         raise UsageError(f"{output} does not end in .toml, as a robot file does")
     if output is not None and output.exists():

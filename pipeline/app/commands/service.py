@@ -16,15 +16,17 @@ if TYPE_CHECKING:
     from pipeline.app.preferences import Preferences
 
 
-@app.command(short_help="Run new campaigns by themselves; Prefect's page shows them.")
+@app.command(short_help="Process campaigns as they arrive, with Prefect's dashboard.")
 def serve(
-    interval: Annotated[float | None, Option(help="Seconds between two looks.")] = None,
-    cron: Annotated[str | None, Option(help="A cron line instead of the interval.")] = None,
-    port: Annotated[int | None, Option(help="Of Prefect's page; reports get the next.")] = None,
-    unit: Annotated[bool, Option("--unit", help="Print a unit for systemd, and end.")] = False,
+    interval: Annotated[float | None, Option(help="Seconds between two scans of data/raw.")] = None,
+    cron: Annotated[str | None, Option(help="Cron schedule, in place of --interval.")] = None,
+    port: Annotated[
+        int | None, Option(help="Port of Prefect's dashboard; reports are served on the next one.")
+    ] = None,
+    unit: Annotated[bool, Option("--unit", help="Print a systemd unit and exit.")] = False,
     root: Root = Path(),
 ) -> None:
-    """Run new campaigns by themselves; Prefect's page shows them."""
+    """Process campaigns as they arrive, with Prefect's dashboard."""
     if unit:
         from pipeline.app.unit import unit as of_systemd
 
@@ -38,13 +40,13 @@ def serve(
     supervisor.serve(root, wanted, processes.say)
 
 
-@app.command(short_help="Run new campaigns by themselves, without Prefect.")
+@app.command(short_help="Process campaigns as they arrive, without Prefect.")
 def watch(
-    interval: Annotated[float | None, Option(help="Seconds between two looks.")] = None,
+    interval: Annotated[float | None, Option(help="Seconds between two scans of data/raw.")] = None,
     as_json: AsJson = False,
     root: Root = Path(),
 ) -> None:
-    """Run new campaigns by themselves, without Prefect."""
+    """Process campaigns as they arrive, without Prefect."""
     from pipeline.app import processes, supervisor
     from pipeline.app import watch as watching
 
@@ -57,14 +59,14 @@ def watch(
             processes.say(outcome.as_json() if as_json else outcome.event)
 
 
-@app.command(short_help="Put the scan on a team's own Prefect server.")
+@app.command(short_help="Schedule the scan for new campaigns on a Prefect server.")
 def deploy(
-    pool: Annotated[str, Option(help="Work pool whose workers run the campaigns.")],
-    interval: Annotated[float | None, Option(help="Seconds between two looks.")] = None,
-    cron: Annotated[str | None, Option(help="A cron line instead of the interval.")] = None,
+    pool: Annotated[str, Option(help="Prefect work pool whose workers process the campaigns.")],
+    interval: Annotated[float | None, Option(help="Seconds between two scans of data/raw.")] = None,
+    cron: Annotated[str | None, Option(help="Cron schedule, in place of --interval.")] = None,
     root: Root = Path(),
 ) -> None:
-    """Put the scan on a team's own Prefect server: docs/teams.md."""
+    """Schedule the scan for new campaigns on a team's Prefect server: docs/teams.md."""
     from pipeline.app import processes, service
 
     wanted = _preferred(root, interval_s=interval, cron=cron)
@@ -75,9 +77,9 @@ def deploy(
     typer.echo(f"{processes.ROOT}={root.resolve()} prefect worker start --pool {pool} --limit 2")
 
 
-@app.command(short_help="Say what is missing on this machine, and how to get it.")
+@app.command(short_help="Check this machine: what is missing, and how to install it.")
 def doctor(as_json: AsJson = False, root: Root = Path()) -> None:
-    """Say what is missing on this machine, and how to get it."""
+    """Check this machine: what is missing, and how to install it."""
     import json
     from dataclasses import asdict
 

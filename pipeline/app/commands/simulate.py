@@ -13,7 +13,7 @@ from pipeline.base import files
 from pipeline.base.errors import UsageError
 
 
-@app.command(short_help="Write a raw campaign of a virtual cell.")
+@app.command(short_help="Simulate the raw files of a campaign.")
 def simulate(
     plan: Annotated[
         Path | None,
@@ -21,34 +21,46 @@ def simulate(
     ] = None,
     plan_file: Annotated[Path | None, Option("--plan", help="The same, as an option.")] = None,
     name: Annotated[str | None, Option(help="Name of the campaign.")] = None,
-    robot: Annotated[str | None, Option(help="A robot that ships, or a robot file.")] = None,
-    seed: Annotated[int | None, Option(help="Determines every byte.")] = None,
-    poses: Annotated[int | None, Option(help="Draw so many feasible poses.")] = None,
-    load: Annotated[str | None, Option(help="chain, weights or payloads.")] = None,
-    step: Steps = None,
-    repeats: Annotated[int | None, Option(help="Runs through the steps.")] = None,
-    noise: Annotated[str | None, Option(help="paper, instrument, or metres per axis.")] = None,
-    noise_scale: Annotated[
-        float | None, Option(help="True over stated scatter of the tracker.")
+    robot: Annotated[str | None, Option(help="Name of a built-in robot, or a robot file.")] = None,
+    seed: Annotated[int | None, Option(help="Seed of all random draws.")] = None,
+    poses: Annotated[int | None, Option(help="Number of feasible poses to draw.")] = None,
+    load: Annotated[
+        str | None, Option(help="How loads are applied: chain, weights or payloads.")
     ] = None,
-    exact: Annotated[bool, Option("--exact", help="No noise, all digits.")] = False,
+    step: Steps = None,
+    repeats: Annotated[int | None, Option(help="Number of runs through the load steps.")] = None,
+    noise: Annotated[
+        str | None,
+        Option(help="Tracker noise: paper, instrument, or a standard deviation per axis [m]."),
+    ] = None,
+    noise_scale: Annotated[
+        float | None, Option(help="Ratio of true to stated tracker noise.")
+    ] = None,
+    exact: Annotated[
+        bool, Option("--exact", help="No noise, and all digits in the export.")
+    ] = False,
     spread: Annotated[
-        float | None, Option(help="True stiffnesses are off by up to this fraction.")
+        float | None,
+        Option(help="Largest relative deviation of the true stiffnesses from nominal."),
     ] = None,
     effect: Annotated[
         list[str] | None,
-        Option(help="NAME[:where][=size], size in SI or like 2x; repeat it for more."),
+        Option(
+            help="Hidden cause, NAME[:where][=size], with the size in SI units or as a multiple of "
+            "its usual size, such as 2x; repeat the option for more."
+        ),
     ] = None,
-    dialect: Annotated[str | None, Option(help="Form of the tracker export.")] = None,
-    unit: Annotated[str | None, Option(help="Unit of the export: mm, m or in.")] = None,
-    digits: Annotated[str | None, Option(help="Decimals in the export, or full.")] = None,
+    dialect: Annotated[str | None, Option(help="Format of the tracker export.")] = None,
+    unit: Annotated[str | None, Option(help="Unit of length in the export: mm, m or in.")] = None,
+    digits: Annotated[str | None, Option(help="Number of decimals in the export, or full.")] = None,
     truth: Annotated[
-        Path | None, Option(help="Truth file; data/processed/NAME.truth.json.")
+        Path | None,
+        Option(help="Where to write the true values; data/processed/NAME.truth.json if omitted."),
     ] = None,
-    force: Annotated[bool, Option("--force", help="Replace a campaign.")] = False,
+    force: Annotated[bool, Option("--force", help="Replace an existing campaign.")] = False,
     root: Root = Path(),
 ) -> None:
-    """Write a raw campaign of a virtual cell; what is true in it goes to a file elsewhere."""
+    """Simulate the raw files of a campaign; the true values go to a separate file."""
     changes = {
         "name": name,
         "robot": robot,
@@ -125,12 +137,12 @@ def prepare(folder: Path, plan: Path) -> None:
         files.write(folder / inner, data)
 
 
-@app.command(short_help="List the causes that a diagnosis knows.")
+@app.command(short_help="List the causes of misfit that the diagnosis knows.")
 def effects(
-    robot: Annotated[str, Option(help="A robot that ships, or a robot file.")] = "kr500_rail",
+    robot: Annotated[str, Option(help="Name of a built-in robot, or a robot file.")] = "kr500_rail",
     as_json: AsJson = False,
 ) -> None:
-    """List the causes that a diagnosis knows, with their sizes and signatures."""
+    """List the causes of misfit that the diagnosis knows, with usual sizes and signatures."""
     from pipeline.machine.effects import listing
     from pipeline.machine.robot import load
 

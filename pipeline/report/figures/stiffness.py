@@ -42,34 +42,83 @@ def _beside(answer: Answer, joints: Sequence[Stiffness]) -> Array:
     return np.array([values.get(joint.name) for joint in joints], dtype=float)
 
 
+_SQUEEZED = 1 / 3
+"""Share of the width [1] below which the others are too short to be compared beside a wide one."""
+
+
+def _frame(low: Array, high: Array) -> tuple[float, float]:
+    """Left and right end of the plot [% of nominal]; the widest intervals may reach beyond.
+
+    An interval is cut off, the widest first, while the others take less than a third of the width
+    that they take with it. One without an upper limit counts from its lower one.
+    """
+    top = np.where(np.isfinite(high), high, low)
+    kept = np.argsort(high - low, kind="stable").tolist()
+    while len(kept) > 1 and np.ptp(_ends(low, top, kept[:-1])) < _SQUEEZED * np.ptp(
+        _ends(low, top, kept)
+    ):
+        kept.pop()
+    first, last = _ends(low, top, kept)
+    margin = 0.08 * max(last - first, 1.0)
+    return first - margin, last + margin
+
+
+def _ends(low: Array, high: Array, rows: list[int]) -> tuple[float, float]:
+    """Left and right end of some intervals and of the nominal value."""
+    return min([100.0, *low[rows]]), max([100.0, *high[rows]])
+
+
+def _limits(low: float, high: float) -> str:
+    """`73 % to 109 %`, or `above 73 %`."""
+    if np.isfinite(high):
+        return f"{plain(low)} % to {plain(high)} %"
+    return f"above {plain(low)} %"
+
+
+def _cut_off(axes: Axes, at: Array, told: Array, ends: tuple[float, float]) -> None:
+    """Arrows where intervals leave the plot, with the numbers of those that are wider than it.
+
+    Args:
+        axes: The plot.
+        at: Height of each joint, shape (n,).
+        told: Values and 95 % limits [% of nominal], shape (3, n).
+        ends: Left and right end of the plot.
+    """
+    (share, low, high), (left, right) = told, ends
+    for end, leaves, marker in ((left, low < left, "<"), (right, high > right, ">")):
+        axes.scatter(np.full(leaves.sum(), end), at[leaves], color=BLUE, marker=marker, s=30)
+    wide = (low < left) | (np.isfinite(high) & (high > right)) | (share > right)
+    for k in np.flatnonzero(wide):
+        text = f"{plain(share[k])} % ({_limits(low[k], high[k])})"
+        place = ((left + right) / 2, at[k])
+        axes.annotate(text, place, (0, 3), textcoords="offset points", ha="center", fontsize=7)
+
+
 def _draw_stiffness(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Every joint with its 95 % interval, in percent of nominal."""
     joints = _comparable(answer)
     canvas.set_size_inches(5.6, 0.9 + 0.28 * len(joints))
     axes = canvas.subplots()
-    at = np.arange(len(joints))
+    at = np.arange(len(joints), dtype=float)
     nominal = np.array([joint.nominal for joint in joints], dtype=float)
     share, low, high = _interval(joints, nominal / 100)
     other = 100 * _beside(answer, joints) / nominal
     axes.axvline(100, color=MUTED, linewidth=1, linestyle="--")
-    endless = ~np.isfinite(high)
-    shown = np.concatenate([share[~endless], low, high[~endless], [100.0]])
-    right = shown.max() + 0.08 * max(np.ptp(shown), 1.0)
-    axes.hlines(at, low, np.where(endless, right, high), BLUE, lw=2.2)
-    beyond = share > right  # a value without upper limit may be anywhere
-    for which, key in ((endless & ~beyond, None), (beyond, "beyond")):
-        where = np.full(which.sum(), right)
-        axes.scatter(where, at[which], color=BLUE, marker=">", s=30, gid=key)
-    near = np.abs(other - shown.mean()) < np.ptp(shown)  # a wrong unit would squeeze all others
+    left, right = _frame(low, high)
+    axes.hlines(at, np.maximum(low, left), np.minimum(high, right), BLUE, lw=2.2)
+    _cut_off(axes, at, np.array([share, low, high]), (left, right))
+    near = np.abs(other - (left + right) / 2) < right - left
     axes.scatter(other[near], at[near], facecolors="none", edgecolors=MUTED, s=34, zorder=2)
+    beyond = (share < left) | (share > right)
+    edge = np.clip(share[beyond], left, right)
+    axes.scatter(edge, at[beyond], color=BLUE, s=1, gid="beyond")  # to hover over
     axes.scatter(share[~beyond], at[~beyond], color=BLUE, s=26, gid="share", zorder=3)
     axes.set_yticks(at, [joint.called for joint in joints])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("Stiffness [% of nominal]")
     said = [
-        f"{joint.called}: {plain(s)} % of nominal, "
-        + (f"{plain(a)} % to {plain(b)} %" if np.isfinite(b) else f"above {plain(a)} %")
+        f"{joint.called}: {plain(s)} % of nominal, {_limits(a, b)}"
         for joint, s, a, b in zip(joints, share, low, high, strict=True)
     ]
     return {
@@ -112,9 +161,9 @@ def _write_stiffness(answer: Answer, tables: Tables) -> Figure | None:
     return Figure(
         "stiffness",
         "Stiffness as a share of the nominal value",
-        f"{said} Bars are 95 % intervals; an arrow stands for no upper limit. A joint whose bar "
-        f"does not reach the line at 100 % differs from nominal by more than the uncertainty of "
-        f"the measurement.{_circles(answer)}",
+        f"{said} Bars are 95 % intervals; an arrow marks one that continues beyond the plot, with "
+        f"its numbers, or has no upper limit. A joint whose bar does not reach the line at 100 % "
+        f"differs from nominal by more than the uncertainty of the measurement.{_circles(answer)}",
         f"Interval plot of {len(joints)} joint stiffnesses relative to nominal. {said}",
     )
 
@@ -137,9 +186,14 @@ def draw_history(canvas: Canvas, answers: Sequence[Answer], changed: Collection[
     for index, (view, name) in enumerate(zip(views, found, strict=True)):
         key, points = f"history-{index}", _points(answers, name)
         colour = RED if name in changed else BLUE
-        tips[key] = _draw_course(view, name, points, colour, key)
+        tips[key] = _draw_course(view, _called(answers, name), points, colour, key)
     _name_campaigns(views[-1], answers)
     return tips
+
+
+def _called(answers: Sequence[Answer], name: str) -> str:
+    """`A1 (k_theta2)`, as the last campaign that has the joint calls it."""
+    return [joint.called for one in answers for joint in one.stiffness if joint.name == name][-1]
 
 
 def _points(answers: Sequence[Answer], name: str) -> _Points:

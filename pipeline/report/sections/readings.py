@@ -209,7 +209,7 @@ def _least(single: pd.DataFrame) -> Table | None:
         "Redundancy is the part of an error that the residuals show, 0 to 1. The smallest "
         "detectable error is found in 80 % of the cases at 0.1 % false alarms; the last two "
         "columns say what one so large moves most, in standard uncertainties. All readings "
-        "stand in 43_reliability."
+        'are in results.xlsx, sheet "reliability".'
     )
     return table_of("reliability", "Readings with the lowest redundancy", columns, rows, note)
 
