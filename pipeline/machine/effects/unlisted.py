@@ -85,6 +85,47 @@ def effects(robot: Robot, loaded: Loaded) -> tuple[Effect, ...]:
     )
 
 
+def extensions(robot: Robot, loaded: Loaded, one: Effect) -> tuple[Effect, ...]:
+    """A law with one further shape each, of those that were tried for the same part and variable.
+
+    A gear that is not quite round has harmonics, and what bends may bend besides: what a law
+    leaves is first the law's own. Its odds are shared among them, one half by its harmonics: what
+    repeats n times a turn has no others.
+    """
+    law = one.law
+    assert law is not None
+    if not (follows(law) or law.part == "spring"):
+        return ()
+    others = [other for other in _laws(robot, loaded) if other.of == law.of and _adds(law, other)]
+    kinds = [_harmonic(law, other) for other in others]
+    counts = Counter(kinds)
+    return tuple(
+        replace(effect(robot, _with(law, other)), odds=one.odds / len(counts) / counts[kind])
+        for other, kind in zip(others, kinds, strict=True)
+    )
+
+
+def _harmonic(law: Law, other: Law) -> bool:
+    """Whether a wave repeats a whole number of times where the law repeats once."""
+    waves = law.kind == other.kind == "periodic" or law.kind == other.kind == "coupling"
+    return waves and np.isclose(other.order / law.order % 1.0, 0.0) and other.order > law.order
+
+
+def _adds(law: Law, other: Law) -> bool:
+    """Whether a shape is none that the law has: a polynomial holds those of lower degree."""
+    smooth = any(one.kind == "smooth" for one in law.shapes) and other.kind == "smooth"
+    polynomials = smooth and law.variable in ("angle", "position")
+    return not polynomials and _shaped(other) not in map(_shaped, law.shapes)
+
+
+def _shaped(law: Law) -> tuple[object, ...]:
+    return law.kind, law.order, law.at
+
+
+def _with(law: Law, other: Law) -> Law:
+    return replace(law, more=other if law.more is None else _with(law.more, other))
+
+
 def named(robot: Robot, label: str, form: str) -> Effect | None:
     """The effect of a label and a form, None where they are no law of this file."""
     name, _, where = label.partition(":")
@@ -263,14 +304,19 @@ def noun(law: Law) -> str:
     if law.part in _NOUNS:
         return _NOUNS[law.part].format(axis=law.part[-1], source=law.source)
     thing = _THINGS.get(law.part, "stiffness")
+    return f"{thing} that {' and '.join(map(_does, law.shapes))}"
+
+
+def _does(law: Law) -> str:
+    """What one shape does, as a verb."""
     if law.kind == "coupling":
-        return f"{thing} that follows the angle of joint {law.source}, {law.order:g} per turn"
+        return f"follows the angle of joint {law.source}, {law.order:g} per turn"
     if law.kind == "periodic":
         per = "turn" if law.variable == "angle" else "metre of the rail"
-        return f"{thing} that varies {float(f'{law.order:.2g}'):g} times per {per}"
+        return f"varies {float(f'{law.order:.2g}'):g} times per {per}"
     if law.kind == "step":
-        return f"{thing} that jumps at {_at(law)}"
-    return f"{thing} that {_SMOOTH[law.variable]}"
+        return f"jumps at {_at(law)}"
+    return _SMOOTH[law.variable]
 
 
 def _at(law: Law) -> str:
@@ -337,7 +383,8 @@ def _spring(robot: Robot, law: Law, joint: int) -> Effect:
 
     def response(loaded: Loaded, tau: Array) -> Array:
         if law.variable == "torque":
-            return _of_own_torque(law, tau)
+            each = [_of_own_torque(one, tau[:, i]) for i, one in enumerate(law.shapes)]
+            return np.stack(each, axis=1)
         return np.asarray(tau * basis(law, variable(law, loaded)))
 
     said = _said(law, place, k, unit, _PART * compliance(robot, joint))
@@ -378,7 +425,7 @@ def _turns(robot: Robot, law: Law, joint: int) -> Effect:
         waves = basis(law, variable(law, loaded))
         return np.asarray(sense * np.insert(waves, 0, 1.0, axis=1))
 
-    k = 1 if law.kind == "step" else 3
+    k = 1 if law.kind == "step" else 1 + _width(law, False)
     said = _said(law, "joint", k, "rad", 5e-5)
     return Elastic(**said, carrier=(joint,) * k, response=response)  # type: ignore[arg-type]
 
@@ -536,6 +583,11 @@ def basis(law: Law, v: Array) -> Array:
 
     Polynomials stay beyond where they were taught as they were at its end.
     """
+    return np.hstack([_shape(one, v) for one in law.shapes])
+
+
+def _shape(law: Law, v: Array) -> Array:
+    """The same of one shape."""
     if law.kind in ("periodic", "coupling"):
         phase = law.order * v * (2 * np.pi if law.variable == "position" else 1.0)
         return np.stack([np.cos(phase), np.sin(phase)], axis=1)
@@ -560,7 +612,7 @@ def height(law: Law, values: Array, cov: Array) -> tuple[float, float]:
         cov: Their covariance, shape (k, k).
     """
     slope = values / max(float(np.linalg.norm(values)), 1e-300)
-    if _follows(law):
+    if follows(law):
         v = np.linspace(law.low, law.high, _GRID)
         g = basis(law, v)
         f = g @ values[len(values) - g.shape[1] :]
@@ -582,7 +634,7 @@ def beyond(robot: Robot, one: Effect, values: Array) -> tuple[Effect, Array]:
     """
     assert one.law is not None
     law = replace(one.law, beyond=True)
-    size = values if not _follows(law) else np.array([height(one.law, values, _none(values))[0]])
+    size = values if not follows(law) else np.array([height(one.law, values, _none(values))[0]])
     return effect(robot, law), np.outer(size, size)
 
 
@@ -593,8 +645,8 @@ def _none(values: Array) -> Array:
 def _beyond(robot: Robot, law: Law) -> Effect:
     """The law outside of where it was taught, a constant in the place of its function."""
     own = replace(law, beyond=False)
-    if _follows(law):
-        own = replace(own, kind="step", order=0.0, at=-np.inf)
+    if follows(law):
+        own = replace(own, kind="step", order=0.0, at=-np.inf, more=None)
     made = effect(robot, own)
     assert isinstance(made, Elastic)
 
@@ -611,7 +663,7 @@ YIELDING = ("spring", "drive", *_GUIDES)
 """Parts whose compliance follows the law: deflection is compliance times torque or force."""
 
 
-def _follows(law: Law) -> bool:
+def follows(law: Law) -> bool:
     """Whether something is multiplied by a function of the variable."""
     if law.part in _NOUNS or law.variable in ("direction", "torque"):
         return False
@@ -624,6 +676,12 @@ _GRID = 1001
 
 def _width(law: Law, guide: bool) -> int:
     """How many amplitudes a law of a compliance has; a guide's own compliance is one of them."""
+    first, *more = law.shapes
+    return _amplitudes(first, guide) + sum(_amplitudes(one, False) for one in more)
+
+
+def _amplitudes(law: Law, guide: bool) -> int:
+    """The same of one shape."""
     if law.kind in ("periodic", "coupling"):
         return 2 + guide
     if law.kind == "step" or law.variable == "torque":
