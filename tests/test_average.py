@@ -341,6 +341,16 @@ def test_a_component_that_leaves_an_entry_undetermined_has_no_say_in_it():
     )
 
 
+def test_what_only_an_impossible_one_determines_is_its_value_and_unknown():
+    """A weight of zero divides nothing: the value is that of who has one, its variance infinite."""
+    covs = np.array([np.eye(2), np.diag([1.0, np.inf])])
+
+    mean, cov = average([0.0, 1.0], np.array([[1.0, 2.0], [3.0, 9.0]]), covs)
+
+    np.testing.assert_allclose(mean, [3.0, 2.0])
+    assert np.isinf(np.diag(cov)).tolist() == [False, True]
+
+
 def low_and_high(several):
     """Ends of the interval of joint 1 over its nominal compliance."""
     found = springs(several)

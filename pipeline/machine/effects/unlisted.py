@@ -108,7 +108,8 @@ def extensions(robot: Robot, loaded: Loaded, one: Effect) -> tuple[Effect, ...]:
 def _harmonic(law: Law, other: Law) -> bool:
     """Whether a wave repeats a whole number of times where the law repeats once."""
     waves = law.kind == other.kind == "periodic" or law.kind == other.kind == "coupling"
-    return waves and np.isclose(other.order / law.order % 1.0, 0.0) and other.order > law.order
+    times = other.order / law.order if waves else 0.0
+    return waves and times > 1 and bool(np.isclose(times, round(times)))
 
 
 def _adds(law: Law, other: Law) -> bool:
