@@ -247,19 +247,26 @@ def _likelihood(drop: Array, rank: Array | Ints, now: Scores) -> Array:
 def _carries(case: Case, found: Found, rng: np.random.Generator) -> bool:
     """Whether every accepted law makes left-out poses better, estimated without each of them.
 
-    At 95 %, poses drawn with replacement, beside all else that is accepted.
+    At 95 %, poses drawn with replacement, beside all else that is accepted; all of them, or those
+    at which the law is taught also without them.
     """
     laws = [i for i in found.accepted if case.suspects[i].law is not None]
-    return all(
-        _gain(found.plain, _without(case, found, law), rng, _tests(case, found, law)) > 0
-        for law in laws
-    )
+    return all(_carried(case, found, law, rng) for law in laws)
 
 
-def _tests(case: Case, found: Found, law: int) -> Bools:
+def _carried(case: Case, found: Found, law: int, rng: np.random.Generator) -> bool:
+    """The same of one law."""
+    rest, taught = _without(case, found, law), _taught(case, found, law)
+    if _gain(found.plain, rest, rng) > 0:
+        return True
+    return not taught.all() and _gain(found.plain, rest, rng, taught) > 0
+
+
+def _taught(case: Case, found: Found, law: int) -> Bools:
     """Readings of poses at which a law is taught also without them, shape (m,).
 
-    Beyond the others' range it states nothing but that it is uncertain (`unlisted.beyond`).
+    Beyond the others' range it states nothing but that it is uncertain (`unlisted.beyond`): an
+    error there is none of the law.
     """
     view, one = found.plain, case.suspects[law].law
     pose = view.pose[: len(view.rows)]
