@@ -193,6 +193,23 @@ def test_every_law_has_a_share_of_the_odds_and_a_form_that_a_file_can_hold():
     assert unlisted.named(KR500, "unlisted_law:3", "spring wavy angle 3 1 0 1 0 False") is None
 
 
+def test_a_law_calls_joints_as_the_controller_calls_its_axes():
+    """The place and the joint whose angle or torque it is of; the rail moves by itself."""
+    every = [
+        law(4, "spring", "coupling", "angle", 6, 2.0),
+        law(3, "pair", "coupling", "torque", 5),
+        law("rail", "roll", "step", "position", 1, 0.0, at=6.0),
+    ]
+
+    assert [unlisted.effect(KR500, one).called for one in every] == [
+        "stiffness that follows the angle of joint 6 (A5), 2 per turn in joint 4 (A3)",
+        "compliance shared with joint 5 (A4) in joint 3 (A2)",
+        "roll of the carriage that jumps at 6 m of the rail at the rail",
+    ]
+    made = unlisted.effects(KR500, load(CELL, PULLS, np.zeros(7)))
+    assert {one.axis for one in made} == {None, "A1", "A2", "A3", "A4", "A5", "A6"}
+
+
 def test_what_a_law_lacks_is_tried_in_its_own_place_and_variable():
     """Each further shape once, odds those of the law, half of them the harmonics'."""
     loaded = load(CELL, PULLS, np.zeros(7))

@@ -15,7 +15,7 @@ name of its own: all are `unlisted_law`.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -23,12 +23,12 @@ from itertools import combinations
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effect import Effect, Elastic, Loaded, Observation, Pulls, Wrench
+from pipeline.machine.effect import Effect, Elastic, Loaded, Observation, Pulls, Wrench, in_place
 from pipeline.machine.effects._anatomy import compliance, rail, rated_torque, turning
 from pipeline.machine.effects._carriage import ACROSS, ALONG, UP, rotation, translation
 from pipeline.machine.effects.tracker_drift import HOUR_S
 from pipeline.machine.law import Law, parse
-from pipeline.machine.robot import Robot
+from pipeline.machine.robot import Robot, axes
 from pipeline.machine.robot.configuration import rotation_about, torque, translation_along
 
 NAME = "unlisted_law"
@@ -79,9 +79,11 @@ def effects(robot: Robot, loaded: Loaded) -> tuple[Effect, ...]:
     All families of laws are alike beforehand, and so are the members of a family.
     """
     laws = list(_laws(robot, loaded))
-    members = Counter(law.family for law in laws)
+    members, names = Counter(law.family for law in laws), axes.alone(robot)
+    each = (_called(_effect(robot, law), names) for law in laws)
     return tuple(
-        replace(effect(robot, law), odds=1.0 / (members[law.family] * len(members))) for law in laws
+        replace(one, odds=1.0 / (members[law.family] * len(members)))
+        for one, law in zip(each, laws, strict=True)
     )
 
 
@@ -98,9 +100,12 @@ def extensions(robot: Robot, loaded: Loaded, one: Effect) -> tuple[Effect, ...]:
         return ()
     others = [other for other in _laws(robot, loaded) if other.of == law.of and _adds(law, other)]
     kinds = [_harmonic(law, other) for other in others]
-    counts = Counter(kinds)
+    counts, names = Counter(kinds), axes.alone(robot)
     return tuple(
-        replace(effect(robot, _with(law, other)), odds=one.odds / len(counts) / counts[kind])
+        replace(
+            _called(_effect(robot, _with(law, other)), names),
+            odds=one.odds / len(counts) / counts[kind],
+        )
         for other, kind in zip(others, kinds, strict=True)
     )
 
@@ -138,6 +143,19 @@ def named(robot: Robot, label: str, form: str) -> Effect | None:
 
 def effect(robot: Robot, law: Law) -> Effect:
     """The law as an effect; its parameters are amplitudes, zero where it is absent."""
+    return _called(_effect(robot, law), axes.alone(robot))
+
+
+def _called(made: Effect, names: Sequence[str | None]) -> Effect:
+    """The same with the controller's names of its joints."""
+    assert made.law is not None
+    told = noun(made.law, names)
+    axis = names[made.where - 1] if isinstance(made.where, int) else None
+    return replace(made, noun=told, signature=told, axis=axis)
+
+
+def _effect(robot: Robot, law: Law) -> Effect:
+    """The same without the controller's names of its joints."""
     if law.beyond:
         return _beyond(robot, law)
     if law.where == "scale":
@@ -286,13 +304,13 @@ def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[s
     return {
         "name": NAME,
         "where": law.where,
-        "noun": noun(law),
+        "noun": "",
         "place": place,
         "form": law.form,
         "parameters": tuple(
             Parameter(f"b_{law.where}_{k}", unit, typical, -most, most) for k in range(names)
         ),
-        "signature": noun(law),
+        "signature": "",
         "needs": "pulls at more values of what it depends on, also beyond those that were taken",
         "source": "made from place, variable and shape; 15 % of a compliance is an estimate",
         "tolerance": 0.1,
@@ -300,18 +318,24 @@ def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[s
     }
 
 
-def noun(law: Law) -> str:
-    """What the law is, without its place."""
+def noun(law: Law, names: Sequence[str | None]) -> str:
+    """What the law is, without its place.
+
+    Args:
+        law: The law.
+        names: Axis of the controller that moves each joint, if one does.
+    """
+    source = in_place(law.source, axis=names[law.source - 1]).removeprefix(" in ")
     if law.part in _NOUNS:
-        return _NOUNS[law.part].format(axis=law.part[-1], source=law.source)
+        return _NOUNS[law.part].format(axis=law.part[-1], source=source)
     thing = _THINGS.get(law.part, "stiffness")
-    return f"{thing} that {' and '.join(map(_does, law.shapes))}"
+    return f"{thing} that {' and '.join(_does(one, source) for one in law.shapes)}"
 
 
-def _does(law: Law) -> str:
+def _does(law: Law, source: str) -> str:
     """What one shape does, as a verb."""
     if law.kind == "coupling":
-        return f"follows the angle of joint {law.source}, {law.order:g} per turn"
+        return f"follows the angle of {source}, {law.order:g} per turn"
     if law.kind == "periodic":
         per = "turn" if law.variable == "angle" else "metre of the rail"
         return f"varies {float(f'{law.order:.2g}'):g} times per {per}"
@@ -337,7 +361,7 @@ _NOUNS = {
     "creep": "creep under load",
     "sinks": "sinking after the unloaded reading",
     "grows": "growth of the link after the unloaded reading",
-    "pair": "compliance shared with joint {source}",
+    "pair": "compliance shared with {source}",
     "bearing_x": "compliance of the bearing along its {axis} axis",
     "bearing_y": "compliance of the bearing along its {axis} axis",
     "bearing_z": "compliance of the bearing along its {axis} axis",
