@@ -38,6 +38,7 @@ def suspect(label: str, *bounds: tuple[float, float], location: str = "", typica
         tolerance=0.0,
         called=label,
         odds=1.0,
+        law=None,
         size=1.0,
     )
 

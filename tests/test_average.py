@@ -260,7 +260,7 @@ def test_what_is_left_over_the_scatter_widens_every_source():
 def test_one_stranger_for_two_causes_is_one_hypothesis():
     """What may stand for both causes at once counts once; no cause stands in two places."""
     label = {0: "A", 1: "B", 2: "C"}
-    case = SimpleNamespace(suspects=[SimpleNamespace(label=label[i]) for i in range(3)])
+    case = SimpleNamespace(suspects=[SimpleNamespace(label=label[i], law=None) for i in range(3)])
 
     def rival(i, probability):
         return Rival(label[i], i, probability, ((i, 1.0),))
@@ -279,7 +279,7 @@ def test_one_stranger_for_two_causes_is_one_hypothesis():
 
 def test_the_laws_of_a_cause_share_its_probability():
     """A cause of two laws: the accepted one and the other, each with its share."""
-    case = SimpleNamespace(suspects=[SimpleNamespace(label="A"), SimpleNamespace(label="A")])
+    case = SimpleNamespace(suspects=[SimpleNamespace(label="A", law=None)] * 2)
     found = SimpleNamespace(
         accepted=(0,), rivals=((Rival("A", 0, 1.0, ((0, 0.8), (1, 0.2))),),), strange=()
     )
@@ -339,6 +339,16 @@ def test_a_component_that_leaves_an_entry_undetermined_has_no_say_in_it():
     assert cov[0, 0] == pytest.approx(
         moments(weights, values[:, :1], np.full((3, 1, 1), 0.1))[1][0, 0]
     )
+
+
+def test_what_only_an_impossible_one_determines_is_its_value_and_unknown():
+    """A weight of zero divides nothing: the value is that of who has one, its variance infinite."""
+    covs = np.array([np.eye(2), np.diag([1.0, np.inf])])
+
+    mean, cov = average([0.0, 1.0], np.array([[1.0, 2.0], [3.0, 9.0]]), covs)
+
+    np.testing.assert_allclose(mean, [3.0, 2.0])
+    assert np.isinf(np.diag(cov)).tolist() == [False, True]
 
 
 def low_and_high(several):

@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
+from bench.league.machine import Machine, Spring
 from pipeline.diagnosis.isolability import rich_pulls, rich_tool, twins
 from pipeline.machine import cell as forward
 from pipeline.machine.cell import baseline
@@ -89,8 +90,30 @@ def test_only_the_axis_in_the_base_has_its_bearing_elsewhere():
     """The shoulder's frame says nothing of the bearing below it; forms of others only pay."""
     tilts = [e for e in EFFECTS if e.name == "joint_tilt"]
 
-    assert {e.where for e in tilts if e.form} == {2}
-    assert len([e for e in tilts if e.where == 2]) == 3
+    assert {e.where for e in tilts if e.form not in ("", "oblique")} == {2}
+    assert len([e for e in tilts if e.where == 2]) == 6
+
+
+@pytest.mark.parametrize("joint", [2, 4])
+def test_a_bearing_that_is_soft_obliquely_moves_as_a_hinge_between_its_axes(bench, joint):
+    """One hinge c at an angle w to x_j, of a machine of 4 x 4 matrices: c_x = c cos^2 w, ..."""
+    cell, pulls, _ = bench
+    w, c = np.deg2rad(65.0), 1e-9
+    hinge = Spring("tilt", joint, (np.cos(w), np.sin(w), 0.0), False, lambda own, _: c * own)
+    points, at = cell.tool.points, cell.tool.load_point
+    moved, still = (
+        Machine(KR500, springs).settle(pulls.q, points, at, pulls.force)[0]
+        for springs in ([hinge], [replace(hinge, law=lambda own, _: 0 * own)])
+    )
+    form = "at its origin, oblique" if joint == 2 else "oblique"
+    (effect,) = (e for e in EFFECTS if e.label == f"joint_tilt:{joint}" and e.form == form)
+    values = c * np.array([np.cos(w) ** 2, np.sin(w) ** 2, np.cos(w) * np.sin(w)])
+
+    made = forward.sensitivity(cell, pulls, np.zeros(7), [effect]) @ values
+
+    largest = np.abs(made).max()
+    np.testing.assert_allclose(moved - still, made, atol=1e-3 * largest)
+    assert largest > 1e-7
 
 
 def test_play_about_the_last_axis_may_be_the_clamp():
@@ -144,6 +167,8 @@ def test_springs_keep_maxwells_reciprocity(bench, effect):
     cell, pulls, _ = bench
     rng = np.random.default_rng(3)
     more = rng.uniform(0.5, 2, len(effect.parameters)) * [p.typical for p in effect.parameters]
+    if effect.form.endswith("oblique"):
+        more[2] = 0.9 * np.sqrt(more[0] * more[1])  # more than the root is no spring
     alone = replace(cell, effects=(effect,))
     other = replace(pulls, force=pulls.force[::-1])
 
@@ -201,7 +226,12 @@ def _screw(effect, q):
 
 @pytest.mark.parametrize(
     "effect",
-    [e for e in LINEAR if e.name in (*SCREWS, "joint_tilt", "tool_flex") or e.form == "hinge"],
+    [
+        e
+        for e in LINEAR
+        if (e.name in (*SCREWS, "joint_tilt", "tool_flex") and "oblique" not in e.form)
+        or e.form == "hinge"
+    ],
     ids=lambda e: e.label,
 )
 def test_rotations_turn_where_and_how_they_say(bench, effect):

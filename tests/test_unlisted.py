@@ -13,9 +13,10 @@ from bench.league.machine import Machine, Spring
 from bench.league.play import Rules, drawn, play
 from bench.league.run import answer_of
 from pipeline.diagnosis import unlisted as search
+from pipeline.diagnosis.identify import given, may_join, merged
 from pipeline.diagnosis.isolability import rich_pulls, rich_tool, twins
 from pipeline.machine.cell import load, paper_cell, sensitivity
-from pipeline.machine.effects import unlisted
+from pipeline.machine.effects import catalogue, unlisted
 from pipeline.machine.law import Law, parse
 from pipeline.machine.robot import load as robot_of
 from pipeline.prediction.model import Model, dumps, part
@@ -23,6 +24,7 @@ from pipeline.prediction.model import parse as parse_model
 from pipeline.system import detect
 from pipeline.system.beside import by_products
 from pipeline.system.detect import threshold
+from pipeline.system.evidence import Scores
 
 KR500 = robot_of("kr500_rail")
 RNG = np.random.default_rng(36)
@@ -48,6 +50,30 @@ CASES = {
         law(3, "spring", "periodic", "angle", 3, 7.0),
         1,
         turning(3, lambda own, _: own * np.sin(7 * Q[:, 2])),
+    ),
+    "ripple with its second harmonic": (
+        replace(
+            law(3, "spring", "periodic", "angle", 3, 7.0),
+            more=law(3, "spring", "periodic", "angle", 3, 14.0),
+        ),
+        3,
+        turning(3, lambda own, _: own * np.sin(14 * Q[:, 2])),
+    ),
+    "softer one way and stiffer under load": (
+        replace(
+            law(2, "spring", "smooth", "torque", 2, 1.0, (-2000.0, 3000.0)),
+            more=law(2, "spring", "smooth", "torque", 2, 3.0, (-2000.0, 3000.0)),
+        ),
+        1,
+        turning(2, lambda own, _: own * (own / 3000.0) ** 2),
+    ),
+    "roll along the rail that also jumps": (
+        replace(
+            law("rail", "roll", "smooth", "position", 1, 1.0),
+            more=law("rail", "roll", "step", "position", 1, 0.0, at=6.0),
+        ),
+        2,
+        turning(1, lambda own, _: own * (S > 6.0), (0, 1, 0), fixed=True),
     ),
     "by another joint": (
         law(4, "spring", "coupling", "angle", 6, 2.0),
@@ -167,6 +193,61 @@ def test_every_law_has_a_share_of_the_odds_and_a_form_that_a_file_can_hold():
     assert unlisted.named(KR500, "unlisted_law:3", "spring wavy angle 3 1 0 1 0 False") is None
 
 
+def test_a_law_calls_joints_as_the_controller_calls_its_axes():
+    """The place and the joint whose angle or torque it is of; the rail moves by itself."""
+    every = [
+        law(4, "spring", "coupling", "angle", 6, 2.0),
+        law(3, "pair", "coupling", "torque", 5),
+        law("rail", "roll", "step", "position", 1, 0.0, at=6.0),
+    ]
+
+    assert [unlisted.effect(KR500, one).called for one in every] == [
+        "stiffness that follows the angle of joint 6 (A5), 2 per turn in joint 4 (A3)",
+        "compliance shared with joint 5 (A4) in joint 3 (A2)",
+        "roll of the carriage that jumps at 6 m of the rail at the rail",
+    ]
+    made = unlisted.effects(KR500, load(CELL, PULLS, np.zeros(7)))
+    assert {one.axis for one in made} == {None, "A1", "A2", "A3", "A4", "A5", "A6"}
+
+
+def test_what_a_law_lacks_is_tried_in_its_own_place_and_variable():
+    """Each further shape once, odds those of the law, half of them the harmonics'."""
+    loaded = load(CELL, PULLS, np.zeros(7))
+    wave = replace(unlisted.effect(KR500, law(5, "spring", "periodic", "angle", 5, 3.0)), odds=0.2)
+    other = unlisted.effect(KR500, law(2, "pair", "coupling", "torque", 5))
+
+    further = unlisted.extensions(KR500, loaded, wave)
+
+    orders = [one.law.more.order for one in further if one.law.more.kind == "periodic"]
+    harmonics = [one for one in further if one.law.more.order in (6, 9, 12, 15, 18)]
+    assert sorted(orders) == [k for k in range(1, 21) if k != 3]
+    assert {one.law.more.kind for one in further} == {"periodic", "smooth", "step"}
+    assert {one.label for one in further} == {wave.label}
+    assert all(one.law.more.of == wave.law.of and one.law.extends(wave.law) for one in further)
+    assert not any(wave.law.extends(one.law) for one in further)
+    assert sum(one.odds for one in further) == pytest.approx(0.2)
+    assert sum(one.odds for one in harmonics) == pytest.approx(0.1)
+    assert all(unlisted.named(KR500, one.label, one.form).law == one.law for one in further)
+    assert unlisted.extensions(KR500, loaded, other) == ()
+
+
+def test_a_law_joins_in_the_place_of_the_one_that_it_extends():
+    """Other laws of a joint exclude each other, and what a law paid for it pays no more."""
+    one = replace(unlisted.effect(KR500, law(5, "spring", "periodic", "angle", 5, 3.0)), odds=0.01)
+    wider = next(iter(unlisted.extensions(KR500, load(CELL, PULLS, np.zeros(7)), one)))
+    rival = unlisted.effect(KR500, law(5, "creep", "smooth", "time"))
+    roll = next(e for e in catalogue(KR500) if e.label == "rail_roll")
+    these = (one, wider, rival, roll)
+    none = np.zeros((4, 1))
+    now = Scores(none[..., None], none, none, 1.0, 1)
+
+    assert [may_join(these, [0], k) for k in range(4)] == [False, True, False, True]
+    assert not may_join(these, [1], 0)
+    assert merged(these, (3, 0, 1)) == (3, 1)
+    np.testing.assert_allclose(given(these, now, [0]).log_odds, [0, -np.log(0.01), 0, 0])
+    assert given(these, now, [3]) is now
+
+
 ROWS, BASE, POSES = 48, 4, 12
 
 
@@ -271,6 +352,18 @@ def test_a_law_that_nobody_listed_is_found(rippled):
     assert said.place
     assert said.order
     assert said.halved
+
+
+@pytest.mark.slow
+def test_what_a_law_lacks_is_no_listed_cause():
+    """A wheel off its centre, |sin| of the angle, is a law of its joint and nothing besides."""
+    for seed in range(40, 44):
+        _, answer = measured(seed, eccentric_wheel=2.4)
+        diagnosis = answer["diagnosis"]
+
+        assert {(c["name"], c["where"]) for c in diagnosis["causes"] if c["gain"]} <= {
+            ("unlisted_law", 5)
+        }, seed
 
 
 def test_in_a_clean_campaign_no_law_is_found():

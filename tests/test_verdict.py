@@ -6,7 +6,9 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
+from pipeline.answer.diagnosis import _cause
 from pipeline.answer.words import enormous, why
+from pipeline.diagnosis.causes import missing
 from pipeline.diagnosis.diagnose import _refused
 from pipeline.diagnosis.facts import NOTHING, Amplitude, Cause, Facts, Gain, Named
 from pipeline.diagnosis.finding import Finding, Verdict
@@ -21,6 +23,51 @@ EFFECTS = {(effect.label, effect.form): effect for effect in catalogue(load("kr5
 def effect(label):
     """The first form of an effect."""
     return next(one for (name, _), one in EFFECTS.items() if name == label)
+
+
+def test_a_cause_has_what_neither_a_stranger_nor_a_misfit_takes():
+    """The larger of both is outside of the catalogue; cause, rivals and that add up to one."""
+    roll, pitch = effect("rail_roll"), effect("rail_pitch")
+    one = replace(cause("rail_roll", 0.7), rivals=(Named(pitch, 0.3),))
+
+    assert (one.outside, one.stated(0.7)) == (0.0, 0.7)
+    for stranger, left, outside in ((0.2, 0.0, 0.2), (0.2, 0.9, 0.9), (0.6, 0.5, 0.6)):
+        now = replace(one, unnamed=Named(roll, stranger), missing=left)
+        assert now.outside == outside
+        told = _cause(now)
+        every = (told, *told.rivals, told.outside_catalogue)
+        assert told.probability == pytest.approx(0.7 * (1 - outside))
+        assert sum(one.probability for one in every) == pytest.approx(1.0)
+
+    left = _cause(replace(one, missing=0.9)).outside_catalogue
+    assert (left.probability, left.looks_like) == (0.9, None)
+    assert _cause(one).outside_catalogue is None
+
+
+@pytest.mark.parametrize(
+    ("chances", "explains", "misfit", "expected"),
+    [
+        ((0.4, 0.6, 0.5), True, 0.2, 0.0),
+        ((0.4, 0.6, 0.5), False, 0.5, 0.2),  # o / (o + 1)
+        ((1e-3, 0.6, 0.5), False, 0.2, 0.25 / (0.25 + 1e-3 * np.e * np.log(1e3))),
+        ((0.4, 1e-9, 0.5), False, 0.2, 1.0),
+        ((0.4, 0.6, 1e-8), False, 0.2, 0.99992),  # one in fifty thousand among 50 suspects
+        ((0.4, 0.6, 0.5), True, 1e-5, 0.9988),
+    ],
+)
+def test_what_rejects_the_model_with_the_causes_gives_what_is_missing_a_share(
+    chances, explains, misfit, expected
+):
+    """The smallest chance of what is left, at odds of one in four; nothing where none rejects."""
+    poses, pulls, further = chances
+    found = SimpleNamespace(
+        explains=explains,
+        left=further,
+        lack=SimpleNamespace(p_poses=poses, p_pulls=pulls),
+        threshold=SimpleNamespace(independent=50.0),
+    )
+
+    assert missing(found, misfit) == pytest.approx(expected, rel=1e-3, abs=1e-6)
 
 
 def cause(label, probability=0.99, **more):

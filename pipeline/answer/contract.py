@@ -380,7 +380,9 @@ class Unnamed(Fact):
     """How likely a cause is none of the catalogue."""
 
     probability: Share
-    looks_like: str
+    looks_like: str | None = Field(
+        description="null where the only sign of it is what the model with the causes leaves"
+    )
     where: Where
     as_good: tuple[AsGood, ...] = Field(
         default=(), description="what predicts as well in the cause's place, the best first"
@@ -441,7 +443,9 @@ class Cause(Placed):
         default=None, description="part of the cell: rail, joint 3, force, ..."
     )
     form: str | None = None
-    probability: Share = Field(description="among the catalogue's causes that could stand there")
+    probability: Share = Field(
+        description="that it acts; with its rivals and `outside_catalogue` 1, where those stand"
+    )
     parameters: tuple[Amplitude, ...]
     p_value: Number = Field(description="chance of so much evidence without it")
     times_typical: Number = Field(

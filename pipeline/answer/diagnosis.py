@@ -20,7 +20,6 @@ from pipeline.diagnosis.facts import (
     Cause,
     Diagnosis,
     Facts,
-    Named,
     Proposal,
 )
 from pipeline.diagnosis.verdict import findings, verdict
@@ -127,14 +126,15 @@ def _cause(cause: Cause) -> contract.Cause:
     return contract.Cause(
         **placed(effect),
         location=effect.location,
-        probability=cause.probability,
+        probability=cause.stated(cause.probability),
         parameters=tuple(map(_amplitude, (cause.height,) if cause.height else cause.amplitudes)),
         p_value=cause.p_value,
         times_typical=cause.largest.times_typical,
         rivals=tuple(
-            contract.Rival(**_at(r.effect), probability=r.probability) for r in cause.rivals
+            contract.Rival(**_at(r.effect), probability=cause.stated(r.probability))
+            for r in cause.rivals
         ),
-        outside_catalogue=None if cause.unnamed is None else _unnamed(cause.unnamed, cause),
+        outside_catalogue=_unnamed(cause),
         twins=cause.twins,
         signature=effect.signature,
         needs=effect.needs,
@@ -167,7 +167,10 @@ def _amplitude(one: Amplitude) -> contract.Amplitude:
     )
 
 
-def _unnamed(one: Named, cause: Cause) -> contract.Unnamed:
+def _unnamed(cause: Cause) -> contract.Unnamed | None:
+    if cause.unnamed is None and not cause.missing:
+        return None
+    one = cause.unnamed.effect if cause.unnamed else None
     as_good = tuple(
         contract.AsGood(
             **_at(other.effect),
@@ -178,9 +181,9 @@ def _unnamed(one: Named, cause: Cause) -> contract.Unnamed:
         for other in cause.as_good
     )
     return contract.Unnamed(
-        probability=one.probability,
-        looks_like=one.effect.name,
-        where=one.effect.where,
+        probability=cause.outside,
+        looks_like=one.name if one else None,
+        where=one.where if one else None,
         as_good=as_good,
     )
 

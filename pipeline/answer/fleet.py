@@ -109,7 +109,7 @@ CAUSES = pa.schema(
         column("name", _STR, "1", "rail_roll, joint_tilt, outlier, ..."),
         column("place", _STR, "1", "`where` of the answer: joint number, link, target, reading"),
         column("form", _STR, "1", "which of its laws"),
-        column("probability", _F64, "1", "among the causes that could stand there"),
+        column("probability", _F64, "1", "that it acts"),
         column("p_value", _F64, "1", "chance of so much evidence without it"),
         column("times_typical", _F64, "1", "its largest parameter over the usual size of that"),
         column("reduction", _F64, "1", "part of the error at left-out poses that it takes away"),

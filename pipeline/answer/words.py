@@ -19,7 +19,7 @@ from pipeline.base.quantities import (
     with_std,
 )
 from pipeline.diagnosis.average import LIKELY
-from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts
+from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts, Named
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.machine.effect import Effect, Table, in_place
@@ -244,8 +244,10 @@ def hangs_on(cause: Effect, most: Carried) -> str | None:
 
 def _or(cause: Cause) -> str:
     """A cause and what it could be instead, with their probabilities."""
-    mine = f"{cause.effect.called}, {100 * cause.probability:.0f} %"
-    others = [f"{r.effect.called}, {100 * r.probability:.0f} %" for r in cause.rivals[:_RIVALS]]
+    every = (Named(cause.effect, cause.probability), *cause.rivals[:_RIVALS])
+    mine, *others = (
+        f"{one.effect.called}, {100 * cause.stated(one.probability):.0f} %" for one in every
+    )
     twin = "its twin, which no pull tells from it" if cause.twins else "what is like it"
     return ", and ".join([mine, *(others or [twin])])
 
@@ -341,7 +343,10 @@ def _names(causes: Sequence[Cause]) -> str:
 def _likely(causes: Sequence[Cause]) -> str:
     """The same with their probabilities."""
     return listed(
-        [f"{one.effect.called} (probability {probability(one.probability)})" for one in causes]
+        [
+            f"{one.effect.called} (probability {probability(one.stated(one.probability))})"
+            for one in causes
+        ]
     )
 
 

@@ -109,6 +109,23 @@ def _unnamed(found: Found, place: int) -> Named | None:
     return Named(found.wide.suspects[one.suspect], one.probability)
 
 
+def missing(found: Found, misfit_p: float) -> float:
+    """Probability that something acts which the model with the causes does not hold.
+
+    P = o / (o - e p ln p), o the odds of what has no name (`NAMELESS`), p the smallest chance of
+    what the model leaves: over free motions, by a further cause, by chi-square. It is 0 where
+    nothing rejects the model: what has no name then competes by its evidence alone.
+
+    Args:
+        found: The causes.
+        misfit_p: Chance of what the model leaves, by chi-square.
+    """
+    if found.explains and misfit_p >= alarms.MISFIT:
+        return 0.0
+    further = -np.expm1(found.threshold.independent * np.log1p(-min(found.left, 1 - 1e-15)))
+    return at_most(min(found.lack.p_poses, found.lack.p_pulls, further, misfit_p), NAMELESS)
+
+
 def of_unloaded(stood: Standing) -> tuple[Cause, ...]:
     """Causes that the unloaded positions call for."""
     if stood.useless:

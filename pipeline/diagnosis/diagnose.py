@@ -10,7 +10,7 @@ from scipy import special
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.diagnosis.blindspots import blind_spots
-from pipeline.diagnosis.causes import of_base, of_displacements, of_scatter, of_unloaded
+from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_scatter, of_unloaded
 from pipeline.diagnosis.facts import Alone, BlindSpot, Diagnosis, Drift, Facts, Gain, Named
 from pipeline.diagnosis.hypotheses import hypotheses
 from pipeline.diagnosis.identify import Case, Found, by_label, search
@@ -89,6 +89,8 @@ def diagnose(
     facts = replace(_facts(case, found, spread), gain=worth)
     sets = hypotheses(case, found, stood.believed, facts.helps)
     causes = of_displacements(case, found, worth, where, known, sets, rng.spawn(1)[0])
+    stated_p, misfit = _misfit(sets[0].estimate if sets else estimate, spread)
+    causes = tuple(replace(one, missing=missing(found, misfit)) for one in causes)
     facts = replace(
         facts,
         causes=causes,
@@ -97,12 +99,12 @@ def diagnose(
         unloaded=stood,
         moved=of_unloaded(stood),
         base=drift,
+        stated_p=stated_p,
+        misfit_p=misfit,
     )
     held = (facts.causes if facts.helps else ()) + facts.scatter
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
-    stated_p, misfit = _misfit(sets[0].estimate if sets else estimate, spread)
-    facts = replace(facts, stated_p=stated_p, misfit_p=misfit)
     main = [forms[0] for forms in by_label(case.suspects).values()]
     return Diagnosis(
         facts=facts,

@@ -293,7 +293,8 @@ class Cause(Locked):
 
     Attributes:
         effect: What it is.
-        probability: Against the others of the catalogue that could stand in its place.
+        probability: Against the others of the catalogue that could stand in its place, if one of
+            them does.
         amplitudes: Its parameters.
         p_value: Chance of so much evidence if it were absent.
         rivals: The others, likeliest first.
@@ -307,6 +308,8 @@ class Cause(Locked):
         test_pose_change_m: By how much the predicted deflection at the test pose changes [m]; None
             where that is not known.
         height: Amplitude of a law that nobody listed; None for causes of the catalogue.
+        missing: Probability that something acts which the model with the causes does not hold, by
+            what it leaves; 0 where that is no more than chance.
     """
 
     effect: Effect
@@ -321,6 +324,16 @@ class Cause(Locked):
     gain: Gain | None = None
     test_pose_change_m: float | None = None
     height: Amplitude | None = None
+    missing: float = 0.0
+
+    @property
+    def outside(self) -> float:
+        """Probability that what looks like it is none of the catalogue."""
+        return max(self.missing, self.unnamed.probability if self.unnamed else 0.0)
+
+    def stated(self, share: float) -> float:
+        """Probability of one of the catalogue, of its share if one of them stands there."""
+        return (1.0 - self.outside) * share
 
     @property
     def largest(self) -> Amplitude:

@@ -12,7 +12,7 @@ import scipy.sparse
 
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.average import LEAST, Hypothesis, weighed
-from pipeline.diagnosis.identify import Case, Found, remainder
+from pipeline.diagnosis.identify import Case, Found, merged, remainder
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect
 from pipeline.system.assemble import TRACKED, assemble
@@ -89,15 +89,23 @@ def _likely(case: Case, found: Found) -> list[_Set]:
 
 def _of_catalogue(case: Case, found: Found, known: float) -> Iterator[_Set]:
     """Sets of the catalogue's causes in all their forms, `known` the probability of any of them."""
-    suspects = case.suspects
     for rivals in product(*found.rivals):
         odds = known * math.prod(rival.probability for rival in rivals)
-        twice = len({rival.label for rival in rivals}) < len(rivals)  # one cause, two places
-        for forms in () if twice or odds <= LEAST else product(*(r.forms for r in rivals)):
-            chosen = tuple(suspect for suspect, _ in forms)
-            pairs = zip(found.accepted, chosen, strict=True)
-            instead = tuple((a, b) for a, b in pairs if suspects[a].label != suspects[b].label)
-            yield _Set(chosen, odds * math.prod(share for _, share in forms), instead)
+        if odds > LEAST:
+            for forms in product(*(rival.forms for rival in rivals)):
+                chosen = tuple(suspect for suspect, _ in forms)
+                weight = odds * math.prod(share for _, share in forms)
+                yield from _at_once(case, found, chosen, weight)
+
+
+def _at_once(case: Case, found: Found, chosen: tuple[int, ...], weight: float) -> Iterator[_Set]:
+    """One suspect for each place, as a set; none where one cause stands in two places."""
+    suspects = case.suspects
+    kept = merged(suspects, chosen)
+    if len({suspects[i].label for i in kept}) == len(kept):
+        pairs = zip(found.accepted, chosen, strict=True)
+        instead = tuple((a, b) for a, b in pairs if suspects[a].label != suspects[b].label)
+        yield _Set(kept, weight, instead)
 
 
 def _other(case: Case, found: Found, one: _Set) -> Hypothesis:

@@ -307,7 +307,7 @@ class _Stand:
 def _stand(case: Case, seen: Linearised, rough: Sequence[int]) -> _Stand:
     plain = case.whitened(seen)
     view = case.whitened(seen, rough) if rough else plain
-    now = view.beside(view.base)
+    now = given(case.suspects, view.beside(view.base), seen.model.accepted)
     p = plain.beside(plain.base).p() if rough else now.p()
     return _Stand(seen, plain, view, now, lack_of_fit(view, view.base, now), p)
 
@@ -318,8 +318,10 @@ def _grow(case: Case, end: _Stand, limit: Threshold, refused: dict[str, None]) -
         added = _add(case, end.view, end.now, end.p < limit.p, refused)
         if added is None:
             break
-        accepted = (*end.seen.model.accepted, added)
+        accepted = joined(case, end.seen.model.accepted, added)
         start = _solved(end.view, end.view.base)
+        if len(accepted) == len(end.seen.model.accepted):  # a law was extended
+            start = start[: end.view.springs]
         better = _exchange(case, case.fitted(accepted, start, end.seen))
         if tuple(sorted(better.model.accepted)) in tried:
             break  # what was added was dropped at once: no further move
@@ -344,17 +346,56 @@ def _add(
     It must be detected beyond the scatter, and keep its evidence when the laws of the accepted
     ones hold to their tolerance only.
     """
-    taken = {case.suspects[i].label for i in view.model.accepted}
     for i in _likeliest(now):
         label = case.suspects[i].label
         if now.log_evidence[i] < WORTH:
             return None
-        if not found[i] or label in taken:
+        if not found[i] or not may_join(case.suspects, view.model.accepted, int(i)):
             continue
         if _possible(case, now, int(i)):
             return int(i)
         refused[label] = None
     return None
+
+
+def may_join(suspects: Sequence[Effect], accepted: Sequence[int], more: int) -> bool:
+    """Whether no cause of its name and place is there, but a law that it extends."""
+    one = suspects[more]
+    mine = (suspects[i] for i in accepted if suspects[i].label == one.label)
+    return all(extends(one, other) for other in mine)
+
+
+def joined(
+    case: Case, accepted: Sequence[int], more: int, place: int | None = None
+) -> tuple[int, ...]:
+    """Causes and one more, in one of their places or behind them."""
+    at = len(accepted) if place is None else place
+    return merged(case.suspects, (*accepted[:at], more, *accepted[at + 1 :]))
+
+
+def given(suspects: Sequence[Effect], now: Scores, beside: Sequence[int]) -> Scores:
+    """Statistics beside some causes, a law's extension at its odds once the law is there.
+
+    What that law paid for its place and variable is not paid twice.
+    """
+    laws = [i for i in beside if suspects[i].law is not None]
+    pairs = [(k, i) for i in laws for k, one in enumerate(suspects) if extends(one, suspects[i])]
+    if not pairs:
+        return now
+    odds = np.zeros(now.g.shape[-2])
+    for k, i in pairs:
+        odds[k] = -np.log(suspects[i].odds)
+    return replace(now, log_odds=now.log_odds + odds)
+
+
+def merged(suspects: Sequence[Effect], chosen: Sequence[int]) -> tuple[int, ...]:
+    """Some suspects without the laws that others of them extend."""
+    return tuple(i for i in chosen if not any(extends(suspects[k], suspects[i]) for k in chosen))
+
+
+def extends(one: Effect, other: Effect) -> bool:
+    """Whether one is a law that nobody listed, and another such law with a further shape."""
+    return one.law is not None and other.law is not None and one.law.extends(other.law)
 
 
 def _likeliest(now: Scores) -> Ints:
@@ -396,15 +437,14 @@ def _better(case: Case, view: Whitened, tried: Set[frozenset[int]]) -> tuple[int
     for place, mine in enumerate(accepted):
         rest = accepted[:place] + accepted[place + 1 :]
         base = np.concatenate([np.arange(view.first), view.columns(rest)])
-        now = view.beside(base)
+        now = given(case.suspects, view.beside(base), rest)
         if now.log_evidence[mine] < WORTH and len(rest) and frozenset(rest) not in tried:
             return rest
-        taken = {case.suspects[i].label for i in rest}
         for i in _likeliest(now)[:5]:
             if now.log_evidence[i] < now.log_evidence[mine] + _BETTER:
                 break
-            swapped = (*accepted[:place], int(i), *accepted[place + 1 :])
-            if case.suspects[i].label in taken or frozenset(swapped) in tried:
+            swapped = joined(case, accepted, int(i), place)
+            if not may_join(case.suspects, rest, int(i)) or frozenset(swapped) in tried:
                 continue
             if _possible(case, now, int(i)):
                 return swapped
@@ -417,7 +457,7 @@ def _rivals(case: Case, view: Whitened) -> tuple[tuple[tuple[Rival, ...], ...], 
     for place in range(len(accepted)):
         rest = accepted[:place] + accepted[place + 1 :]
         base = np.concatenate([np.arange(view.first), view.columns(rest)])
-        now = view.beside(base)
+        now = given(case.suspects, view.beside(base), rest)
         p_values.append(float(now.p()[accepted[place]]))
         out.append(_odds(case, now, rest))
     return tuple(out), tuple(p_values)
@@ -425,10 +465,10 @@ def _rivals(case: Case, view: Whitened) -> tuple[tuple[tuple[Rival, ...], ...], 
 
 def _odds(case: Case, now: Scores, rest: Sequence[int], least: float = 1e-3) -> tuple[Rival, ...]:
     """Probabilities of all causes possible in one place, forms taken together."""
-    taken = {case.suspects[i].label for i in rest}
     labels, logs, best, shares = [], [], [], []
-    for label, forms in by_label(case.suspects).items():
-        if label in taken:
+    for label, every in by_label(case.suspects).items():
+        forms = [i for i in every if may_join(case.suspects, rest, i)]
+        if not forms:
             continue
         labels.append(label)
         logs.append(_together(now, forms))

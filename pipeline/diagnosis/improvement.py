@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.base.bootstrap import interval
 from pipeline.diagnosis.facts import Alone, AsGood, Gain
-from pipeline.diagnosis.identify import WORTH, Case, by_label
+from pipeline.diagnosis.identify import WORTH, Case, given, may_join, merged
 from pipeline.system.elimination import coefficients
 from pipeline.system.whitened import Whitened
 
@@ -81,13 +81,14 @@ def gain(
         limit: p below which a cause may join.
         rng: Draws the bootstrap.
     """
-    accepted = extended.model.accepted
+    laws = [case.suspects[i].law for i in extended.model.accepted]
+    most = sum(1 if law is None else len(law.shapes) for law in laws)
     pose = first.pose[: len(first.rows)]
     before = first.left_out(np.arange(first.first))
     after, chosen = np.zeros(len(pose)), []
     for left in range(first.poses):
         rows, M = pose == left, extended.without(left)
-        names = _choose(case, extended, M, len(accepted), limit, int(rows.sum()))
+        names = _choose(case, extended, M, most, limit, int(rows.sum()))
         base = np.concatenate([np.arange(extended.first), extended.columns(names)])
         after[rows] = extended.raw[rows, -1] - extended.predicted(base, M, rows)
         chosen.append(tuple(case.suspects[i].label for i in names))
@@ -102,13 +103,10 @@ def _choose(
     names: tuple[int, ...] = ()
     for _ in range(most):
         base = np.concatenate([np.arange(view.first), view.columns(names)])
-        now = view.beside(base, M, fewer)
-        taken = {case.suspects[i].label for i in names}
-        free = [
-            i for form in by_label(case.suspects).items() if form[0] not in taken for i in form[1]
-        ]
+        now = given(case.suspects, view.beside(base, M, fewer), names)
+        free = [i for i in range(len(case.suspects)) if may_join(case.suspects, names, i)]
         best = max(free, key=lambda i: now.log_evidence[i])
         if now.log_evidence[best] < WORTH or now.p()[best] > limit:
             break
-        names = (*names, best)
+        names = merged(case.suspects, (*names, best))
     return names

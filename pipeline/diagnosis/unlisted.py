@@ -16,13 +16,14 @@ odds that hold all that was tried, and predict poses that were left out.
 from __future__ import annotations
 
 from dataclasses import replace
+from itertools import chain
 
 import numpy as np
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Ints
+from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.bootstrap import interval
-from pipeline.diagnosis.identify import NAMELESS, WORTH, Case, Found, search
+from pipeline.diagnosis.identify import NAMELESS, WORTH, Case, Found, extends, given, search
 from pipeline.diagnosis.verdict import CERTAIN
 from pipeline.machine.cell import load
 from pipeline.machine.effect import Effect
@@ -69,10 +70,26 @@ def beyond(case: Case, found: Found, start: Array) -> tuple[Case, Found]:
     rng = np.random.default_rng(_SEED)
     if open_(found, rng):
         every = _every(case, found)
-        case, found = _searched(case, found, (), every, start, rng)
+        case, found = _extended(*_searched(case, found, (), every, start, rng), start, rng)
         if found.accepted and open_(found, rng):
-            case, found = _searched(case, found, found.accepted, every, start, rng)
+            again = _searched(case, found, found.accepted, every, start, rng)
+            case, found = _extended(*again, start, rng)
     return case, found
+
+
+def _extended(
+    case: Case, found: Found, start: Array, rng: np.random.Generator
+) -> tuple[Case, Found]:
+    """With further shapes of the accepted laws among the suspects, where they are found.
+
+    They are sought beside these laws alone: what else was accepted may be what a law lacks.
+    """
+    mine = tuple(i for i in found.accepted if case.suspects[i].law is not None)
+    model = found.first.model
+    loaded = load(model.cell, case.data.pulls, model.values)
+    laws = [case.suspects[i] for i in mine]
+    every = [unlisted.extensions(case.cell.robot, loaded, one) for one in laws]
+    return _searched(case, found, mine, tuple(chain(*every)), start, rng)
 
 
 def _every(case: Case, found: Found) -> tuple[Effect, ...]:
@@ -92,7 +109,7 @@ def _searched(
     rng: np.random.Generator,
 ) -> tuple[Case, Found]:
     """With laws among the suspects, where one is accepted and carries over to other poses."""
-    laws = _likely(_view(case, found, beside, every), len(beside), every, rng)
+    laws = _likely(case, found, beside, every, rng)
     if not laws:
         return case, found
     wider = replace(case, suspects=case.suspects + tuple(laws), nameless=())
@@ -100,7 +117,8 @@ def _searched(
     new = _named(wider, other) - _named(case, found)
     if not new or not _carries(wider, other, rng):
         return case, found
-    chance = [laws.get(wider.suspects[i], 0.0) for i in other.accepted]
+    before = dict(zip((case.suspects[i] for i in found.accepted), found.p_values, strict=True))
+    chance = [(before | laws).get(wider.suspects[i], 0.0) for i in other.accepted]
     p_values = tuple(map(max, other.p_values, chance))
     return wider, replace(other, p_values=p_values)
 
@@ -114,17 +132,24 @@ def open_(found: Found, rng: np.random.Generator) -> bool:
     if not found.detected:
         return False
     stranger = found.stranger.probability if found.stranger else 0.0
-    return not found.explains or stranger > 1 - CERTAIN or _gain(found.plain, (), rng) <= 0
+    return (
+        not found.explains
+        or stranger > 1 - CERTAIN
+        or _gain(found.plain, np.zeros(0, dtype=np.int64), rng) <= 0
+    )
 
 
-def _gain(view: Whitened, kept: tuple[int, ...], rng: np.random.Generator) -> float:
-    """Lower end of the 95 % interval of what a model gains over some of its causes.
+def _gain(
+    view: Whitened, kept: Ints, rng: np.random.Generator, tests: Bools | slice = slice(None)
+) -> float:
+    """Lower end of the 95 % interval of what a model gains over some columns of its causes.
 
     By the cross-validation error, all estimated without each pose, poses drawn with replacement.
     """
-    base = np.concatenate([np.arange(view.first), view.columns(kept)])
+    base = np.concatenate([np.arange(view.first), kept])
     before, after = view.left_out(base), view.left_out(view.base)
-    return interval(before, after, view.pose[: len(view.rows)], rng)[1][0]
+    pose = np.unique(view.pose[: len(view.rows)][tests], return_inverse=True)[1]
+    return interval(before[tests], after[tests], pose, rng)[1][0]
 
 
 def _named(case: Case, found: Found) -> set[tuple[str, str]]:
@@ -133,24 +158,34 @@ def _named(case: Case, found: Found) -> set[tuple[str, str]]:
 
 
 def _likely(
-    view: Whitened, first: int, laws: tuple[Effect, ...], rng: np.random.Generator
+    case: Case,
+    found: Found,
+    beside: tuple[int, ...],
+    laws: tuple[Effect, ...],
+    rng: np.random.Generator,
 ) -> dict[Effect, float]:
-    """Laws that chance does not make beside a base, the likeliest first, each with that chance.
+    """Laws that chance does not make beside some causes, likeliest first, each with that chance.
 
     Args:
-        view: The campaign, the laws behind the causes of the base.
-        first: How many causes that are.
-        laws: All of them.
+        case: The case.
+        found: What is found in it.
+        beside: Causes of the base.
+        laws: All that are tried.
         rng: Source of the draws.
     """
-    now = view.beside(view.base)
+    if not laws:
+        return {}
+    view, first = _view(case, found, beside, laws), len(beside)
+    now = given(view.suspects, view.beside(view.base), range(first))
     evidence, p = now.log_evidence[first:], now.p()[first:]
     limit = threshold(view, view.base, now.dof, rng, _DRAWS)
     by_scatter = -np.expm1(limit.independent * np.log1p(-np.minimum(p, 1 - 1e-15)))
     able = (evidence > WORTH) & (by_scatter < ALPHA)
     if not able.any():
         return {}
-    chance = np.maximum(by_scatter, _by_structure(view, now, rng)[first:])
+    fresh = [one.law is None or one.law.more is None for one in laws]
+    by_structure = np.where(fresh, _by_structure(view, now, rng)[first:], 0.0)
+    chance = np.maximum(by_scatter, by_structure)
     able &= chance < ALPHA
     if not able.any():
         return {}
@@ -167,9 +202,12 @@ def _view(
     case: Case, found: Found, accepted: tuple[int, ...], laws: tuple[Effect, ...]
 ) -> Whitened:
     """The campaign beside some causes, with every law as a suspect behind them."""
-    few = case.only(accepted)
+    few, every = case.only(accepted), tuple(range(len(accepted)))
     near = found.seen if accepted else found.first.seen
-    model = few.model(tuple(range(len(accepted))), near.model.values)
+    if accepted in ((), found.accepted):
+        model = few.model(every, near.model.values)
+    else:
+        model = few.estimated(every, near.model.values[: case.cell.robot.n], near)
     return few.whitened(few.linearised(model, near).beside(laws))
 
 
@@ -209,8 +247,43 @@ def _likelihood(drop: Array, rank: Array | Ints, now: Scores) -> Array:
 def _carries(case: Case, found: Found, rng: np.random.Generator) -> bool:
     """Whether every accepted law makes left-out poses better, estimated without each of them.
 
-    At 95 %, poses drawn with replacement, beside all else that is accepted.
+    At 95 %, poses drawn with replacement, beside all else that is accepted; all of them, or those
+    at which the law is taught also without them.
     """
     laws = [i for i in found.accepted if case.suspects[i].law is not None]
-    rest = [tuple(i for i in found.accepted if i != law) for law in laws]
-    return all(_gain(found.plain, kept, rng) > 0 for kept in rest)
+    return all(_carried(case, found, law, rng) for law in laws)
+
+
+def _carried(case: Case, found: Found, law: int, rng: np.random.Generator) -> bool:
+    """The same of one law."""
+    rest, taught = _without(case, found, law), _taught(case, found, law)
+    if _gain(found.plain, rest, rng) > 0:
+        return True
+    return not taught.all() and _gain(found.plain, rest, rng, taught) > 0
+
+
+def _taught(case: Case, found: Found, law: int) -> Bools:
+    """Readings of poses at which a law is taught also without them, shape (m,).
+
+    Beyond the others' range it states nothing but that it is uncertain (`unlisted.beyond`): an
+    error there is none of the law.
+    """
+    view, one = found.plain, case.suspects[law].law
+    pose = view.pose[: len(view.rows)]
+    if one is None or not unlisted.follows(one):
+        return np.ones(len(pose), dtype=bool)
+    model, pulls = found.seen.model, case.data.pulls
+    v = unlisted.variable(one, load(model.cell, pulls, model.values))[view.rows.pull]
+    inside = np.zeros(len(pose), dtype=bool)
+    for k in np.unique(pose):
+        own, others = v[pose == k], v[pose != k]
+        inside[pose == k] = (own >= others.min()) & (own <= others.max())
+    return inside
+
+
+def _without(case: Case, found: Found, law: int) -> Ints:
+    """Columns of all that is accepted but a law; but its last shape, where it extends another."""
+    view, one = found.plain, case.suspects[law]
+    rest = view.columns([i for i in found.accepted if i != law])
+    less = (len(other.parameters) for other in case.suspects if extends(one, other))
+    return np.concatenate([rest, view.columns([law])[: next(less, 0)]])

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, replace
 from typing import Literal, cast, get_args
 
 Kind = Literal["periodic", "smooth", "step", "coupling"]
 Variable = Literal["angle", "torque", "position", "direction", "time", "force"]
+
+_AND = " + "
 
 
 @dataclass(frozen=True)
@@ -25,6 +27,8 @@ class Law:
         high: The largest.
         at: Where a step or a knee sits, in the unit of the variable.
         beyond: It stands for what the law may be outside of where it was taught.
+        more: A further shape of the same part and variable, with amplitudes of its own behind those
+            of this one, as the second harmonic of a wave is; None where there is none.
     """
 
     where: int | str
@@ -37,11 +41,28 @@ class Law:
     high: float
     at: float = 0.0
     beyond: bool = False
+    more: Law | None = None
 
     @property
     def form(self) -> str:
         """The law as a word for a file; `parse` reads it."""
-        return " ".join(str(part) for part in astuple(self)[1:])
+        own = " ".join(str(part) for part in astuple(replace(self, more=None))[1:-1])
+        return own if self.more is None else f"{own}{_AND}{self.more.form}"
+
+    @property
+    def shapes(self) -> tuple[Law, ...]:
+        """Each of its shapes as a law by itself."""
+        rest = () if self.more is None else self.more.shapes
+        return (replace(self, more=None), *rest)
+
+    @property
+    def of(self) -> tuple[object, ...]:
+        """What it is a law of: place, part, variable and whose that is."""
+        return self.where, self.part, self.variable, self.source
+
+    def extends(self, other: Law) -> bool:
+        """Whether it is another law with a further shape."""
+        return self.more is not None and self.shapes[:-1] == other.shapes
 
     @property
     def family(self) -> tuple[object, ...]:
@@ -55,7 +76,8 @@ def parse(where: str, form: str) -> Law:
     Raises:
         ValueError: It is none.
     """
-    part, kind, variable, source, order, low, high, at, beyond = form.split()
+    own, _, more = form.partition(_AND)
+    part, kind, variable, source, order, low, high, at, beyond = own.split()
     if kind not in get_args(Kind) or variable not in get_args(Variable):
         raise ValueError(form)
     return Law(
@@ -69,4 +91,5 @@ def parse(where: str, form: str) -> Law:
         float(high),
         float(at),
         beyond == str(True),
+        parse(where, more) if more else None,
     )

@@ -244,16 +244,15 @@ def resting_on(estimate: Estimate, found: Components) -> Estimate:
     )
 
 
-def at_most(p: float) -> float:
-    """The largest probability that a p-value leaves to what contradicts the null, at even odds.
+def at_most(p: float, odds: float = 1.0) -> float:
+    """The largest probability that a p-value leaves to what contradicts the null, at prior odds.
 
     No alternative makes the null less likely than -e p ln p against one (Sellke, Bayarri and
-    Berger, American Statistician 55, 2001), so P = 1 / (1 - e p ln p) for p < 1/e: 0.95 where p is
-    0.003, and a half where p says nothing.
+    Berger, American Statistician 55, 2001), so P = o / (o - e p ln p) for p < 1/e and odds o: at
+    even ones 0.95 where p is 0.003, and a half where p says nothing.
     """
-    if p >= np.exp(-1):
-        return 0.5
-    return float(1 / (1 - np.e * special.xlogy(p, p)))
+    against = 1.0 if p >= np.exp(-1) else -np.e * special.xlogy(p, p)
+    return float(odds / (odds + against))
 
 
 def noise(

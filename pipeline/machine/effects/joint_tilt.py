@@ -4,7 +4,16 @@ c_tilt_x and c_tilt_y turn about x_j and y_j of the joint's frame, behind its ow
 the seat of the bearing on the joint's axis. A table of frames does not give it: it puts the frame
 of the first turning joint at the height of the shoulder, and its bearing may sit there, or in the
 base at the other end of the link's offset, or between.
+
+Nor does a table give the directions in which a housing is softest. In the oblique form they are any
+across the joint's axis,
+
+    (phi_x, phi_y)' = [[c_x, c_xy], [c_xy, c_y]] (tau_x, tau_y)',
+
+c_xy = c_yx as the strain energy of the bearing is one function of both moments (Maxwell and Betti).
 """
+
+from dataclasses import replace
 
 import numpy as np
 
@@ -20,16 +29,21 @@ _SEAT = {"at its origin": 0.0, "amid its offset": 0.5, "at the foot of its axis"
 _SHORT_M = 0.3
 """A bearing is as wide as an offset below this, so its seat makes little difference."""
 
+_OBLIQUE = "oblique"
+
 _BETWEEN = 0.1
 """A bearing a quarter of the offset away from its seat in a form has levers longer by this."""
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
-    """One effect for each revolute joint; of the one in the base, in several forms."""
-    return tuple(
-        _effect(robot, joint, form, _offset(robot, joint) * seat)
+    """Two forms for each revolute joint, soft along its frame or obliquely, in each seat."""
+    seated = (
+        (joint, _effect(robot, joint, form, _offset(robot, joint) * seat))
         for joint in turning(robot)
         for form, seat in _seats(robot, joint).items()
+    )
+    return tuple(
+        one for joint, along in seated for one in (along, _oblique(along, compliance(robot, joint)))
     )
 
 
@@ -75,4 +89,22 @@ def _effect(robot: Robot, joint: int, form: str, below: float) -> Elastic:
         "full joint compliance after Klimchik et al., Complete stiffness model (2014)",
         carrier=(joint, joint),
         twists=screws,
+    )
+
+
+def _oblique(along: Elastic, c: float) -> Elastic:
+    """The same with a moment about either axis turning it about the other, too."""
+    assert along.twists is not None
+    axes = along.twists
+    return replace(
+        along,
+        form=f"{along.form}, {_OBLIQUE}".removeprefix(", "),
+        parameters=(
+            *along.parameters,
+            Parameter(f"c_tilt{along.where}_xy", "rad/(N m)", c / 6, -2.5 * c, 2.5 * c),
+        ),
+        carrier=along.carrier * 2,
+        twists=lambda loaded: axes(loaded)[:, [0, 1, 0, 1]],
+        response=lambda loaded, tau: tau[:, [0, 1, 1, 0]],
+        shared=(0, 1, 2, 2),
     )

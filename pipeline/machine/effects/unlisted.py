@@ -15,7 +15,7 @@ name of its own: all are `unlisted_law`.
 from __future__ import annotations
 
 from collections import Counter
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
 from itertools import combinations
@@ -23,12 +23,12 @@ from itertools import combinations
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.machine.effect import Effect, Elastic, Loaded, Observation, Pulls, Wrench
+from pipeline.machine.effect import Effect, Elastic, Loaded, Observation, Pulls, Wrench, in_place
 from pipeline.machine.effects._anatomy import compliance, rail, rated_torque, turning
 from pipeline.machine.effects._carriage import ACROSS, ALONG, UP, rotation, translation
 from pipeline.machine.effects.tracker_drift import HOUR_S
 from pipeline.machine.law import Law, parse
-from pipeline.machine.robot import Robot
+from pipeline.machine.robot import Robot, axes
 from pipeline.machine.robot.configuration import rotation_about, torque, translation_along
 
 NAME = "unlisted_law"
@@ -79,10 +79,57 @@ def effects(robot: Robot, loaded: Loaded) -> tuple[Effect, ...]:
     All families of laws are alike beforehand, and so are the members of a family.
     """
     laws = list(_laws(robot, loaded))
-    members = Counter(law.family for law in laws)
+    members, names = Counter(law.family for law in laws), axes.alone(robot)
+    each = (_called(_effect(robot, law), names) for law in laws)
     return tuple(
-        replace(effect(robot, law), odds=1.0 / (members[law.family] * len(members))) for law in laws
+        replace(one, odds=1.0 / (members[law.family] * len(members)))
+        for one, law in zip(each, laws, strict=True)
     )
+
+
+def extensions(robot: Robot, loaded: Loaded, one: Effect) -> tuple[Effect, ...]:
+    """A law with one further shape each, of those that were tried for the same part and variable.
+
+    A gear that is not quite round has harmonics, and what bends may bend besides: what a law
+    leaves is first the law's own. Its odds are shared among them, one half by its harmonics: what
+    repeats n times a turn has no others.
+    """
+    law = one.law
+    assert law is not None
+    if not (follows(law) or law.part == "spring"):
+        return ()
+    others = [other for other in _laws(robot, loaded) if other.of == law.of and _adds(law, other)]
+    kinds = [_harmonic(law, other) for other in others]
+    counts, names = Counter(kinds), axes.alone(robot)
+    return tuple(
+        replace(
+            _called(_effect(robot, _with(law, other)), names),
+            odds=one.odds / len(counts) / counts[kind],
+        )
+        for other, kind in zip(others, kinds, strict=True)
+    )
+
+
+def _harmonic(law: Law, other: Law) -> bool:
+    """Whether a wave repeats a whole number of times where the law repeats once."""
+    waves = law.kind == other.kind == "periodic" or law.kind == other.kind == "coupling"
+    times = other.order / law.order if waves else 0.0
+    return waves and times > 1 and bool(np.isclose(times, round(times)))
+
+
+def _adds(law: Law, other: Law) -> bool:
+    """Whether a shape is none that the law has: a polynomial holds those of lower degree."""
+    smooth = any(one.kind == "smooth" for one in law.shapes) and other.kind == "smooth"
+    polynomials = smooth and law.variable in ("angle", "position")
+    return not polynomials and _shaped(other) not in map(_shaped, law.shapes)
+
+
+def _shaped(law: Law) -> tuple[object, ...]:
+    return law.kind, law.order, law.at
+
+
+def _with(law: Law, other: Law) -> Law:
+    return replace(law, more=other if law.more is None else _with(law.more, other))
 
 
 def named(robot: Robot, label: str, form: str) -> Effect | None:
@@ -96,6 +143,19 @@ def named(robot: Robot, label: str, form: str) -> Effect | None:
 
 def effect(robot: Robot, law: Law) -> Effect:
     """The law as an effect; its parameters are amplitudes, zero where it is absent."""
+    return _called(_effect(robot, law), axes.alone(robot))
+
+
+def _called(made: Effect, names: Sequence[str | None]) -> Effect:
+    """The same with the controller's names of its joints."""
+    assert made.law is not None
+    told = noun(made.law, names)
+    axis = names[made.where - 1] if isinstance(made.where, int) else None
+    return replace(made, noun=told, signature=told, axis=axis)
+
+
+def _effect(robot: Robot, law: Law) -> Effect:
+    """The same without the controller's names of its joints."""
     if law.beyond:
         return _beyond(robot, law)
     if law.where == "scale":
@@ -244,13 +304,13 @@ def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[s
     return {
         "name": NAME,
         "where": law.where,
-        "noun": noun(law),
+        "noun": "",
         "place": place,
         "form": law.form,
         "parameters": tuple(
             Parameter(f"b_{law.where}_{k}", unit, typical, -most, most) for k in range(names)
         ),
-        "signature": noun(law),
+        "signature": "",
         "needs": "pulls at more values of what it depends on, also beyond those that were taken",
         "source": "made from place, variable and shape; 15 % of a compliance is an estimate",
         "tolerance": 0.1,
@@ -258,19 +318,30 @@ def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[s
     }
 
 
-def noun(law: Law) -> str:
-    """What the law is, without its place."""
+def noun(law: Law, names: Sequence[str | None]) -> str:
+    """What the law is, without its place.
+
+    Args:
+        law: The law.
+        names: Axis of the controller that moves each joint, if one does.
+    """
+    source = in_place(law.source, axis=names[law.source - 1]).removeprefix(" in ")
     if law.part in _NOUNS:
-        return _NOUNS[law.part].format(axis=law.part[-1], source=law.source)
+        return _NOUNS[law.part].format(axis=law.part[-1], source=source)
     thing = _THINGS.get(law.part, "stiffness")
+    return f"{thing} that {' and '.join(_does(one, source) for one in law.shapes)}"
+
+
+def _does(law: Law, source: str) -> str:
+    """What one shape does, as a verb."""
     if law.kind == "coupling":
-        return f"{thing} that follows the angle of joint {law.source}, {law.order:g} per turn"
+        return f"follows the angle of {source}, {law.order:g} per turn"
     if law.kind == "periodic":
         per = "turn" if law.variable == "angle" else "metre of the rail"
-        return f"{thing} that varies {float(f'{law.order:.2g}'):g} times per {per}"
+        return f"varies {float(f'{law.order:.2g}'):g} times per {per}"
     if law.kind == "step":
-        return f"{thing} that jumps at {_at(law)}"
-    return f"{thing} that {_SMOOTH[law.variable]}"
+        return f"jumps at {_at(law)}"
+    return _SMOOTH[law.variable]
 
 
 def _at(law: Law) -> str:
@@ -290,7 +361,7 @@ _NOUNS = {
     "creep": "creep under load",
     "sinks": "sinking after the unloaded reading",
     "grows": "growth of the link after the unloaded reading",
-    "pair": "compliance shared with joint {source}",
+    "pair": "compliance shared with {source}",
     "bearing_x": "compliance of the bearing along its {axis} axis",
     "bearing_y": "compliance of the bearing along its {axis} axis",
     "bearing_z": "compliance of the bearing along its {axis} axis",
@@ -337,7 +408,8 @@ def _spring(robot: Robot, law: Law, joint: int) -> Effect:
 
     def response(loaded: Loaded, tau: Array) -> Array:
         if law.variable == "torque":
-            return _of_own_torque(law, tau)
+            each = [_of_own_torque(one, tau[:, i]) for i, one in enumerate(law.shapes)]
+            return np.stack(each, axis=1)
         return np.asarray(tau * basis(law, variable(law, loaded)))
 
     said = _said(law, place, k, unit, _PART * compliance(robot, joint))
@@ -378,7 +450,7 @@ def _turns(robot: Robot, law: Law, joint: int) -> Effect:
         waves = basis(law, variable(law, loaded))
         return np.asarray(sense * np.insert(waves, 0, 1.0, axis=1))
 
-    k = 1 if law.kind == "step" else 3
+    k = 1 if law.kind == "step" else 1 + _width(law, False)
     said = _said(law, "joint", k, "rad", 5e-5)
     return Elastic(**said, carrier=(joint,) * k, response=response)  # type: ignore[arg-type]
 
@@ -536,6 +608,11 @@ def basis(law: Law, v: Array) -> Array:
 
     Polynomials stay beyond where they were taught as they were at its end.
     """
+    return np.hstack([_shape(one, v) for one in law.shapes])
+
+
+def _shape(law: Law, v: Array) -> Array:
+    """The same of one shape."""
     if law.kind in ("periodic", "coupling"):
         phase = law.order * v * (2 * np.pi if law.variable == "position" else 1.0)
         return np.stack([np.cos(phase), np.sin(phase)], axis=1)
@@ -560,7 +637,7 @@ def height(law: Law, values: Array, cov: Array) -> tuple[float, float]:
         cov: Their covariance, shape (k, k).
     """
     slope = values / max(float(np.linalg.norm(values)), 1e-300)
-    if _follows(law):
+    if follows(law):
         v = np.linspace(law.low, law.high, _GRID)
         g = basis(law, v)
         f = g @ values[len(values) - g.shape[1] :]
@@ -582,7 +659,7 @@ def beyond(robot: Robot, one: Effect, values: Array) -> tuple[Effect, Array]:
     """
     assert one.law is not None
     law = replace(one.law, beyond=True)
-    size = values if not _follows(law) else np.array([height(one.law, values, _none(values))[0]])
+    size = values if not follows(law) else np.array([height(one.law, values, _none(values))[0]])
     return effect(robot, law), np.outer(size, size)
 
 
@@ -593,8 +670,8 @@ def _none(values: Array) -> Array:
 def _beyond(robot: Robot, law: Law) -> Effect:
     """The law outside of where it was taught, a constant in the place of its function."""
     own = replace(law, beyond=False)
-    if _follows(law):
-        own = replace(own, kind="step", order=0.0, at=-np.inf)
+    if follows(law):
+        own = replace(own, kind="step", order=0.0, at=-np.inf, more=None)
     made = effect(robot, own)
     assert isinstance(made, Elastic)
 
@@ -611,7 +688,7 @@ YIELDING = ("spring", "drive", *_GUIDES)
 """Parts whose compliance follows the law: deflection is compliance times torque or force."""
 
 
-def _follows(law: Law) -> bool:
+def follows(law: Law) -> bool:
     """Whether something is multiplied by a function of the variable."""
     if law.part in _NOUNS or law.variable in ("direction", "torque"):
         return False
@@ -624,6 +701,12 @@ _GRID = 1001
 
 def _width(law: Law, guide: bool) -> int:
     """How many amplitudes a law of a compliance has; a guide's own compliance is one of them."""
+    first, *more = law.shapes
+    return _amplitudes(first, guide) + sum(_amplitudes(one, False) for one in more)
+
+
+def _amplitudes(law: Law, guide: bool) -> int:
+    """The same of one shape."""
     if law.kind in ("periodic", "coupling"):
         return 2 + guide
     if law.kind == "step" or law.variable == "torque":

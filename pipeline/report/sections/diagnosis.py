@@ -99,12 +99,10 @@ def _unnamed_sentence(other: Unnamed, axes: words.Axes) -> str:
     """How likely it is none of the known causes, and which of those do as well."""
     said = []
     if other.probability >= _WORTH_SAYING:
-        looks = words.at(other.looks_like, other.where, axes)
         chance = probability(other.probability)
-        said.append(
-            f"The probability that it is none of the known causes is {chance}; it resembles "
-            f"{looks}."
-        )
+        like = other.looks_like and words.at(other.looks_like, other.where, axes)
+        looks = f"; it resembles {like}" if like else ""
+        said.append(f"The probability that it is none of the known causes is {chance}{looks}.")
     if other.as_good:
         alike = listed([_as_good(one) for one in other.as_good[:_ALIKE]])
         said.append(f"Laws outside the catalogue that predict as well in its place: {alike}.")
@@ -128,7 +126,7 @@ def _probability_sentence(one: Cause) -> str:
     alone = f"; without it, such readings would occur by chance with {p_value(one.p_value)}"
     chance = probability(one.probability)
     known = "" if one.p_value is None else alone
-    return f"Its probability among the known causes is {chance}{known}."
+    return f"Its probability is {chance}{known}."
 
 
 def _size_sentence(parameters: Sequence[Amplitude]) -> str:
