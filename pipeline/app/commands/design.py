@@ -24,16 +24,11 @@ def design(
         str,
         Argument(metavar="PROBLEM", help="paper_reference, or a problem file ending in .toml."),
     ] = "paper_reference",
-<<<<<<< HEAD
-    poses: Annotated[int | None, Option(help="Number of poses, m_0.")] = None,
-    readings: Annotated[int | None, Option(help="Pulls in all, n.")] = None,
-    unloaded: Annotated[
-        int | None, Option(help="Poses beside them, read without a pull, for the robot's table.")
-    ] = None,
-=======
     poses: Annotated[int | None, Option(help="Number of poses m_0.")] = None,
     readings: Annotated[int | None, Option(help="Total number of pulls n.")] = None,
->>>>>>> h-19
+    unloaded: Annotated[
+        int | None, Option(help="Further poses, read without a pull, for the robot's table.")
+    ] = None,
     step: Steps = None,
     anchor: Annotated[
         tuple[float, float, float] | None, Option(help="Fixed position of the anchor in F_b [m].")
