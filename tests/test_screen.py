@@ -195,6 +195,25 @@ def test_never_more_is_flagged_again_than_was_before(tests):
     assert got is screened
 
 
+def test_evidence_along_one_axis_is_weighed_along_one(tests, monkeypatch):
+    """Chance rarely has one coordinate off by as much as it often has three."""
+    seen = []
+    monkeypatch.setattr(
+        Screening, "mistaken", lambda _, square, axes: seen.append((square, axes)) or 0.5
+    )
+    sure = {"name": "outlier", "unit": "sigma", "size_unit": "m", "p_value": 1e-6, "before": 6.0}
+    tests("a")
+    (fault,) = module.FAULTS
+
+    def found(asked):
+        return [replace(one, **sure, where=one.where, axes=1) for one in fault.find(asked)]
+
+    monkeypatch.setattr(module, "FAULTS", (replace(fault, find=found),))
+
+    assert screen(Bench(("a1",)), object()).findings == ()
+    assert seen == [(36.0, 1)]
+
+
 def test_a_screening_computes_what_is_asked_once(monkeypatch):
     """Measurements at hand are used; else the case is reduced, once for all that ask."""
     case, count = small(2), Counter()

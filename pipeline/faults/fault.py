@@ -71,14 +71,14 @@ class Screening:
         values = self.estimate.value[: len(springs.parameters)]
         return tails(beside_everything(springs, data, values))[1]
 
-    def mistaken(self, square: float) -> float:
-        """Probability that a reading is a blunder, the square of its error in std.
+    def mistaken(self, square: float, axes: int) -> float:
+        """Probability that a reading is a blunder, the square of its error in std along some axes.
 
         Of the families with and without the mistakes that were put right the lower one counts: a
         tail that was taken for blunders reading by reading would soon be none.
         """
-        mine = self.family.mistaken(square)
-        return mine if self.before is None else min(mine, self.before.mistaken(square))
+        mine = self.family.mistaken(square, axes)
+        return mine if self.before is None else min(mine, self.before.mistaken(square, axes))
 
     @cached_property
     def spread(self) -> tuple[float, int]:

@@ -152,4 +152,4 @@ def _first(tests: Sequence[Fault], asked: Screening) -> list[Mistake]:
 
 def _sure(one: Mistake, of: Screening | Family) -> bool:
     """Whether a reading that is off is a blunder, and not of the family that the others show."""
-    return of.mistaken(one.before**2) > _SURE
+    return of.mistaken(one.before**2, one.axes) > _SURE
