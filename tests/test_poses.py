@@ -9,6 +9,7 @@ import pytest
 from pipeline.base.errors import InputError
 from pipeline.machine import six
 from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import parse
 from pipeline.run import answered, ingested
 from pipeline.simulate import Plan, simulate
@@ -125,6 +126,20 @@ def test_targets_that_are_read_one_by_one_are_not_taken_for_a_pose(stated):
     assert found.kept_m < 3e-6
     assert case.settings.instrument.measures == "poses"
     assert set(reduced.data.name) == {"position", "rotation"}
+
+
+@pytest.mark.parametrize("off_m", [0.1, 0.6, 3.0])
+def test_one_reading_that_is_far_off_makes_no_pose_of_the_others(off_m):
+    """It turns the targets of its own pull by as much, and those of no other."""
+    case = case_of(made(tracker={"sigma_m": 1e-5}))
+    rows = case.readings.copy()
+    index = rows.index[(rows["state"] == "loaded") & (rows["target"] == "P1")][7]
+    rows.loc[index, list(XYZ)] = rows.loc[index, list(XYZ)].to_numpy(float) + off_m * np.array(
+        [0.6, -0.64, 0.48]
+    )
+    wrong = replace(case, readings=rows)
+
+    assert one_pose(wrong, bring(wrong).data) is None
 
 
 def test_the_rotation_of_a_pose_has_its_own_uncertainty():
