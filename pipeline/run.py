@@ -44,7 +44,7 @@ from pipeline.diagnosis.facts import Diagnosis
 from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
-from pipeline.faults.screen import Screened, acquit, screen, screen_again
+from pipeline.faults.screen import Screened, acquit, confirm, screen, screen_again
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.tracker_drift import by_order
@@ -224,6 +224,10 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
     if judged is not screened:
         screened, right = judged, _righted(judged, given, step)
         right, diagnosis = _settled(right, _diagnosed(right, where, step), where, step)
+    judged = _confirmed(screened, right, diagnosis, step)
+    if judged is not screened:
+        screened, right = judged, _righted(judged, given, step)
+        right, diagnosis = _settled(right, _diagnosed(right, where, step), where, step)
     given = given if screened.findings else right
 
     facts = replace(diagnosis.facts, mistakes=screened.findings)
@@ -264,6 +268,14 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
 def _righted(screened: Screened, given: Fitted, step: Step) -> Fitted:
     """The campaign without what is wrong in it; as given where nothing is."""
     return step(fit)(screened.case, bring(screened.case)) if screened.findings else given
+
+
+def _confirmed(screened: Screened, right: Fitted, said: Diagnosis, step: Step) -> Screened:
+    """Doubted readings tested by the noise that is seen beside the accepted model."""
+    if not screened.doubted or not right.plain.noise_stated:
+        return screened
+    of = right.shape if right.shape.weighed else _beside(right, said)
+    return step(confirm)(screened, of.family, said.modelled, said.estimate)
 
 
 def _told(model: Model, values: Values, where: Where, step: Step) -> Told:

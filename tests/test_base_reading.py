@@ -3,6 +3,7 @@
 from dataclasses import replace
 
 import numpy as np
+import pandas as pd
 import pytest
 from scipy import optimize, stats
 from scipy.spatial.transform import Rotation
@@ -211,6 +212,62 @@ def test_beside_a_drift_the_bad_reading_is_named_and_no_other(case, k, size):
     assert found.where == f"{row['group']}/{row['target']}"
     assert found.size == pytest.approx(size, abs=2e-4)
     assert base_outlier(registered(late), 1.0) == []
+
+
+def in_rounds(rounds, course, rng, step_h=0.7):
+    """Three base reflectors read in rounds by a tracker that moves as one body.
+
+    Args:
+        rounds: How many.
+        course: Hours -> share of a motion by 0.7 mm, and as much by a turn at 10 m.
+        rng: Draws motion and scatter of 20 um.
+        step_h: Time between rounds [h].
+    """
+    corners = {name: CORNERS[name] for name in ("B1", "B2", "B3")}
+    made = small(4, base_frame=corners)
+    made = replace(made, settings=made.settings.model_copy(update={"base_frame": corners}))
+    rows = made.readings[made.readings["pose"].isna()]
+    rows = rows[rows["target"].isin(corners)].drop_duplicates("target")
+    start = register(made.settings, made.readings)
+    v, w = (7e-4 * one / np.linalg.norm(one) for one in rng.standard_normal((2, 3)))
+    every = []
+    for k in range(rounds):
+        late = rows.assign(group=f"base_{k}", time=rows["time"] + pd.Timedelta(hours=step_h * k))
+        at = np.array([corners[name] for name in late["target"]], float)
+        at = at + course(step_h * k) * (v + np.cross(w / 10, at))
+        scatter = 2e-5 * rng.standard_normal(at.shape)
+        late[XYZ] = (at - start.t) @ start.R + scatter
+        late[SIX] = 4e-10 * np.array([1, 0, 0, 1, 0, 1])
+        every.append(late)
+    return replace(made, readings=pd.concat(every, ignore_index=True))
+
+
+@pytest.mark.parametrize("size", [6e-4, 19.0])
+@pytest.mark.parametrize("k", [1, 7, 13, 20])
+def test_of_three_reflectors_beside_a_drift_the_one_that_is_off_is_named(k, size):
+    """Seven rounds; by a round alone nobody could tell which of three it is."""
+    rng = np.random.default_rng(k)
+    late = in_rounds(7, lambda hours: hours / 4.2, rng)
+    wrong = spoiled(late, k, size * np.array([0.6, 0.0, 0.8]))
+    row = wrong.readings.iloc[k]
+
+    (found,) = base_outlier(registered(wrong), 1.0)
+
+    assert found.where == f"{row['group']}/{row['target']}"
+    assert found.size == pytest.approx(size, abs=2e-4)
+    assert base_outlier(registered(late), 1.0) == []
+
+
+@pytest.mark.parametrize("k", [1, 4, 8, 13])
+def test_a_stale_reading_is_named_though_the_tracker_was_knocked(k):
+    """Between any two rounds, of three reflectors: metres are no motion of a tracker."""
+    knocked = in_rounds(5, lambda hours: np.sin(4 * hours), np.random.default_rng(k))
+    row = knocked.readings.iloc[k]
+
+    (found,) = base_outlier(registered(spoiled(knocked, k, before(knocked, k))), 1.0)
+
+    assert found.where == f"{row['group']}/{row['target']}"
+    assert base_outlier(registered(knocked), 1.0) == []
 
 
 def test_without_a_stated_noise_only_what_is_grossly_off_is_named(case):

@@ -19,6 +19,7 @@ from pipeline.system import alarms
 
 SIGMA_M = 3e-5
 STEPS = (1000.0, 1600.0, 2300.0, 3000.0)
+TOOL = np.array([[0.2, 0.0, 0.1], [-0.1, 0.2, 0.1], [-0.1, -0.2, 0.2]])
 
 
 @cache
@@ -29,7 +30,7 @@ def case():
     return ingested(in_memory(files), conformed, plain, plausible=False)
 
 
-def read(rng, poses=10, steps=STEPS, sag_n=0.0, stretch_m=0.0, hung_m=0.0, back_m=0.0):
+def read(rng, poses=10, steps=STEPS, sag_n=0.0, stretch_m=0.0, hung_m=0.0, back_m=0.0, softens=0.0):
     """A campaign of chains in a room: anchor, load point that gives way, links between them.
 
     Args:
@@ -40,6 +41,7 @@ def read(rng, poses=10, steps=STEPS, sag_n=0.0, stretch_m=0.0, hung_m=0.0, back_
         stretch_m: How much nearer its ends stand under no force than under 3 kN.
         hung_m: How much the distance differs from pose to pose, standard deviation.
         back_m: How much less the load point gives way in the last pull of a pose.
+        softens: How much more it gives way under 3 kN than in proportion to the force [1].
     """
     rows, loads = [], []
     hung = 0.6 + hung_m * rng.standard_normal(poses)
@@ -49,7 +51,8 @@ def read(rng, poses=10, steps=STEPS, sag_n=0.0, stretch_m=0.0, hung_m=0.0, back_
         give = rng.uniform(1e-3, 5e-3) * rng.standard_normal(3)
         for k, force in enumerate(steps):
             late = back_m * (k == len(steps) - 1) * _unit(give)
-            at = load + give * force / 3000 - late
+            moved = give * force / 3000 * (1 + softens * force / 3000) - late
+            at = load + moved
             u = _unit(anchor - at)
             droop = sag_n / (4 * force) * np.cross(u, [0.6, 0.8, 0.0])
             length = hung[pose] + stretch_m * force / 3000
@@ -57,8 +60,9 @@ def read(rng, poses=10, steps=STEPS, sag_n=0.0, stretch_m=0.0, hung_m=0.0, back_
             ends += SIGMA_M * rng.standard_normal((2, 3))
             group = f"pose{pose + 1:02d}_rep{k + 1}_loaded"
             loads.append((pose + 1, k + 1, force + 2 * rng.standard_normal()))
-            for name, end in zip(("Pl1", "Pl2"), ends, strict=True):
-                rows.append((group, name, pose + 1, k + 1, "loaded", *end))
+            points = [*ends, *(load + moved + TOOL + SIGMA_M * rng.standard_normal((3, 3)))]
+            for name, point in zip(("Pl1", "Pl2", "P1", "P2", "P3"), points, strict=True):
+                rows.append((group, name, pose + 1, k + 1, "loaded", *point))
     readings = pd.DataFrame(rows, columns=["group", "target", "pose", "repeat", "state", *XYZ])
     for name in (c for c in case().readings.columns if c not in readings):
         readings[name] = SIGMA_M**2 if name in ("cxx_m2", "cyy_m2", "czz_m2") else 0.0
@@ -90,6 +94,7 @@ CHAINS = [
     {"steps": (1500.0, 3000.0), "hung_m": 5e-2},
     {"steps": (3000.0,), "poses": 30},
     {"back_m": 5e-4, "sag_n": 30.0},
+    {"steps": (900.0, 1900.0, 3000.0, 1900.0), "softens": 2.0},
 ]
 
 
@@ -147,7 +152,8 @@ def ends(rng, poses=6, pulls=4, sigma=SIGMA_M, stated=True, hung_m=0.0):
     far += (np.sqrt(1 - 0.25) * std * rng.standard_normal(m))[:, None] * u
     group = np.array([f"pose{p:02d}_{k}" for k, p in enumerate(pose)], object)
     at = np.stack([start, far], axis=1)
-    return module._Chain(group, pose, force, at, std if stated else np.ones(m), stated)
+    std = std if stated else np.ones(m)
+    return module._Chain(group, pose, force, at, std, stated, give=np.full(m, np.nan))
 
 
 def longer(given, k, by):
@@ -305,6 +311,44 @@ def test_two_alike_bad_pulls_are_not_told_apart_from_the_chain():
     given = ends(np.random.default_rng(9), poses=2)
     assert module._distance(longer(given, 2, 1.5e-3)).pull == 2
     assert module._distance(longer(longer(given, 2, 1.5e-3), 5, 1.5e-3)) is None
+
+
+@pytest.mark.parametrize("pull", [13, 18])
+def test_a_pull_far_off_by_its_direction_is_told_before_one_hardly_off_by_its_distance(
+    pull, monkeypatch
+):
+    """One end 10 mm off across the chain; along it the same end, or another one, 0.5 mm."""
+    given = longer(across(ends(np.random.default_rng(5)), 13, 1e-2), pull, 5e-4)
+    monkeypatch.setattr(module, "_read", lambda case: given)
+
+    (found,) = chain_outlier(case())
+
+    assert given.group[13] in found.where
+    assert found.axes == (3 if pull == 13 else 2)
+    near = module._distance(given)
+    assert (near.pull, near.axes) == (pull, 1)
+    assert found.before > 2 * near.sigmas
+
+
+def test_what_a_direction_adds_to_a_distance_is_counted_with_its_axes():
+    """Root of the sum of squares: of neither alone would so much be said."""
+    given = longer(across(ends(np.random.default_rng(5)), 13, 5e-4), 13, 4e-4)
+    near = module._distance(given)
+
+    both, told = module._with_direction(given, near, ("Pl1", "Pl2"))
+
+    laws = [module._turns(given, np.arange(24), course)[3][13] for course in _courses(given)]
+    assert both.axes == 3
+    assert both.sigmas == pytest.approx(np.sqrt(near.sigmas**2 + min(laws) ** 2))
+    assert both.p_value == near.p_value
+    assert "Pl1 and Pl2 are" in told
+    assert "the chain points" in told
+    alone = replace(given, force=np.full(24, np.nan))
+    assert module._with_direction(alone, near, ("Pl1", "Pl2"))[0] == near
+
+
+def _courses(given):
+    return given.force, 1 / given.force
 
 
 def test_of_two_bad_pulls_the_worse_is_named_first():

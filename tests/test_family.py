@@ -75,6 +75,22 @@ def test_one_gross_reading_is_a_blunder_and_not_a_tail():
     assert told.mistaken(2.0**2) < 1e-3
 
 
+@pytest.mark.parametrize("axes", [1, 2, 3])
+def test_a_mistake_is_judged_along_the_axes_that_show_it(axes):
+    """Among draws of errors of one width and of mistakes as large as they like, what share is."""
+    rng, part, at = np.random.default_rng(7), 1e-2, 5.0
+    told = replace(Family.stated(), mistakes=np.full(len(Family.stated().weight), part))
+    n = 4_000_000
+    wide = np.exp(rng.uniform(np.log(36.0), 25.0, n))
+    near = np.abs(np.sqrt(wide * rng.chisquare(axes, n)) - at) < 0.25
+    normal = stats.chi(axes)
+    odd = part * near.mean()
+    own = (1 - part) * (normal.sf(at - 0.25) - normal.sf(at + 0.25))
+
+    assert told.mistaken(at**2, axes) == pytest.approx(odd / (odd + own), abs=0.06)
+    assert told.mistaken(at**2, 1) > told.mistaken(at**2, 2) > told.mistaken(at**2, 3)
+
+
 def test_drawn_variances_are_those_of_the_family():
     """Inverse gamma for Student; for Eq. (18), 3 Beta(1/2, 1), whose kurtosis per axis is 5.4."""
     weight = np.zeros(len(Family.stated().weight))

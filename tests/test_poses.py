@@ -5,10 +5,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from pipeline.base.errors import InputError
 from pipeline.machine import six
 from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import parse
 from pipeline.run import answered, ingested
 from pipeline.simulate import Plan, simulate
@@ -125,6 +127,22 @@ def test_targets_that_are_read_one_by_one_are_not_taken_for_a_pose(stated):
     assert found.kept_m < 3e-6
     assert case.settings.instrument.measures == "poses"
     assert set(reduced.data.name) == {"position", "rotation"}
+
+
+@pytest.mark.parametrize("turn_deg", [20, 90, 180])
+def test_one_reading_that_is_far_off_makes_no_pose_of_the_others(turn_deg):
+    """Swung about the line of the other two: it keeps its distances, and turns by much."""
+    case = case_of(made(tracker={"sigma_m": 1e-5}))
+    rows = case.readings.copy()
+    group = rows.loc[rows["state"] == "loaded", "group"].iloc[20]
+    at = rows[rows["group"] == group].set_index("target")[list(XYZ)].astype(float)
+    one, two, three = (at.loc[name].to_numpy() for name in ("P1", "P2", "P3"))
+    along = np.deg2rad(turn_deg) * (three - two) / np.linalg.norm(three - two)
+    hit = (rows["group"] == group) & (rows["target"] == "P1")
+    rows.loc[hit, list(XYZ)] = two + Rotation.from_rotvec(along).apply(one - two)
+    wrong = replace(case, readings=rows)
+
+    assert one_pose(wrong, bring(wrong).data) is None
 
 
 def test_the_rotation_of_a_pose_has_its_own_uncertainty():

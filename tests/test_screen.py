@@ -12,7 +12,7 @@ from pipeline.faults import fault as fault_module
 from pipeline.faults import screen as module
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
-from pipeline.faults.screen import Screened, screen, screen_again
+from pipeline.faults.screen import Screened, confirm, screen, screen_again
 
 
 @dataclass(frozen=True)
@@ -193,6 +193,64 @@ def test_never_more_is_flagged_again_than_was_before(tests):
 
     assert len(calls) == 1
     assert got is screened
+
+
+def test_evidence_along_one_axis_is_weighed_along_one(tests, monkeypatch):
+    """Chance rarely has one coordinate off by as much as it often has three."""
+    seen = []
+    monkeypatch.setattr(
+        Screening, "mistaken", lambda _, square, axes: seen.append((square, axes)) or 0.5
+    )
+    sure = {"name": "outlier", "unit": "sigma", "size_unit": "m", "p_value": 1e-6, "before": 6.0}
+    tests("a")
+    (fault,) = module.FAULTS
+
+    def found(asked):
+        return [replace(one, **sure, where=one.where, axes=1) for one in fault.find(asked)]
+
+    monkeypatch.setattr(module, "FAULTS", (replace(fault, find=found),))
+
+    assert screen(Bench(("a1",)), object()).findings == ()
+    assert seen == [(36.0, 1)]
+
+
+@pytest.mark.parametrize("beside", [0.95, 0.5])
+@pytest.mark.parametrize("causes", [(), ("tilt",)])
+def test_a_doubted_reading_is_tested_by_the_noise_beside_the_accepted_model(
+    tests, monkeypatch, beside, causes
+):
+    """Tails that are hardly seen keep it; seen better they may not, beside springs and causes."""
+    tests("a")
+    (fault,) = module.FAULTS
+    asked = []
+
+    def found(now):
+        asked.append(now)
+        told = {"name": "outlier", "unit": "sigma", "size_unit": "m", "p_value": 1e-6}
+        return [replace(one, **told, where=one.where) for one in fault.find(now)]
+
+    @dataclass(frozen=True)
+    class Tails:
+        sure: float
+
+        def mistaken(self, square, axes):
+            return self.sure
+
+    monkeypatch.setattr(Screening, "family", property(lambda s: s.accepted or Tails(0.6)))
+    monkeypatch.setattr(module, "FAULTS", (replace(fault, find=found),))
+    monkeypatch.setattr(module, "lock_lost", lambda one, _: one)
+    case = Bench(("a1",))
+    extended = SimpleNamespace(value=np.arange(2.0), parameters=("spring", *causes))
+
+    screened = screen(case, object())
+    judged = confirm(screened, Tails(beside), causes, extended if causes else None)
+
+    assert screened.findings == ()
+    assert [one.where for one in screened.doubted] == ["a1"]
+    assert asked[-1].cell.causes == causes
+    assert (judged is screened) is (beside == 0.5)
+    assert judged.case.wrong == (("a1",) if beside == 0.5 else ())
+    assert confirm(replace(screened, doubted=()), Tails(beside), (), None).findings == ()
 
 
 def test_a_screening_computes_what_is_asked_once(monkeypatch):

@@ -2,9 +2,9 @@
 
 The readings are linearised where those that are not grossly off place the tracker
 (`register.agreed`). Then readings are set free one after the other, each the one that adds most
-beside the others (see `system.beside`), and exchanged while another does better. Between two rounds
-of readings the tracker may have been shifted, or shifted and turned, or a real
-drift would be laid on readings. Of the three that with the least penalised sum of squares is
+beside the others (see `system.beside`), and exchanged while another does better. The tracker may
+have drifted, or have been shifted, or shifted and turned, between two rounds of readings, or a real
+drift would be laid on readings. Of these courses that with the least penalised sum of squares is
 believed: every reading and every motion costs the threshold of its own test.
 """
 
@@ -23,6 +23,7 @@ from pipeline.base.tails import chi2_beyond
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import bad_reading, smallest
+from pipeline.machine.effects.tracker_drift import LAWS
 from pipeline.reduction.register import XYZ, Registration, agreed
 from pipeline.system import alarms
 from pipeline.system.beside import Base, Beside
@@ -176,7 +177,11 @@ def shifts(registration: Registration, scale: float, which: Ints) -> Beside:
 
 
 def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
-    """A tracker that stands still; shifted between rounds of readings; shifted and turned."""
+    """A tracker that stands still; drifts; is shifted between rounds; shifted and turned.
+
+    y_k = v + w x p_k + a(t_k) (v' + w' x p_k) + e_k [m], F_b: a a law of `LAWS` that ends at 1; or
+    v', or v' and w', of its own for each round.
+    """
     table = registration.table
     C = covariance.weighing(table)
     R = registration.R
@@ -187,6 +192,9 @@ def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
     rigid = white @ np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
     y = (white @ off[..., None])[..., 0]
     yield _Readings(rigid, y, white, 0.0)
+    for much in _drifts(table):
+        X = np.concatenate([rigid, rigid * much[:, None, None]], axis=2)
+        yield _Readings(X, y, white, float(special.chdtri(6, alarms.DRIFT)))
     rounds = pd.factorize(table["group"])[0]
     later = np.eye(rounds.max() + 1)[rounds][:, 1:]
     for some in (3, 6) if later.shape[1] else ():
@@ -194,6 +202,14 @@ def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
         X = np.concatenate([rigid, moved.reshape(len(y), 3, -1)], axis=2)
         dof = some * later.shape[1]
         yield _Readings(X, y, white, float(special.chdtri(dof, alarms.DRIFT)))
+
+
+def _drifts(table: pd.DataFrame) -> list[Array]:
+    """How much of each form of a drift there is at each reading, shape (m,), of the most."""
+    since = table["time_s"].to_numpy(float) - table["time_s"].min()
+    if not (np.isfinite(since).all() and since.max() > 0):
+        return []
+    return [law(since) / law(since).max() for law in LAWS.values()]
 
 
 def _scatter(registration: Registration, near: Bools) -> float:
@@ -212,7 +228,8 @@ def _freed(one: _Readings, table: pd.DataFrame, near: Bools, limit: float) -> _F
         if drop[best] <= limit:
             break
         free = _exchanged(one, free | {best})
-    return _told(one, table, free, limit) if len(free) <= most else _nothing()
+    lost = _lost(table, near)
+    return _told(one, table, free, lost, limit) if len(free) <= most else _nothing()
 
 
 def _exchanged(one: _Readings, free: set[int]) -> set[int]:
@@ -233,16 +250,25 @@ def _drops(one: _Readings, free: set[int]) -> tuple[Array, Beside]:
     return drop, found
 
 
-def _told(one: _Readings, table: pd.DataFrame, free: set[int], limit: float) -> _Free:
+def _lost(table: pd.DataFrame, near: Bools) -> Bools:
+    """Which readings are grossly off while most others of their round are not, shape (m,).
+
+    No motion of the tracker between rounds explains them: it would have carried the others along.
+    """
+    by = pd.Series(near).groupby(table["group"].astype(str).to_numpy())
+    return np.asarray(~near & (by.transform("sum") > 0.5 * (by.transform("size") - 1)))
+
+
+def _told(one: _Readings, table: pd.DataFrame, free: set[int], lost: Bools, limit: float) -> _Free:
     """Freed readings, each beside the others; what does not stand out so is used again."""
     drops, sizes, decided = {}, {}, True
     for k in sorted(free):
         drop, found = _drops(one, free - {k})
         if drop[k] <= limit:
-            return _told(one, table, free - {k}, limit)
+            return _told(one, table, free - {k}, lost, limit)
         at = int(np.sum([i not in free for i in range(k)]))
         drops[k], sizes[k] = float(drop[k]), float(np.linalg.norm(found.size[at]))
-        decided &= bool(np.delete(drop, k).max() < drop[k] - _DECIDES)
+        decided &= lost[k] or bool(np.delete(drop, k).max() < drop[k] - _DECIDES)
     used = np.ones(len(table), dtype=bool)
     used[sorted(free)] = False
     if table["target"][used].nunique() < _REFLECTORS:

@@ -3,7 +3,8 @@
 Both set a pull free beside the fit to all (see `system.beside`): deleted residuals, externally
 studentised (Cook and Weisberg, Residuals and Influence in Regression, 1982), for the largest of all
 pulls. A chain may stretch with the force and be hung differently in every pose; its direction may
-change with the force, as the load point yields, or with its inverse, as a chain sags.
+change with the force, as the load point yields, with its inverse, as a chain sags, or as the
+targets on the effector show that the load point moves, in proportion to the force or not.
 """
 
 from __future__ import annotations
@@ -59,6 +60,8 @@ class _Chain(Locked):
         ends: Where both ends were read [m], shape (m, 2, 3).
         std: Standard uncertainty of their distance; 1 for all where none is stated, shape (m,).
         stated: Whether one is.
+        give: How far the effector has moved in the pose, as its targets show [m], NaN unknown,
+            shape (m,).
     """
 
     group: Strings
@@ -67,40 +70,95 @@ class _Chain(Locked):
     ends: Array
     std: Array
     stated: bool
+    give: Array
 
 
 @dataclass(frozen=True)
 class _Off:
-    """The pull that stands out most: its number, by how much in sigma and size, and its p-value."""
+    """The pull that stands out most.
+
+    Attributes:
+        pull: Its number.
+        sigmas: By how many standard deviations.
+        axes: Coordinates that these are of.
+        size: By how much, in metres or radians.
+        p_value: Of that, by chance, among all pulls; None where chance plays no part.
+    """
 
     pull: int
     sigmas: float
+    axes: int
     size: float
     p_value: float | None
 
 
+@dataclass(frozen=True, eq=False)
+class _Turned(Locked):
+    """Directions against the other pulls of their poses, by the law that accuses each least.
+
+    Attributes:
+        pull: Numbers of the pulls, shape (n,).
+        p: p-value of each, shape (n,).
+        apart: How far off it is over what the other pulls of the pose leave, shape (n,).
+        size: How far off it is [rad], shape (n,).
+        sigmas: The same in standard deviations, shape (n,).
+    """
+
+    pull: Ints
+    p: Array
+    apart: Array
+    size: Array
+    sigmas: Array
+
+
 def chain_outlier(case: Case) -> list[Mistake]:
-    """The pull whose chain reflectors are unlike those of the other pulls, and which of the two."""
+    """The pull whose chain reflectors are unlike those of the other pulls, and which of the two.
+
+    Distance and direction are tested each by itself; of two pulls the one that chance puts so far
+    off less often is told. Once it stands out by its distance, what its direction adds counts, too.
+    """
     chain = _read(case)
     if len(chain.group) < _FEWEST:
         return []
-    names = case.settings.naming.chain
-    off = _distance(chain)
-    if off is not None:
-        told = (
-            f"{names[0]} and {names[1]} are {1e3 * off.size:.2f} mm farther apart or nearer than "
-            f"in the other pulls, {apart(off.sigmas)}"
-        )
-        return [_finding(case, chain, off, names, told, off.size, _end(chain, off.pull))]
-    off = _direction(chain)
-    if off is not None:
-        told = (
-            f"the chain points {1e3 * off.size:.2f} mrad away from where the other pulls of the "
-            f"pose put it, {apart(off.sigmas)}"
-        )
-        size = off.size * float(np.median(_length(chain)))
-        return [_finding(case, chain, off, names, told, size, _end(chain, off.pull))]
-    return []
+    near, away = _distance(chain), _direction(chain)
+    if near is not None and (away is None or not _rarer(away, near)):
+        off, told = _with_direction(chain, near, case.settings.naming.chain)
+    elif away is not None:
+        off = replace(away, size=away.size * float(np.median(_length(chain))))
+        told = _told_direction(away.size, away.sigmas)
+    else:
+        return []
+    end = _end(chain, off.pull)
+    return [_finding(case, chain, off, case.settings.naming.chain, told, off.size, end)]
+
+
+def _rarer(one: _Off, other: _Off) -> bool:
+    """Whether chance puts one pull so far off less often than another."""
+    return one.pull != other.pull and (one.p_value, -one.sigmas) < (other.p_value, -other.sigmas)
+
+
+def _with_direction(chain: _Chain, near: _Off, names: Sequence[str]) -> tuple[_Off, str]:
+    """What stands out by its distance, with what its direction adds, and what is told of both.
+
+    |e|^2 = e_u^2 + e_v^2 + e_w^2 in standard deviations, u along the chain, v and w across it.
+    """
+    told = f"{names[0]} and {names[1]} are {1e3 * near.size:.2f} mm farther apart or nearer than "
+    told += f"in the other pulls, {apart(near.sigmas)}"
+    turned = _turned(chain)
+    at = np.flatnonzero(turned.pull == near.pull)
+    if not len(at):
+        return near, told
+    turn, sigmas = float(turned.size[at[0]]), float(turned.sigmas[at[0]])
+    size = float(np.hypot(near.size, turn * np.median(_length(chain))))
+    both = replace(near, sigmas=float(np.hypot(near.sigmas, sigmas)), axes=3, size=size)
+    return both, f"{told}, and {_told_direction(turn, sigmas)}"
+
+
+def _told_direction(size: float, sigmas: float) -> str:
+    return (
+        f"the chain points {1e3 * size:.2f} mrad away from where the other pulls of the pose "
+        f"put it, {apart(sigmas)}"
+    )
 
 
 def chain_gross(case: Case) -> list[Mistake]:
@@ -120,7 +178,7 @@ def chain_gross(case: Case) -> list[Mistake]:
     told = f"{names[0]} and {names[1]} are {1e3 * away[best]:.0f} mm farther apart or nearer than "
     told += "in the other pulls"
     sigmas = float(away[best] / chain.std[best])
-    off = _Off(best, sigmas, float(away[best]), None)
+    off = _Off(best, sigmas, 1, float(away[best]), None)
     miss = _misses(chain, best) or (0.0, 0.0)
     if min(miss) > GROSS_M:
         return [
@@ -150,7 +208,29 @@ def _read(case: Case) -> _Chain:
         ends=at,
         std=std if stated else np.ones(len(std)),
         stated=stated,
+        give=_give(case, both.to_numpy(object), ends[0]["pose"].to_numpy(np.int64)),
     )
+
+
+def _give(case: Case, group: Strings, pose: Ints) -> Array:
+    """How far the effector has moved in each pull of its pose [m], NaN unknown, shape (m,).
+
+    d = v' (x - mean x): x the centre of the targets that were read in all pulls of the pose, v the
+    direction along which these lie apart most.
+    """
+    rows = case.readings[case.readings["state"] == "loaded"]
+    rows = rows[rows["target"].isin(case.settings.naming.measured)]
+    rows = rows.drop_duplicates(["group", "target"]).set_index(["target", "group"])[XYZ]
+    names = rows.index.unique("target")
+    at = np.array([rows.loc[name].reindex(group).to_numpy(float) for name in names])
+    out = np.full(len(group), np.nan)
+    for one in np.unique(pose):
+        here = np.flatnonzero(pose == one)
+        whole = at[:, here][np.isfinite(at[:, here]).all(axis=(1, 2))] if len(at) else at
+        if len(whole):
+            centre = whole.mean(axis=0) - whole.mean(axis=(0, 1))
+            out[here] = centre @ linear.principal(centre)[2][0]
+    return out
 
 
 def _length(chain: _Chain) -> Array:
@@ -183,7 +263,7 @@ def _distance(chain: _Chain) -> _Off | None:
     size_m = float(np.abs(off.size[best, 0]) * chain.std[best])
     if p > alarms.READING / _TESTS or size_m < _SHORT_M:
         return None
-    return _Off(best, float(np.sqrt(off.drop / variance)[best]), size_m, p)
+    return _Off(best, float(np.sqrt(off.drop / variance)[best]), 1, size_m, p)
 
 
 def _each(X: Array, y: Array) -> Beside:
@@ -191,8 +271,8 @@ def _each(X: Array, y: Array) -> Beside:
     return Base.of(X, y).beside(np.eye(len(y))[None, :, :, None]).of_block(0)
 
 
-def _direction(chain: _Chain) -> _Off | None:
-    """By the direction against the other pulls of the pose, four or more of them.
+def _turned(chain: _Chain) -> _Turned:
+    """Directions against the other pulls of the pose, four or more of them.
 
     The law of the course that accuses a pull less is believed.
     """
@@ -200,17 +280,26 @@ def _direction(chain: _Chain) -> _Off | None:
     known = np.isfinite(chain.force)
     pulls = np.flatnonzero(known & (np.bincount(index, known)[index] >= 4))
     if not len(pulls):
-        return None
-    laws = [_turns(chain, pulls, course) for course in (chain.force, 1 / chain.force)]
+        return _Turned(pulls, *np.zeros((4, 0)))
+    seen = np.bincount(index, ~np.isfinite(chain.give))[index] == 0
+    courses = (chain.force, 1 / chain.force, np.where(seen, chain.give, chain.force))
+    laws = [_turns(chain, pulls, course) for course in courses]
     p, apart, size, sigmas = (np.stack([law[i] for law in laws]) for i in range(4))
-    best = int(np.argmin(p.max(axis=0)))
-    chance = len(pulls) * float(p.max(axis=0)[best])
-    sure = chance < alarms.READING / _TESTS and apart.min(axis=0)[best] > _APART
-    if not sure or size.min(axis=0)[best] < _MATTERS_RAD:
+    return _Turned(pulls, p.max(axis=0), apart.min(axis=0), size.min(axis=0), sigmas.min(axis=0))
+
+
+def _direction(chain: _Chain) -> _Off | None:
+    """The pull whose direction stands out most."""
+    turned = _turned(chain)
+    if not len(turned.pull):
         return None
-    return _Off(
-        int(pulls[best]), float(sigmas.min(axis=0)[best]), float(size.min(axis=0)[best]), chance
-    )
+    best = int(np.argmin(turned.p))
+    chance = len(turned.pull) * float(turned.p[best])
+    sure = chance < alarms.READING / _TESTS and turned.apart[best] > _APART
+    if not sure or turned.size[best] < _MATTERS_RAD:
+        return None
+    sigmas, size = float(turned.sigmas[best]), float(turned.size[best])
+    return _Off(int(turned.pull[best]), sigmas, 2, size, chance)
 
 
 def _turns(chain: _Chain, pulls: Ints, course: Array) -> tuple[Array, Array, Array, Array]:
@@ -296,6 +385,7 @@ def _finding(
         f"in {group} ({', '.join(at)}) {told}",
         f"computed again without the pull of {group}",
         before=off.sigmas,
+        axes=off.axes,
         size=size,
         p_value=off.p_value,
         correct=partial(_without_group, group=group),

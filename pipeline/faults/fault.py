@@ -31,6 +31,7 @@ class Screening:
         known: Its measurements, if they are at hand.
         before: The same campaign with one mistake more: what was put right since is missing from
             the tails of its readings.
+        accepted: Tails of the readings beside the accepted model, where one is known.
     """
 
     case: Case
@@ -38,6 +39,7 @@ class Screening:
     start: Array
     known: Reduced | None = None
     before: Screening | None = None
+    accepted: Family | None = None
 
     @cached_property
     def reduced(self) -> Reduced:
@@ -65,20 +67,22 @@ class Screening:
 
     @cached_property
     def family(self) -> Family:
-        """Tails of the readings beside all that a machine could do."""
+        """Tails of the readings beside the accepted model, else all that a machine could do."""
+        if self.accepted is not None:
+            return self.accepted
         data, springs = self.reduced.data, self.case.cell
         data = data.in_metres(self.system.found_m)
         values = self.estimate.value[: len(springs.parameters)]
         return tails(beside_everything(springs, data, values))[1]
 
-    def mistaken(self, square: float) -> float:
-        """Probability that a reading is a blunder, the square of its error in std.
+    def mistaken(self, square: float, axes: int) -> float:
+        """Probability that a reading is a blunder, the square of its error in std along some axes.
 
         Of the families with and without the mistakes that were put right the lower one counts: a
         tail that was taken for blunders reading by reading would soon be none.
         """
-        mine = self.family.mistaken(square)
-        return mine if self.before is None else min(mine, self.before.mistaken(square))
+        mine = self.family.mistaken(square, axes)
+        return mine if self.before is None else min(mine, self.before.mistaken(square, axes))
 
     @cached_property
     def spread(self) -> tuple[float, int]:

@@ -28,6 +28,7 @@ class Mistake:
             explain.
         correct: The corrected campaign.
         at: Where what is accused stands, `file:line`; nothing where it is no single row.
+        axes: Coordinates that the square of `before` is the sum of, where it is in sigma.
     """
 
     name: str
@@ -43,6 +44,7 @@ class Mistake:
     p_value: float | None = None
     beside_model: bool = False
     at: tuple[str, ...] = ()
+    axes: int = 3
 
     @property
     def of_reading(self) -> bool:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from pipeline.faults import FAULTS
 from pipeline.faults.fault import Fault, Screening
@@ -33,10 +33,13 @@ class Screened:
     Attributes:
         findings: Every mistake, in the order in which they were put right.
         case: The campaign with all of them put right; the given one when there are none.
+        doubted: Readings so far off that chance does not explain it, and that stay: tails of the
+            noise may, which beside everything that a machine could do are hardly seen.
     """
 
     findings: tuple[Mistake, ...]
     case: Case
+    doubted: tuple[Mistake, ...] = ()
 
 
 def screen(case: Case, reduced: Reduced) -> Screened:
@@ -56,11 +59,12 @@ def screen(case: Case, reduced: Reduced) -> Screened:
             findings += found
             case = _put_right(case, found)
     single = [fault for fault in tests if not fault.in_files]
-    before = None
+    before: Screening | None = None
+    doubted: list[Mistake] = []
     for _ in range(_MOST):
         known = reduced if case is given else None
         before = Screening(case, case.cell, case.robot.nominal_compliance, known, before)
-        found = _first(single, before)
+        found, doubted = _first(single, before)
         findings += found
         case = _put_right(case, found)
         if not found:
@@ -68,7 +72,7 @@ def screen(case: Case, reduced: Reduced) -> Screened:
     if before is not None and before.case is case:
         lost = lost_readings(given, findings, before)
         findings, case = findings + lost, _put_right(case, lost)
-    return Screened(tuple(findings), case)
+    return Screened(tuple(findings), case, tuple(doubted))
 
 
 def screen_again(
@@ -98,12 +102,16 @@ def screen_again(
     again = [fault for fault in FAULTS if fault.beside_model]
     for _ in range(len(screened.findings) - len(kept)):
         asked = Screening(case, case.cell.with_effects(*causes), extended.value)
-        found = _first(again, asked)
+        found = _first(again, asked)[0]
         kept += found
         case = _put_right(case, found)
         if not found:
             break
-    return Screened(tuple(kept), case) if len(kept) < len(screened.findings) else screened
+    return (
+        replace(screened, findings=tuple(kept), case=case)
+        if len(kept) < len(screened.findings)
+        else screened
+    )
 
 
 def acquit(given: Case, screened: Screened, right: Fitted, seen: Linearised) -> Screened:
@@ -131,7 +139,40 @@ def acquit(given: Case, screened: Screened, right: Fitted, seen: Linearised) -> 
     kept = [one for one in screened.findings if not one.may_be_noise or _sure(one, found)]
     if len(kept) == len(screened.findings):
         return screened
-    return Screened(tuple(kept), _put_right(given, kept))
+    return replace(screened, findings=tuple(kept), case=_put_right(given, kept))
+
+
+def confirm(
+    screened: Screened, found: Family, causes: tuple[Effect, ...], extended: Estimate | None
+) -> Screened:
+    """Leave out doubted readings that are none of the noise, as seen beside the accepted model.
+
+    The counterpart of `acquit`: far more is left there to see the noise in. Each is tested anew,
+    beside the joint springs and the causes.
+
+    Args:
+        screened: What was found in the campaign.
+        found: Tails of the readings beside the accepted model.
+        causes: The causes.
+        extended: Joint springs and causes, estimated together; None where there are none.
+
+    Returns:
+        `screened` itself where every doubted reading stays.
+    """
+    case, findings = screened.case, list(screened.findings)
+    cell, start = case.cell, case.robot.nominal_compliance
+    if causes and extended is not None:
+        cell, start = cell.with_effects(*causes), extended.value
+        if cell.parameters != extended.parameters:
+            return screened
+    tests = [fault for fault in FAULTS if not fault.in_files]
+    for _ in screened.doubted:
+        sure = _first(tests, Screening(case, cell, start, accepted=found))[0]
+        findings += sure
+        case = _put_right(case, sure)
+        if not sure:
+            break
+    return screened if case is screened.case else Screened(tuple(findings), case)
 
 
 def _put_right(case: Case, findings: Sequence[Mistake]) -> Case:
@@ -141,15 +182,22 @@ def _put_right(case: Case, findings: Sequence[Mistake]) -> Case:
     return case
 
 
-def _first(tests: Sequence[Fault], asked: Screening) -> list[Mistake]:
-    """What the first test finds that finds anything beyond what such noise may do by itself."""
+def _first(tests: Sequence[Fault], asked: Screening) -> tuple[list[Mistake], list[Mistake]]:
+    """What the first test finds that finds anything beyond what such noise may do by itself.
+
+    Returns:
+        That, and what the tests that were asked found and such noise may do.
+    """
+    doubted: list[Mistake] = []
     for fault in tests:
         found = fault.find(asked)
-        if sure := [one for one in found if not one.may_be_noise or _sure(one, asked)]:
-            return [lock_lost(one, asked.case) for one in sure]
-    return []
+        sure = [one for one in found if not one.may_be_noise or _sure(one, asked)]
+        doubted += [one for one in found if one not in sure]
+        if sure:
+            return [lock_lost(one, asked.case) for one in sure], doubted
+    return [], doubted
 
 
 def _sure(one: Mistake, of: Screening | Family) -> bool:
     """Whether a reading that is off is a blunder, and not of the family that the others show."""
-    return of.mistaken(one.before**2) > _SURE
+    return of.mistaken(one.before**2, one.axes) > _SURE

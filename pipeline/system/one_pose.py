@@ -68,11 +68,12 @@ def as_measured(case: Case, reduced: Reduced) -> tuple[Case, Reduced, OnePose | 
 def one_pose(case: Case, data: Measured) -> OnePose | None:
     """Whether the targets of each state come from one measured pose; None where they need not.
 
-    Their distances change by less than anything that is read, rms s < limit, and what the joint
-    springs leave, r, is impossible beside the limit: P[F(n_r, n_s) > (r / limit)^2] below
+    Their distances change by less than anything that is read, rms s_k / l_k < 1, and what the joint
+    springs leave, r, is impossible beside the limits, of rms l: P[F(n_r, n_s) > (r / l)^2] below
     `alarms.READING`, n_r and n_s the numbers of residuals left and of changes. Data without any
-    scatter keep both small. The limit holds `_STILL_M`, the rounding of two readings, the second
-    order of a turn, and where it is unknown where the targets stand what `_OFF_RAD` does.
+    scatter keep both small. The limit l_k of a change holds `_STILL_M`, the rounding of two
+    readings, the second order of the turn in its pull, and where it is unknown where the targets
+    stand what `_OFF_RAD` does. One reading that is far off turns no other pull.
 
     Args:
         case: The campaign.
@@ -83,26 +84,29 @@ def one_pose(case: Case, data: Measured) -> OnePose | None:
     change, turned = _changes(case, data)
     if change.size < _FEWEST:
         return None
-    kept = rms(change)
-    lever = _OFF_RAD * turned if np.isnan(data.unloaded).any() else 0.0
+    lever = _OFF_RAD * turned if np.isnan(data.unloaded).any() else 0.0 * turned
     bow = turned**2 / (2 * radius(case.tool.points))
-    limit = float(np.linalg.norm([_STILL_M, 2 * _rounding(case.readings), lever, bow]))
-    if kept > limit:
+    limit = np.sqrt(_STILL_M**2 + (2 * _rounding(case.readings)) ** 2 + lever**2 + bow**2)
+    if rms(change / limit) > 1:
         return None
     left = identify(case.cell, data, case.robot.nominal_compliance)[1]
     r = left.residual_std_m
-    chance = special.fdtrc(left.dof, change.size, (r / limit) ** 2) if left.dof > 0 else 1.0
-    return OnePose(kept, r) if chance < alarms.READING else None
+    chance = special.fdtrc(left.dof, change.size, (r / rms(limit)) ** 2) if left.dof > 0 else 1.0
+    return OnePose(rms(change), r) if chance < alarms.READING else None
 
 
-def _changes(case: Case, data: Measured) -> tuple[Array, float]:
-    """How each distance of two targets changes in each pull [m], and how far they turn, rms [m]."""
+def _changes(case: Case, data: Measured) -> tuple[Array, Array]:
+    """How each distance of two targets changes in each pull, and how far they turn there.
+
+    Returns:
+        Changes, shape (pairs, m), and turns, the displacements about their mean, rms, (m,) [m].
+    """
     t = len(case.tool.points)
     rows: Bools = (np.bincount(data.pull, minlength=len(data.pulls)) == t)[data.pull]
     moved = data.delta[rows].reshape(-1, t, 3)
     pull = data.pull[rows][::t]
     if not len(pull):
-        return np.zeros(0), 0.0
+        return np.zeros((0, 0)), np.zeros(0)
     here = configure(case.robot, data.pulls.q[pull])
     seen = data.unloaded[rows].reshape(-1, t, 3)
     at = np.where(np.isnan(seen), here.points(case.tool.points), seen)
@@ -111,7 +115,8 @@ def _changes(case: Case, data: Measured) -> tuple[Array, float]:
         - np.linalg.norm(at[:, i] - at[:, j], axis=1)
         for i, j in combinations(range(t), 2)
     ]
-    return np.concatenate(change), rms(moved - moved.mean(axis=1, keepdims=True))
+    about = moved - moved.mean(axis=1, keepdims=True)
+    return np.array(change), np.sqrt(np.mean(about**2, axis=(1, 2)))
 
 
 def _rounding(readings: pd.DataFrame) -> float:
