@@ -163,6 +163,14 @@ def _deflections(
     return np.stack([spring.law(own[spring.name], own) for spring in springs], axis=1)
 
 
+def turned(points: Array, e: Array) -> Array:
+    """Points (m, 3) turned about the origin by a rotation vector [rad], lengths unchanged."""
+    size = float(np.linalg.norm(e))
+    if not size:
+        return points
+    return np.asarray(points @ _screw(e / size, np.array([size]), False)[0, :3, :3].T)
+
+
 def _screw(axis: Array, amount: Array, slides: bool) -> Array:
     """Translation along or rotation about a unit axis (Rodrigues), shape (m, 4, 4)."""
     axis = np.broadcast_to(axis, (len(amount), 3))

@@ -9,6 +9,7 @@ from typing import Any
 import numpy as np
 
 from bench.league.hidden_effect import NOMINAL, Course, Secret, Setup, setup
+from bench.league.machine import turned
 from pipeline.base.arrays import Array, Locked
 from pipeline.machine.poses import default_anchors, draw_poses
 from pipeline.machine.robot import Robot
@@ -354,8 +355,7 @@ def joints_log(robot: Robot, course: Course) -> str:
 
 
 def _toml(one: Setup, tool: Array, isotropic: bool, name: str) -> str:
-    base = np.array(BASE)
-    base = base + np.cross(one.base_turn, base)
+    base = turned(np.array(BASE), one.base_turn)
     noise = "sigma_m = 3e-5" if isotropic else f"noise = {BEAM}"
     points = zip(("load_point", *NAMES), tool.tolist(), strict=True)
     return "\n".join(

@@ -7,6 +7,7 @@ from datetime import datetime, timedelta
 
 import numpy as np
 
+from bench.league.machine import turned
 from bench.league.play import NAMES, joints_log, loads_log
 from bench.worlds.cell import Cell
 from bench.worlds.payloads import CENTER_SIGMA_M, GRAVITY, MASS_SIGMA_KG, Log, Payload
@@ -93,7 +94,7 @@ def line(reading: int) -> int:
 
 
 def _toml(cell: Cell, stated: str, instrument: Sequence[str]) -> str:
-    base = cell.base + np.cross(cell.one.base_turn, cell.base)
+    base = turned(cell.base, cell.one.base_turn)
     names = NAMES[: cell.rules.targets]
     points = zip(("load_point", *names), cell.plan.tool.tolist(), strict=False)
     q = np.where(cell.robot.prismatic, cell.test_q, np.rad2deg(cell.test_q))
