@@ -14,6 +14,7 @@ from pipeline.base.shown import in_json
 from pipeline.design.problem import Problem
 from pipeline.design.propose import Proposal, propose
 from pipeline.design.search import Effort
+from pipeline.design.unpulled import Unpulled
 from pipeline.machine.poses import in_log_units
 from pipeline.machine.room import unchecked
 
@@ -178,12 +179,16 @@ def unpulled_lines(proposal: Proposal) -> list[str]:
     if (found := proposal.unpulled) is None:
         return []
     few = "1 pose" if len(found.q) == 1 else f"{len(found.q)} poses"
-    return [
-        f"{few} more, read without a pull, for the robot's table: standard uncertainty of its "
-        f"entries {percent(found.figure)} of that as delivered (geometric mean), "
-        f"{percent(found.without)} without them; of the {found.offered} poses on offer no choice "
-        f"is below {percent(found.bound)}"
-    ]
+    return [f"{few} more, read without a pull, for the robot's table: {worth_unpulled(found)}"]
+
+
+def worth_unpulled(found: Unpulled) -> str:
+    """What poses without a pull are worth, and how near that is to the best."""
+    return (
+        f"its entries are then known to {percent(found.figure)} of their uncertainty as delivered "
+        f"(geometric mean), and to {percent(found.without)} from the pulled poses alone; of "
+        f"{found.offered} poses on offer no choice is below {percent(found.bound)}"
+    )
 
 
 def _unchecked(problem: Problem) -> tuple[str, ...]:

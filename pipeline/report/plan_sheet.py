@@ -16,12 +16,11 @@ from pipeline.design.control import Control
 from pipeline.design.curves import ByAnchor, BySize
 from pipeline.design.discriminate import Sight
 from pipeline.design.information import station
-from pipeline.design.made import cell_lines
+from pipeline.design.made import cell_lines, worth_unpulled
 from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem, with_steps
 from pipeline.design.propose import Proposal
 from pipeline.design.schedule import pulls_at
-from pipeline.design.unpulled import Unpulled
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.machine.effect import branches
 from pipeline.machine.robot import Joint, Robot
@@ -248,7 +247,7 @@ def _reading_only(proposal: Proposal) -> Section | None:
         [
             Text(
                 f"Take the chain off and read every reflector {often} at these poses. They tell of "
-                f"the robot's table, not of stiffness: {worth_unpulled(found)}"
+                f"the robot's table, not of stiffness: {worth_unpulled(found)}."
             ),
             table_of(
                 "unpulled",
@@ -258,15 +257,6 @@ def _reading_only(proposal: Proposal) -> Section | None:
                 "Rail in m, the others in degrees." if robot.prismatic.any() else "In degrees.",
             ),
         ],
-    )
-
-
-def worth_unpulled(found: Unpulled) -> str:
-    """What poses without a pull are worth, and how near that is to the best."""
-    return (
-        f"its entries are then known to {percent(found.figure)} of their uncertainty as delivered "
-        f"(geometric mean), and to {percent(found.without)} from the pulled poses alone; of "
-        f"{found.offered} poses on offer no choice is below {percent(found.bound)}."
     )
 
 
