@@ -4,14 +4,16 @@ from __future__ import annotations
 
 import re
 from dataclasses import replace
+from types import SimpleNamespace
 
+import numpy as np
 import pytest
 import report_sample
 from pdf_text import pages_of
 
 from pipeline.answer.contract import AxisValue, JudgedPath, NextPose, Stretch, Tip, Tolerance
-from pipeline.answer.sentences import _proposed
-from pipeline.answer.tolerated import expanded, tolerated
+from pipeline.answer.sentences import _proposed, _uncalibrated
+from pipeline.answer.tolerated import expanded, largest_force, tolerated
 from pipeline.answer.words import mistaken, unnoticed, wrong
 from pipeline.diagnosis.facts import Facts
 from pipeline.faults.mistake import outlying
@@ -91,7 +93,8 @@ def test_few_stretches_are_told_and_many_are_counted():
 
     said = tolerated(Tolerance(deflection_mm=0.25, test_pose=good, path=few))
     assert said == (
-        "At most 0.25 mm is allowed (ISO 14253-1). Test pose: pass. part.csv: pass at poses 1 to 4 "
+        "campaign.toml allows a deflection of 0.25 mm; decision rule of ISO 14253-1. "
+        "Test pose: pass. part.csv: pass at poses 1 to 4 "
         "and fail at pose 5; up to 0.410 mm, U = 0.040 mm (k = 2), at pose 5."
     )
     said = tolerated(Tolerance(deflection_mm=0.25, test_pose=None, path=many))
@@ -102,11 +105,16 @@ def test_few_stretches_are_told_and_many_are_counted():
 @pytest.mark.parametrize(
     ("decision", "verdict", "word", "worst"),
     [
-        ("pass", "adequate", "Within tolerance", "good"),
-        ("pass", "explained", "Within tolerance", "attention"),
-        ("pass", "unexplained", "Within tolerance only if the model below holds", "bad"),
-        ("undecided", "adequate", "Neither in nor out of tolerance for certain", "attention"),
-        ("fail", "adequate", "Out of tolerance", "bad"),
+        ("pass", "adequate", "Deflection within tolerance", "good"),
+        ("pass", "explained", "Deflection within tolerance", "attention"),
+        ("pass", "unexplained", "Deflection within tolerance only if the model below holds", "bad"),
+        (
+            "undecided",
+            "adequate",
+            "Deflection neither in nor out of tolerance for certain",
+            "attention",
+        ),
+        ("fail", "adequate", "Deflection out of tolerance", "bad"),
         (None, "adequate", None, "good"),
     ],
 )
@@ -132,8 +140,40 @@ def test_whether_it_may_machine_is_said_first_and_no_colour_promises_more(
     assert box[1] == report.worst == worst
     said = re.findall(r'<p class="word">(.*?)</p>', box[0])
     assert said == [*([word] if word else []), VERDICTS[verdict][0]]
-    assert "At most 0.25\N{NBSP}mm" in box[0]
+    assert "a deflection of 0.25\N{NBSP}mm" in box[0]
     assert word is None or text.index(word) < text.index(VERDICTS[verdict][0])
+
+
+@pytest.mark.parametrize(
+    ("deflection", "decision", "force"),
+    [(2.0, Decision.FAIL, 0.8 / 2.0 * 1000), (0.85, Decision.UNDECIDED, 0.8 / 0.85 * 1000)],
+)
+def test_the_force_that_would_pass_is_said(deflection, decision, force):
+    """T = 0.965 mm with u = 0.1 mm leaves 0.8 mm, in proportion to 1 kN."""
+    asked = Tolerance(deflection_mm=0.965, test_pose=decision, path=None)
+    tip = Tip(deflection_mm=deflection, std_mm=0.1)
+
+    assert largest_force(asked, tip, 1000.0) == pytest.approx(force)
+    assert largest_force(asked.model_copy(update={"test_pose": Decision.PASS}), tip, 1e3) is None
+    assert largest_force(asked, tip.model_copy(update={"std_mm": 0.75}), 1e3) is None
+
+
+@pytest.mark.parametrize(
+    ("gain", "body", "value", "said"),
+    [
+        (0.0, [-1, -1], 3e6, True),
+        (0.002, [-1, -1], 3e6, False),
+        (0.0, [0, 1], 3e6, False),  # weights need no scale
+        (0.0, [-1, -1], None, False),
+    ],
+)
+def test_uncertainties_without_the_calibration_of_the_scale_say_so(gain, body, value, said):
+    """A gain is in no residual: who does not state it reads too small an uncertainty."""
+    data = SimpleNamespace(body=np.array(body), scale=SimpleNamespace(gain_sigma=gain))
+    found = SimpleNamespace(right=SimpleNamespace(data=data))
+    stated = SimpleNamespace(mine=SimpleNamespace(stiffness=[SimpleNamespace(value=value)]))
+
+    assert bool(list(_uncalibrated(found, stated))) == said
 
 
 def test_what_to_type_is_shown_as_such_and_a_name_as_it_is():

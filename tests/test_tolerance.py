@@ -216,7 +216,7 @@ def test_the_first_screen_says_it(found):
     said, pose = lines["tolerance"], lines["test_pose"]
     u = 2 * found[0].answer.test_pose.std_mm
 
-    assert f"At most {found[1]:.4f}".rstrip("0") in said
+    assert f"a deflection of {found[1]:.4f}".rstrip("0") in said
     assert "ISO 14253-1" in said
     assert "Test pose: undecided." in said
     assert "fail at pose 14" in said

@@ -115,7 +115,7 @@ ROWS = {
         Verdict.AMBIGUOUS,
     ),
     Finding.ROUGH_TABLE: (
-        Facts(unloaded=replace(MISPLACED, gain=gain(0.9, 0.8))),
+        Facts(unloaded=replace(MISPLACED, gain=gain(0.9, 0.8), rough=True)),
         Verdict.ADEQUATE,
     ),
     Finding.REFLECTORS_LOOSE: (replace(FOUND, loose_p=1e-6), Verdict.UNEXPLAINED),
@@ -205,7 +205,7 @@ def test_the_most_severe_finding_decides_and_all_are_told():
     assert verdict(both) is Verdict.AMBIGUOUS
     assert why(both).index("base reflectors moved") < why(both).index("cannot distinguish between")
     assert verdict(replace(both, mistakes=(MISTAKE,))) is Verdict.BAD_DATA
-    assert why(replace(both, mistakes=(MISTAKE,))).startswith("The data hold a mistake")
+    assert why(replace(both, mistakes=(MISTAKE,))).startswith("The data contain a mistake")
 
 
 def test_nothing_is_told_of_displacements_that_hold_nothing():

@@ -25,7 +25,7 @@ from pipeline.answer.contract import (
 )
 from pipeline.answer.findings import Findings
 from pipeline.answer.numbers import left_out_mm
-from pipeline.answer.tolerated import expanded, tolerated
+from pipeline.answer.tolerated import expanded, largest_force, tolerated
 from pipeline.answer.words import (
     DO,
     HOLDS,
@@ -86,9 +86,9 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
     lines: list[tuple[About, str]] = [
         (About.TOLERANCE, "" if stated.tolerance is None else tolerated(stated.tolerance)),
         (About.VERDICT, f"{_verdict(found)} {capital(_predicted(found))}."),
-        (About.TO_DO, " ".join((*_out(stated.tolerance), _to_do(found, stated.mine.stiffness)))),
+        (About.TO_DO, " ".join((*_out(stated), _to_do(found, stated.mine.stiffness)))),
         (About.MODEL, " ".join(_model(found, stated))),
-        (About.NUMBERS, _for_controller(found, stated)),
+        (About.NUMBERS, " ".join((_for_controller(found, stated), *_uncalibrated(found, stated)))),
         (About.TEST_POSE, " ".join(_test_pose(found, stated))),
         *((About.WRONG, one) for one in stated.contradicted),
         (About.WRONG, wrong(found.facts, len(stated.diagnosis.blind_spots), stated.contradicted)),
@@ -158,19 +158,28 @@ def _instead(found: Findings) -> str:
     )
 
 
-def _out(asked: Tolerance | None) -> Iterator[str]:
+def _out(stated: Stated) -> Iterator[str]:
     """What a tolerance that is not kept asks for, before all else."""
+    asked = stated.tolerance
     worst = None if asked is None else asked.worst
     if worst is Decision.FAIL:
         yield (
-            "Out of tolerance without compensation: reduce the force, choose other poses, or "
-            "compensate the path."
+            "The deflection is out of tolerance without compensation: reduce the force"
+            f"{_to_force(stated)}, choose other poses, or compensate the path."
         )
     elif worst is Decision.UNDECIDED:
         yield (
-            "Neither in nor out of tolerance for certain: reduce the force, compensate the path, "
-            "or measure more."
+            "Whether the deflection is in tolerance is undecided: reduce the force"
+            f"{_to_force(stated)}, compensate the path, or measure more."
         )
+
+
+def _to_force(stated: Stated) -> str:
+    """`, at the test pose to 330 N`, where such a force would pass."""
+    assert stated.tolerance is not None
+    full = math.hypot(*stated.pose.force_n)
+    least = largest_force(stated.tolerance, stated.pose, full)
+    return "" if least is None else f" (at the test pose to about {plain(least, 2)} N)"
 
 
 def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
@@ -281,6 +290,18 @@ def _for_controller(found: Findings, stated: Stated) -> str:
     )
 
 
+def _uncalibrated(found: Findings, stated: Stated) -> Iterator[str]:
+    """That the uncertainties lack the calibration of the scale, where nobody stated it."""
+    data = found.right.data
+    chain = len(data.body) == 0 or bool((data.body < 0).any())
+    known = any(joint.value is not None for joint in stated.mine.stiffness)
+    if chain and known and data.scale.gain_sigma == 0:
+        yield (
+            "The uncertainties do not include the calibration of the scale, of which campaign.toml "
+            "states nothing (gain_sigma): if it reads 1 % too high, so is every stiffness."
+        )
+
+
 def _numbers(
     found: Findings, stiffness: Sequence[Stiffness], together: Sequence[Combination]
 ) -> str:
@@ -338,7 +359,7 @@ def _test_pose(found: Findings, stated: Stated) -> Iterator[str]:
     none = "" if pose.stated else _stands_in(found)
     yield (
         f"The load point deflects by {expanded(pose)}, at {axes} under ({x}, {y}, {z}) N in the "
-        f"base frame F_b ({plain(math.hypot(*pose.force_n))} N).{none}"
+        f"base frame F_b ({plain(math.hypot(*pose.force_n), 4)} N).{none}"
     )
     yield from _changed(
         stated.mine.test_pose_deflection, stated.springs.test_pose_deflection, found
@@ -378,7 +399,9 @@ def _next(found: Findings, stated: Stated) -> str:
     if poses:
         return _proposed(poses)
     if found.mistakes:
-        return "The readings in question, if no record tells what is right."
+        again = "The readings in question, if no record tells what is right."
+        lost = any(joint.value is None for joint in stated.mine.stiffness)
+        return f"{again} {_least_certain(stated.mine.stiffness)}" if lost else again
     if not found.row.reason.holds_for_its_readings:
         return (
             "The poses that are missed most, once more and on another day: this tells the machine "

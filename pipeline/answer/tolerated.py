@@ -8,7 +8,7 @@ from collections.abc import Iterator
 from pipeline.answer.contract import JudgedPath, Stretch, Tip, Tolerance
 from pipeline.answer.words import listed
 from pipeline.base.quantities import plain, with_uncertainty
-from pipeline.prediction.decision import Decision
+from pipeline.prediction.decision import GUARD, Decision
 
 DECIDED = {
     Decision.PASS: "pass",
@@ -37,7 +37,27 @@ def expanded(one: Tip) -> str:
 def tolerated(asked: Tolerance) -> str:
     """The tolerance and what is decided, at the test pose and along the path."""
     decided = " ".join(_decided(asked))
-    return f"At most {asked.deflection_mm:g} mm is allowed (ISO 14253-1). {decided}"
+    return (
+        f"campaign.toml allows a deflection of {asked.deflection_mm:g} mm; decision rule of ISO "
+        f"14253-1. {decided}"
+    )
+
+
+def largest_force(asked: Tolerance, pose: Tip, force_n: float) -> float | None:
+    """Force at the test pose that would pass, if the deflection is proportional to it [N].
+
+    Args:
+        asked: The tolerance T.
+        pose: What is predicted there, d and u; u is kept, as most of it does not fall.
+        force_n: Size of its force F.
+
+    Returns:
+        F (T - 1.65 u) / d; None where it passes, or where no force would.
+    """
+    if asked.test_pose in (None, Decision.PASS) or not pose.deflection_mm or not pose.std_mm:
+        return None
+    share = (asked.deflection_mm - GUARD * pose.std_mm) / pose.deflection_mm
+    return share * force_n if 0 < share < 1 else None
 
 
 def _decided(asked: Tolerance) -> Iterator[str]:

@@ -70,7 +70,7 @@ def mistaken(facts: Facts) -> str:
     at = [place for one in more for place in one.at]
     where = f" ({_some(at)})" if at else ""
     others = f", and {were} found{where}" if more else ""
-    return f"The data hold a mistake: {first.evidence}{others}. Your files are unchanged."
+    return f"The data contain a mistake: {first.evidence}{others}. Your files are unchanged."
 
 
 def _some(places: Sequence[str]) -> str:
@@ -92,8 +92,11 @@ def wrong(facts: Facts, unseen: int, contradicted: Sequence[str] = ()) -> str:
     if others:
         return f"With the data corrected: {others}" if facts.mistakes else others
     also = f" {unnoticed(unseen)}; they are listed in the report." if unseen else ""
-    told = facts.mistakes or contradicted
-    clear = "Nothing else." if told else "Nothing that these readings show."
+    clear = "Nothing that these readings show."
+    if facts.mistakes:
+        clear = "The data, as the verdict says; nothing else that these readings show."
+    elif contradicted:
+        clear = "Nothing else."
     return f"{clear}{also}"
 
 
@@ -274,10 +277,10 @@ def _rough_table(facts: Facts) -> str:
     assert gain is not None
     before, after = 1e3 * gain.rms_before_m, 1e3 * gain.rms_after_m
     return (
-        "The robot is off its table in many places, in none by far more than in the others: the "
-        f"unloaded reflectors of poses left out are {before:.2g} mm rms per axis from where the "
-        f"table as delivered places them, and {after:.2g} mm from where the table as estimated "
-        "does."
+        "The geometry of the robot differs a little from its file in many places, in none by far "
+        "more than in the others: unloaded reflectors of poses left out of the estimate are "
+        f"{after:.2g} mm rms per axis from where the geometry estimated from them places them, and "
+        f"{before:.2g} mm from where the file does."
     )
 
 

@@ -137,10 +137,10 @@ def probability(p: float | None) -> str:
 
 
 def p_value(p: float | None) -> str:
-    """`p = 0.33`, or `p < 1 × 10⁻³⁰⁰` where it underflows."""
+    """`p = 0.33`, or `p < 10⁻⁶`: nobody knows a distribution farther out in its tail."""
     if not known(p):
         return "p unknown"
-    return f"p = {plain(p, 2)}" if p > 0 else f"p < {_ten_to(-300)}"
+    return f"p = {plain(p, 2)}" if p >= 1e-6 else f"p < {_ten_to(-6)}"
 
 
 def typeset(text: str) -> str:

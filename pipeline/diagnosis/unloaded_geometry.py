@@ -27,7 +27,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.system.system import Estimate
 
 _RARE = 1e-3
-"""Chance of one cause among all that are looked for, in a robot without."""
+"""Chance of one cause among all that are looked for, and of a rough table, in a robot without."""
 
 BEYOND = 5.0
 """A cause is so many times what the rest of the table is off by, or what a table usually is."""
@@ -86,6 +86,7 @@ def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]
         cells=found,
         causes=tuple(_off(search, k) for k in range(len(found.free))),
         gain=_gain(missed, zeros, found),
+        rough=found.p_exact() < _RARE,
     )
 
 

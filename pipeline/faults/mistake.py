@@ -6,6 +6,7 @@ from collections.abc import Callable, Collection
 from dataclasses import dataclass
 from typing import Any
 
+from pipeline.base.quantities import plain
 from pipeline.reduction.case import Case
 
 
@@ -70,7 +71,7 @@ _FAR = 1000.0
 
 def apart(sigmas: float) -> str:
     """How far, in standard deviations."""
-    far = f"more than {_FAR:.0f}" if sigmas > _FAR else f"{sigmas:.1f}"
+    far = f"more than {_FAR:.0f}" if sigmas > _FAR else plain(sigmas, 2 if sigmas < 10 else 3)
     return f"{far} standard deviations"
 
 

@@ -141,6 +141,16 @@ class Cells(Locked):
         """The same for each geometric parameter, shape (k,)."""
         return np.where(self.zeros.turns, self.roughness[1], self.roughness[0])
 
+    def p_exact(self) -> float:
+        """Chance of so rough a table in a robot that is as delivered.
+
+        Likelihood ratio of two scales against their smallest values, chi-square of two degrees of
+        freedom, which is too large as both lie at an end of their range.
+        """
+        smooth = np.all(self.rough <= self.rough.min(axis=0), axis=1)
+        ratio = 2 * (self.log.max() - self.log[smooth].max())
+        return float(special.chdtrc(2, ratio))
+
     def freed(self, one: Suspect) -> Array:
         """Likelihood with one more of the suspects free, natural log, shape (c,).
 

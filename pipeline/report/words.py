@@ -56,12 +56,15 @@ VERDICTS = {
     "bad_data": ("The data need attention", "bad"),
 }
 
-_OUT = ("Out of tolerance", "bad")
-_OPEN = ("Neither in nor out of tolerance for certain", "attention")
+_OUT = ("Deflection out of tolerance", "bad")
+_OPEN = ("Deflection neither in nor out of tolerance for certain", "attention")
 
 JUDGED = {
-    (Decision.PASS, False): ("Within tolerance", "good"),
-    (Decision.PASS, True): ("Within tolerance only if the model below holds", "attention"),
+    (Decision.PASS, False): ("Deflection within tolerance", "good"),
+    (Decision.PASS, True): (
+        "Deflection within tolerance only if the model below holds",
+        "attention",
+    ),
     **{(Decision.UNDECIDED, doubtful): _OPEN for doubtful in (False, True)},
     **{(Decision.FAIL, doubtful): _OUT for doubtful in (False, True)},
 }

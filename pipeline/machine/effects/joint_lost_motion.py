@@ -29,7 +29,7 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         tolerance=0.15,
         parameters=(Parameter(f"b_{joint}", "rad", 6e-5, 0.0, 1e-3),),
         signature=f"joint {joint} turns by the same angle at every load, in the sense of its "
-        "torque",
+        "torque: half of the gear's total lost motion",
         needs="a small and a large load at poses that turn this joint both ways"
         + clamp(robot, joint),
         source="RV reducers: lost motion within 1 arcmin (290 urad) at +-3 % of rated torque",

@@ -10,6 +10,7 @@ from matplotlib.figure import Figure as Canvas
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
 from pipeline.diagnosis.facts import APART, DETECTED
+from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
 from pipeline.report.figures.marks import Tips, dots, integer_ticks, legend_above
 from pipeline.report.figures.plot import Plot
@@ -20,6 +21,13 @@ from pipeline.report.svg import APART_SHADES, BLUE, MUTED, RED
 _APART_STEPS = (1.0, 2.0, APART, 10.0)
 _SQUARE = 0.14
 """Side of a square [in], with room for a line of words."""
+
+_STANDING = {
+    Verdict.EXPLAINED: "identified",
+    Verdict.BAD_DATA: "identified",
+    Verdict.AMBIGUOUS: "likeliest",
+}
+"""What the causes with the largest evidence are called."""
 
 
 def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
@@ -33,12 +41,13 @@ def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     axes.barh(at, size, color=np.where(named, RED, BLUE).tolist(), height=0.7, gid="evidence")
     axes.axvline(3, color=MUTED, linewidth=1, linestyle="--")
     said = [_cause_in_words(row, answer) for _, row in best.iterrows()]
-    axes.set_yticks(at, [f"{s} (identified)" if n else s for s, n in zip(said, named, strict=True)])
+    word = _STANDING.get(answer.diagnosis.verdict, "nearest")
+    axes.set_yticks(at, [f"{s} ({word})" if n else s for s, n in zip(said, named, strict=True)])
     axes.invert_yaxis()
     axes.grid(axis="y", visible=False)
     axes.set_xlabel("Evidence, natural log of the odds", loc="right")
     rows = zip(said, size, named, strict=True)
-    return {"evidence": [f"{s}: {plain(v, 2)}{', identified' if n else ''}" for s, v, n in rows]}
+    return {"evidence": [f"{s}: {plain(v, 2)}{f', {word}' if n else ''}" for s, v, n in rows]}
 
 
 def _draw_separability(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:

@@ -168,12 +168,14 @@ def _write_residual_course(answer: Answer, tables: Tables) -> Figure | None:
         else f"of {one.name} {percent(one.explained)}"
         for k, one in enumerate(told)
     )
+    found = answer.diagnosis.causes
+    diamonds = "; diamonds are the residuals with the causes in the model" if found else ""
     said += f"; noise alone would give {percent(told[0].by_chance)} on average."
     return Figure(
         "residual-course",
         "Residual against " + ", ".join(one.name for one in told),
         f"{said} A band that bends, steps or drifts indicates an effect that the joint springs do "
-        f"not have; diamonds are the residuals with the identified causes.",
+        f"not have{diamonds}.",
         f"{len(told)} scatter plots of residual coordinates. {said}",
     )
 
