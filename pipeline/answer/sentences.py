@@ -35,7 +35,15 @@ from pipeline.answer.words import (
     mistaken,
     wrong,
 )
-from pipeline.base.quantities import common_prefix, percent, plain, prefixed, scaled, with_std
+from pipeline.base.quantities import (
+    common_prefix,
+    percent,
+    plain,
+    prefixed,
+    scaled,
+    with_std,
+    with_uncertainty,
+)
 from pipeline.diagnosis.facts import APART, Facts
 from pipeline.prediction.decision import Decision
 from pipeline.system.estimate import fits
@@ -283,10 +291,11 @@ def _for_controller(found: Findings, stated: Stated) -> str:
         return _numbers(found, stated.mine.stiffness, stated.together)
     error = left_out_mm(found.springs.values.left_out_m)
     left = "" if error is None else f" {_WITH_THEM} {plain(error)} mm rms per axis."
-    said = _numbers(found, stated.springs.stiffness, ())
+    said = entered(stated.springs.stiffness, (), known=False)
     return (
-        f"Effective values, for a table of joint stiffnesses and nothing else: {said}{left} The "
-        "stiffnesses of the joints themselves are in the table of stiffnesses."
+        f"Effective values, for a table of joint stiffnesses and nothing else: {said}{left} They "
+        "have no uncertainty, as joint springs alone do not explain the readings. The stiffnesses "
+        "of the joints themselves are in the table of stiffnesses."
     )
 
 
@@ -318,20 +327,34 @@ def _numbers(
     return entered(stiffness, together)
 
 
-def entered(stiffness: Sequence[Stiffness], together: Sequence[Combination]) -> str:
-    """Stiffnesses to enter, those that are not determined, and those without an upper limit."""
+def entered(
+    stiffness: Sequence[Stiffness], together: Sequence[Combination], *, known: bool = True
+) -> str:
+    """Stiffnesses to enter, those that are not determined, and those without an upper limit.
+
+    Args:
+        stiffness: The joints.
+        together: Combinations that are determined.
+        known: Whether the model holds, so that the values have an uncertainty.
+    """
     good = [joint for joint in stiffness if joint.value is not None]
     lost = [joint.called for joint in stiffness if joint.value is None]
     half = [joint for joint in good if joint.ci95[1] is None]
     whole = [joint for joint in good if joint.ci95[1] is not None]
     return " ".join(
         (
-            *([f"{'; '.join(map(_number, whole))} (± standard uncertainty)."] if whole else []),
+            *([_each(whole, known=known)] if whole else []),
             *([f"Not determined: {listed(lost)}."] if lost else []),
             *([f"No value: {listed([_stiffer(one) for one in half])}."] if half else []),
             *([f"Determined together: {counted(together)}."] if together else []),
         )
     )
+
+
+def _each(joints: Sequence[Stiffness], *, known: bool) -> str:
+    """Each with its standard uncertainty, or rounded to it."""
+    said = "; ".join(_number(joint, known=known) for joint in joints)
+    return f"{said} (± standard uncertainty)." if known else f"{said}."
 
 
 def _stiffer(joint: Stiffness) -> str:
@@ -344,11 +367,14 @@ def _stiffer(joint: Stiffness) -> str:
     return f"{joint.axis or joint.name}, stiffer than {size}"
 
 
-def _number(joint: Stiffness) -> str:
-    """`A1 3.800 ± 0.012 MN·m/rad`."""
+def _number(joint: Stiffness, *, known: bool) -> str:
+    """`A1 3.800 ± 0.012 MN·m/rad`, or `A1 3.800 MN·m/rad`."""
     factor, letter = common_prefix([joint.value])
-    value = with_std(scaled(joint.value, factor), scaled(joint.std, factor))
-    return f"{joint.axis or joint.name} {value} {prefixed(joint.unit, letter)}"
+    value, std = scaled(joint.value, factor), scaled(joint.std, factor)
+    shown = with_std(value, std)
+    if not known and value is not None and std is not None:
+        shown, _ = with_uncertainty(value, std)
+    return f"{joint.axis or joint.name} {shown} {prefixed(joint.unit, letter)}"
 
 
 def _test_pose(found: Findings, stated: Stated) -> Iterator[str]:

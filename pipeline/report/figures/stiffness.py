@@ -94,6 +94,19 @@ def _cut_off(axes: Axes, at: Array, told: Array, ends: tuple[float, float]) -> N
         axes.annotate(text, place, (0, 3), textcoords="offset points", ha="center", fontsize=7)
 
 
+def _inside(other: Array, ends: tuple[float, float], *, whole: bool) -> Array:
+    """Which circles are drawn: beside a cut interval, none that would widen the plot again.
+
+    Args:
+        other: Where they are [% of nominal], NaN for none.
+        ends: Left and right end of the plot.
+        whole: No interval is cut.
+    """
+    left, right = ends
+    beyond = (right - left) / 2 if whole else 0.0
+    return np.asarray((other >= left - beyond) & (other <= right + beyond))
+
+
 def _draw_stiffness(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """Every joint with its 95 % interval, in percent of nominal."""
     joints = _comparable(answer)
@@ -107,7 +120,7 @@ def _draw_stiffness(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     left, right = _frame(low, high)
     axes.hlines(at, np.maximum(low, left), np.minimum(high, right), BLUE, lw=2.2)
     _cut_off(axes, at, np.array([share, low, high]), (left, right))
-    near = np.abs(other - (left + right) / 2) < right - left
+    near = _inside(other, (left, right), whole=bool(np.all((low >= left) & (high <= right))))
     axes.scatter(other[near], at[near], facecolors="none", edgecolors=MUTED, s=34, zorder=2)
     beyond = (share < left) | (share > right)
     edge = np.clip(share[beyond], left, right)
