@@ -369,8 +369,19 @@ def test_what_a_law_lacks_is_no_listed_cause():
         }, seed
 
 
+@pytest.mark.slow
+def test_a_law_of_which_a_listed_cause_takes_a_part_is_found():
+    """A link that grows moves reflectors as a tracker would that drifts, the more part of it."""
+    for seed in range(50, 54):
+        _, answer = measured(seed, link_grows=2.0)
+        causes = [c for c in answer["diagnosis"]["causes"] if c["name"] not in SCATTER]
+
+        assert [(c["name"], c["where"]) for c in causes] == [("unlisted_law", 3)], seed
+        assert causes[0]["law"]["variable"] == "time", seed
+
+
 def test_in_a_clean_campaign_no_law_is_found():
-    """Nothing is searched where the joint springs explain what was measured."""
+    """Laws are sought where nothing was detected, too, and none is in the data."""
     _, answer = measured(37)
 
     assert answer["diagnosis"]["verdict"] == "adequate"

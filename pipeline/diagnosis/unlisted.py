@@ -205,7 +205,8 @@ def _view(
 ) -> Whitened:
     """The campaign beside some causes, with every law as a suspect behind them.
 
-    The laws of these causes hold to their tolerance only: what is within it needs no further law.
+    Those that are listed hold to their tolerance only: what is within it needs no further law. What a
+    law lacks that nobody listed, its further shapes say (`_extended`).
     """
     few, every = case.only(accepted), tuple(range(len(accepted)))
     near = found.seen if accepted else found.first.seen
@@ -213,7 +214,8 @@ def _view(
         model = few.model(every, near.model.values)
     else:
         model = few.estimated(every, near.model.values[: case.cell.robot.n], near)
-    return few.whitened(few.linearised(model, near).beside(laws), every)
+    listed = [i for i in every if few.suspects[i].law is None]
+    return few.whitened(few.linearised(model, near).beside(laws), listed)
 
 
 def _by_structure(view: Whitened, now: Scores, rng: np.random.Generator) -> Array:
