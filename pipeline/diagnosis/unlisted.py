@@ -15,6 +15,7 @@ odds that hold all that was tried, and predict poses that were left out.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from itertools import chain
 
@@ -46,11 +47,11 @@ _DRAWS = 1000
 _WITHIN = 7.0
 """Laws within so much log evidence of the best one (1000 to 1) may be in its place."""
 
-_FORMS = 2
-"""So many laws of one place."""
+_FORMS = 6
+"""So many laws of one place: what aliases with the wave that is there, on few poses, is carried."""
 
 _MOST = 6
-"""So many laws in all."""
+"""So many places."""
 
 _SEED = 20261123
 """Of draws of its own, so that campaigns without such laws draw what they drew."""
@@ -59,8 +60,8 @@ _SEED = 20261123
 def beyond(case: Case, found: Found, start: Array) -> tuple[Case, Found]:
     """The case and what is found in it, with laws that nobody listed among the suspects.
 
-    Whether the catalogue explains the data is asked of the laws, too: what its own tests do not see
-    may stand out in one of theirs, whether or not a listed cause was detected or takes a part of it.
+    Whether the catalogue explains the data is asked of the laws, too: what its own tests do not
+    see may stand out in one of theirs, whether nothing was detected or a listed cause takes a part.
 
     The same as before where nothing generated is found beside what the catalogue offers, or where
     that does not predict left-out poses better.
@@ -194,8 +195,9 @@ def _likely(
     best = evidence[able].max()
     out: dict[Effect, float] = {}
     for i in np.argsort(-evidence, kind="stable"):
-        same = sum(one.label == laws[i].label for one in out)
-        if able[i] and evidence[i] > best - _WITHIN and same < _FORMS and len(out) < _MOST:
+        of = Counter(one.label for one in out)
+        room = 0 < of[laws[i].label] < _FORMS or (laws[i].label not in of and len(of) < _MOST)
+        if able[i] and evidence[i] > best - _WITHIN and room:
             out[laws[i]] = float(chance[i])
     return out
 
@@ -205,8 +207,8 @@ def _view(
 ) -> Whitened:
     """The campaign beside some causes, with every law as a suspect behind them.
 
-    Those that are listed hold to their tolerance only: what is within it needs no further law. What a
-    law lacks that nobody listed, its further shapes say (`_extended`).
+    Those that are listed hold to their tolerance only: what is within it needs no further law. What
+    a law lacks that nobody listed, its further shapes say (`_extended`).
     """
     few, every = case.only(accepted), tuple(range(len(accepted)))
     near = found.seen if accepted else found.first.seen
