@@ -18,7 +18,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -198,24 +198,26 @@ def _laws(robot: Robot, loaded: Loaded) -> Iterator[Law]:
 
 def _of_angles(robot: Robot, pulls: Pulls, joint: int) -> Iterator[Law]:
     q = pulls.q[:, joint - 1]
-    low, high = _ends(q)
     if not _varies(q):
         return
+    yield from _of_own_angle(pulls, joint)
+    turned = (i for i in turning(robot) if i != joint and _varies(pulls.q[:, i - 1]))
+    for other, order in product(turned, _COUPLED):
+        ends = _ends(pulls.q[:, other - 1])
+        yield Law(joint, "spring", "coupling", "angle", other, float(order), *ends)
+
+
+def _of_own_angle(pulls: Pulls, joint: int) -> Iterator[Law]:
+    q = pulls.q[:, joint - 1]
+    low, high = _ends(q)
     for order in ORDERS:
         yield Law(joint, "spring", "periodic", "angle", joint, float(order), low, high)
     for degree in (1, 2, 3):
         yield Law(joint, "spring", "smooth", "angle", joint, float(degree), low, high)
     for at in _cuts(q, pulls):
         yield Law(joint, "spring", "step", "angle", joint, 0.0, low, high, at)
-    for part in ("friction", "play"):
-        if part == "play" or pulls.branch.any():
-            for order in _COUPLED:
-                yield Law(joint, part, "periodic", "angle", joint, float(order), low, high)
-    for other in turning(robot):
-        if other != joint and _varies(pulls.q[:, other - 1]):
-            for order in _COUPLED:
-                ends = _ends(pulls.q[:, other - 1])
-                yield Law(joint, "spring", "coupling", "angle", other, float(order), *ends)
+    for part, order in product(("friction", "play") if pulls.branch.any() else ("play",), _COUPLED):
+        yield Law(joint, part, "periodic", "angle", joint, float(order), low, high)
 
 
 def _of_torques(pulls: Pulls, tau: Array, joint: int) -> Iterator[Law]:
