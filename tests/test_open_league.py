@@ -22,6 +22,7 @@ SALT = "0" * 32
 ROLL = Cause(name="rail_roll", amplitudes={"c_roll": 1e-8})
 TWIN = Cause(name="joint_tilt", where=5, accept=("joint_tilt:6",))
 STRANGER = Cause(name="chain_rubs", listed=False)
+RIPPLE = Cause(name="gear_ripple", where=5, listed=False)
 
 
 def true(*causes, **more):
@@ -228,13 +229,34 @@ def _kept(games, entry, game, said):
         ((ROLL,), ("rail_roll", "rail_pitch"), 1, 0, 1, False),
         ((ROLL, TWIN), ("rail_roll",), 1, 1, 0, False),
         ((STRANGER,), ("chain_rubs",), 0, 0, 1, False),
+        ((STRANGER,), ("unlisted_law",), 0, 0, 1, False),
+        ((RIPPLE,), ("gear_ripple:5",), 0, 0, 1, False),
+        ((RIPPLE,), (), 0, 0, 0, True),
+        ((ROLL,), ("unlisted_law:rail",), 0, 1, 1, False),
     ],
 )
 def test_names_are_right_wrong_or_missed(causes, named, right, missed, wrong, exact):
-    """Noise is neither; no name is right for what the catalogue has not."""
+    """Noise is neither; no listed name is right for what the catalogue has not."""
     one = score(true(*causes), answer(*map(cause, named)))
 
     assert (one.right, one.missed, one.wrong, one.exact) == (right, missed, wrong, exact)
+
+
+def test_a_law_at_the_place_of_what_nobody_lists_is_right():
+    """Elsewhere, or a listed cause at the same place, is a wrong name; its probability pays."""
+    at = score(true(RIPPLE), answer(cause("unlisted_law", 5, 0.9)))
+    elsewhere = score(true(RIPPLE), answer(cause("unlisted_law", 4, 0.9)))
+    listed = score(true(RIPPLE), answer(cause("joint_hardening", 5, 0.9)))
+    both = score(true(RIPPLE, ROLL), answer(cause("rail_roll"), cause("unlisted_law", 5)))
+
+    assert [(s.placed, s.wrong, s.exact) for s in (at, elsewhere, listed)] == [
+        (1, 0, True),
+        (0, 1, False),
+        (0, 1, False),
+    ]
+    assert (both.right, both.placed, both.missed, both.exact) == (1, 1, 0, True)
+    assert at.log_score == pytest.approx(-np.log(0.9))
+    assert elsewhere.log_score == pytest.approx(-np.log(1e-3) - np.log(0.1))
 
 
 def test_twins_are_right_once():

@@ -13,7 +13,8 @@ from bench.league.machine import Machine, Spring
 from bench.league.play import Rules, drawn, play
 from bench.league.run import answer_of
 from pipeline.diagnosis import unlisted as search
-from pipeline.diagnosis.identify import given, may_join, merged
+from pipeline.diagnosis.causes import _either
+from pipeline.diagnosis.identify import Rival, given, may_join, merged
 from pipeline.diagnosis.isolability import rich_pulls, rich_tool, twins
 from pipeline.machine.cell import load, paper_cell, sensitivity
 from pipeline.machine.effects import catalogue, unlisted
@@ -358,6 +359,57 @@ def test_a_law_that_nobody_listed_is_found(rippled):
 
 
 @pytest.mark.slow
+def test_waves_that_the_poses_do_not_tell_apart_are_all_stated():
+    """On angles 45° apart waves of 2, 6, 10, 14 and 18 a turn are one; six a turn is the truth."""
+    rng = np.random.default_rng(36)
+    plan = drawn(KR500, rng, Rules())
+    q, step = plan.q.copy(), np.pi / 4
+    q[:, 1] = np.round((q[:, 1] - 0.2) / step) * step + 0.2
+    plan = replace(plan, q=q)
+    files = play(KR500, plan, [(SECRETS["tooth_stiffness"], 1.0)], rng, Rules()).files
+    causes = answer_of(files)["diagnosis"]["causes"]
+    (law_,) = (c["law"] for c in causes if c["name"] == "unlisted_law")
+    orders = {one["shapes"][-1]["order"]: one["probability"] for one in law_["either"]}
+
+    assert set(orders) == {2, 6, 10, 14, 18}
+    assert sum(orders.values()) == pytest.approx(1, abs=0.05)
+    assert max(orders.values()) < 2 * min(orders.values())
+    assert " or " in law_["text"]
+
+
+def test_what_is_not_decided_of_a_law_is_said():
+    """Orders in one phrase, another kind as another law, and nothing twice."""
+    wave = law(5, "spring", "periodic", "angle", 5, 2.0)
+    six, steady = replace(wave, order=6.0), law(5, "spring", "smooth", "time")
+    both = [replace(wave, order=3.0, more=one) for one in (wave, replace(wave, order=9.0))]
+
+    def said(one, *others):
+        return unlisted.undecided(KR500, unlisted.effect(KR500, one), others).noun
+
+    assert said(wave, six) == "stiffness that varies 2 or 6 times per turn"
+    assert said(both[0], both[1]) == (
+        "stiffness that varies 3 times per turn and varies 2 or 9 times per turn"
+    )
+    assert said(wave, steady, six) == (
+        "stiffness that varies 2 or 6 times per turn, or stiffness that changes with time"
+    )
+    assert said(steady, replace(steady, order=2.0)) == "stiffness that changes with time"
+    assert said(six) == unlisted.effect(KR500, six).noun
+
+
+@pytest.mark.parametrize(("shares", "told"), [((0.6, 0.39), 2), ((0.97, 0.03), 0)])
+def test_laws_are_undecided_where_none_leads_by_twenty_to_one(shares, told):
+    """By the evidence of each, as a further cause must lead to be named."""
+    waves = [law(5, "spring", "periodic", "angle", 5, order) for order in (2.0, 6.0)]
+    suspects = tuple(unlisted.effect(KR500, one) for one in waves)
+    rival = Rival("unlisted_law:5", 0, 1.0, tuple(enumerate(shares)))
+    case = SimpleNamespace(suspects=suspects)
+    found = SimpleNamespace(accepted=(0,), rivals=((rival,),))
+
+    assert len(_either(case, found, 0)) == told
+
+
+@pytest.mark.slow
 def test_what_a_law_lacks_is_no_listed_cause():
     """A wheel off its centre, |sin| of the angle, is a law of its joint and nothing besides."""
     for seed in range(40, 44):
@@ -369,8 +421,19 @@ def test_what_a_law_lacks_is_no_listed_cause():
         }, seed
 
 
+@pytest.mark.slow
+def test_a_law_of_which_a_listed_cause_takes_a_part_is_found():
+    """A link that grows moves reflectors as a tracker would that drifts, the more part of it."""
+    for seed in range(50, 54):
+        _, answer = measured(seed, link_grows=2.0)
+        causes = [c for c in answer["diagnosis"]["causes"] if c["name"] not in SCATTER]
+
+        assert [(c["name"], c["where"]) for c in causes] == [("unlisted_law", 3)], seed
+        assert causes[0]["law"]["variable"] == "time", seed
+
+
 def test_in_a_clean_campaign_no_law_is_found():
-    """Nothing is searched where the joint springs explain what was measured."""
+    """Laws are sought where nothing was detected, too, and none is in the data."""
     _, answer = measured(37)
 
     assert answer["diagnosis"]["verdict"] == "adequate"

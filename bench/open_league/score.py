@@ -46,7 +46,8 @@ class Score:
 
     Attributes:
         answered: There was an answer.
-        right: True causes that were named.
+        right: True causes of the catalogue that were named.
+        placed: True causes outside the catalogue that were named as a law at their place.
         missed: True causes of the catalogue that were not named.
         wrong: Names that no true cause has.
         noticed: Something was said to be wrong with the model or the data.
@@ -60,6 +61,7 @@ class Score:
 
     answered: bool
     right: int
+    placed: int
     missed: int
     wrong: int
     noticed: bool
@@ -73,14 +75,16 @@ class Score:
 def score(truth: Truth, reply: Reply | None) -> Score:
     """Compare an answer with the truth; whoever gives none has named and estimated nothing."""
     causes = [one for one in reply.diagnosis.causes if one.name not in NEUTRAL] if reply else []
-    named = [one.label for one in causes]
+    named = {one.label for one in causes}
     listed = [cause for cause in truth.causes if cause.listed]
-    right = sum(any(name in cause.labels for name in named) for cause in listed)
-    wrong = sum(not any(name in cause.labels for cause in truth.causes) for name in named)
+    hit = [cause for cause in truth.causes if cause.labels & named]
+    right = sum(cause.listed for cause in hit)
+    wrong = sum(not any(one.label in cause.labels for cause in truth.causes) for one in causes)
     true = [v for p in truth.predictions for three in p.deflection_m.values() for v in three]
     return Score(
         answered=reply is not None,
         right=right,
+        placed=len(hit) - right,
         missed=len(listed) - right,
         wrong=wrong,
         noticed=reply is not None and (bool(named) or reply.diagnosis.verdict != "adequate"),

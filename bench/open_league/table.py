@@ -61,6 +61,7 @@ def rows(entry: Sequence[Scored]) -> list[tuple[str, str]]:
     listed = [g for g in entry if g.truth.causes and all(c.listed for c in g.truth.causes)]
     strange = [g for g in entry if any(not c.listed for c in g.truth.causes)]
     causes = sum(len(g.truth.causes) for g in listed)
+    others = sum(not c.listed for g in strange for c in g.truth.causes)
     return [
         ("games, answered", f"{len(entry)}, {sum(g.score.answered for g in entry)}"),
         ("clean: a cause is named", share(sum(g.score.wrong > 0 for g in clean), len(clean))),
@@ -70,7 +71,8 @@ def rows(entry: Sequence[Scored]) -> list[tuple[str, str]]:
         ("... games with a wrong name", _games(listed, lambda s: s.wrong > 0)),
         ("... games with exactly the true names", _games(listed, lambda s: s.exact)),
         ("outside the catalogue: noticed", _games(strange, lambda s: s.noticed)),
-        ("... a cause of the catalogue is named", _games(strange, lambda s: s.wrong > 0)),
+        ("... named as a law at its place", share(sum(g.score.placed for g in strange), others)),
+        ("... games with a wrong name", _games(strange, lambda s: s.wrong > 0)),
         ("wrong names per game", mean(entry, lambda s: float(s.wrong), "{:.2f}")),
         ("log score per game, in nats", mean(entry, lambda s: s.log_score, "{:.2f}")),
         ("stiffness: median error", median(entry, lambda s: s.springs, _off, "{:.2f}", 100)),

@@ -13,6 +13,10 @@ from pipeline.base.errors import InputError, first_wrong
 Three = tuple[FiniteFloat, FiniteFloat, FiniteFloat]
 
 
+UNLISTED = "unlisted_law"
+"""The one name that is right for a cause that no catalogue lists: a law at its place."""
+
+
 class _Strict(BaseModel):
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -24,7 +28,7 @@ class Cause(_Strict):
         name: A word of "Names of causes" in docs/campaign.md where `listed`, else any.
         where: Joint number or part, as there.
         accept: Further labels that count as right (`joint_tilt:6`), as twins do.
-        listed: The catalogue has it; no name is right for one that it has not.
+        listed: The catalogue has it; for one that it has not, `UNLISTED` at its place is right.
         amplitudes: True parameters under the catalogue's names, SI.
     """
 
@@ -36,9 +40,11 @@ class Cause(_Strict):
 
     @property
     def labels(self) -> frozenset[str]:
-        """Every label that names it, none where it is not listed."""
-        own = self.name if self.where is None else f"{self.name}:{self.where}"
-        return frozenset((own, *self.accept)) if self.listed else frozenset(self.accept)
+        """Every label that names it; of what is not listed and has no place, those accepted."""
+        name = self.name if self.listed else UNLISTED
+        if self.where is not None:
+            return frozenset((f"{name}:{self.where}", *self.accept))
+        return frozenset((name, *self.accept)) if self.listed else frozenset(self.accept)
 
 
 class Stiffness(_Strict):

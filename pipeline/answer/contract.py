@@ -410,6 +410,23 @@ class Evidence(Fact):
     unit: str
 
 
+class LawShape(Fact):
+    """One shape of a law."""
+
+    kind: Literal["periodic", "smooth", "step", "coupling"]
+    order: Number = Field(description="periods per turn or per metre, degree, or 0 of a step")
+
+
+class OneLaw(Fact):
+    """One of several laws of a place that the readings do not tell apart."""
+
+    variable: Literal["angle", "torque", "position", "temperature", "time", "direction", "force"]
+    part: str = Field(description="what of the place follows it: spring, friction, roll, ...")
+    source_joint: int | None = Field(description="whose angle or torque it is of, where another")
+    shapes: tuple[LawShape, ...] = Field(description="which act together")
+    probability: Share = Field(description="if one of these acts there")
+
+
 class Law(Fact):
     """A law that nobody listed.
 
@@ -434,6 +451,12 @@ class Law(Fact):
     )
     range: tuple[Number, Number] = Field(description="of the variable, where it was taught, SI")
     text: str
+    either: tuple[OneLaw, ...] = Field(
+        default=(),
+        exclude_if=_nothing,
+        description="laws of this place of which none leads by 20 to 1 on the evidence, the stated "
+        "one first; absent where it does",
+    )
 
 
 class Cause(Placed):

@@ -150,11 +150,29 @@ def _law(effect: Effect, law: Law, cause: Cause) -> contract.Law:
         variable=law.variable,
         part=law.part,
         joint=law.where if isinstance(law.where, int) else 1 if law.part == "drive" else None,
-        source_joint=law.source if law.source and law.source != law.where else None,
+        source_joint=_source(law),
         order=law.order,
         range=(law.low, law.high),
         text=law_told(cause),
+        either=tuple(
+            _one_law(one.effect.law, one.probability) for one in cause.either if one.effect.law
+        ),
     )
+
+
+def _one_law(law: Law, probability: float) -> contract.OneLaw:
+    return contract.OneLaw(
+        variable=law.variable,
+        part=law.part,
+        source_joint=_source(law),
+        shapes=tuple(contract.LawShape(kind=one.kind, order=one.order) for one in law.shapes),
+        probability=probability,
+    )
+
+
+def _source(law: Law) -> int | None:
+    """Joint whose angle or torque it is a law of, where that is another."""
+    return law.source if law.source and law.source != law.where else None
 
 
 def _amplitude(one: Amplitude) -> contract.Amplitude:

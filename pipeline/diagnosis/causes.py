@@ -12,13 +12,13 @@ from pipeline.diagnosis.amplitude import averaged
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.facts import Amplitude, AsGood, Cause, Drift, Gain, Named, Standing
 from pipeline.diagnosis.hypotheses import accepted
-from pipeline.diagnosis.identify import NAMELESS, Case, Found
+from pipeline.diagnosis.identify import NAMELESS, WORTH, Case, Found
 from pipeline.diagnosis.improvement import as_good
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Noise, Pulls
 from pipeline.machine.effects.nameless import mounting
-from pipeline.machine.effects.unlisted import height
+from pipeline.machine.effects.unlisted import height, undecided
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system import alarms
 from pipeline.system.system import Scatter
@@ -57,9 +57,11 @@ def of_displacements(
         standing = [Named(case.suspects[r.suspect], r.probability) for r in found.rivals[place]]
         odds = {one.effect.label: one for one in standing}
         mine = odds.pop(effect.label, None)
+        either = _either(case, found, place)
+        laws = [other.effect.law for other in either[1:] if other.effect.law is not None]
         out.append(
             Cause(
-                effect=effect,
+                effect=undecided(case.cell.robot, effect, laws) if laws else effect,
                 probability=mine.probability if mine else 0.0,
                 amplitudes=sizes[place],
                 p_value=found.p_values[place],
@@ -70,9 +72,23 @@ def of_displacements(
                 gain=worth,
                 test_pose_change_m=change,
                 height=_height(effect, held[0]),
+                either=either,
             )
         )
     return tuple(out)
+
+
+def _either(case: Case, found: Found, place: int) -> tuple[Named, ...]:
+    """Laws of one place within exp(`WORTH`) of the likeliest, the accepted one first; or none."""
+    effect = case.suspects[found.accepted[place]]
+    own = next((one for one in found.rivals[place] if one.label == effect.label), None)
+    if effect.law is None or own is None:
+        return ()
+    every = {case.suspects[i]: share for i, share in own.forms}
+    least = max(every.values()) * np.exp(-WORTH)
+    near = [one for one, share in every.items() if share > least and one is not effect]
+    ranked = sorted(near, key=lambda one: -every[one])
+    return tuple(Named(one, every[one]) for one in (effect, *ranked)) if ranked else ()
 
 
 def _height(effect: Effect, first: Hypothesis) -> Amplitude | None:

@@ -312,6 +312,8 @@ class Cause(Locked):
         test_pose_change_m: By how much the predicted deflection at the test pose changes [m]; None
             where that is not known.
         height: Amplitude of a law that nobody listed; None for causes of the catalogue.
+        either: Laws of its place that the readings do not tell apart, itself first, each with its
+            probability if one of its place acts; empty where it leads by 20 to 1.
         missing: Probability that something acts which the model with the causes does not hold, by
             what it leaves; 0 where that is no more than chance.
     """
@@ -328,6 +330,7 @@ class Cause(Locked):
     gain: Gain | None = None
     test_pose_change_m: float | None = None
     height: Amplitude | None = None
+    either: tuple[Named, ...] = ()
     missing: float = 0.0
 
     @property

@@ -471,7 +471,7 @@ def _odds(case: Case, now: Scores, rest: Sequence[int], least: float = 1e-3) -> 
         if not forms:
             continue
         labels.append(label)
-        logs.append(_together(now, forms))
+        logs.append(_together(case, now, forms))
         best.append(forms[int(np.argmax(now.log_evidence[forms]))])
         share = special.softmax(now.log_evidence[forms])
         shares.append(tuple(zip(forms, share.tolist(), strict=True)))
@@ -515,13 +515,14 @@ def _instead(case: Case, wide: Whitened, gone: Sequence[int]) -> Stranger:
     if len(gone) == 1:
         taken = {case.suspects[a].label for a in rest[:-1]}
         free = [f for label, f in by_label(case.suspects).items() if label not in taken]
-        named = float(special.logsumexp([_together(first, forms) for forms in free]))
+        named = float(special.logsumexp([_together(case, first, forms) for forms in free]))
     others = first.log_evidence[known:]
     strange = float(special.logsumexp(others)) + np.log(NAMELESS)
     suspect = known + int(np.argmax(others))
     return Stranger(float(special.expit(strange - named)), suspect, tuple(gone))
 
 
-def _together(now: Scores, forms: Sequence[int]) -> float:
-    """Log evidence of a cause, its forms equally likely."""
-    return float(special.logsumexp(now.log_evidence[list(forms)]) - np.log(len(forms)))
+def _together(case: Case, now: Scores, forms: Sequence[int]) -> float:
+    """Log evidence of a cause, its forms equally likely; laws have shared their odds already."""
+    shared = 1 if case.suspects[forms[0]].law is not None else len(forms)
+    return float(special.logsumexp(now.log_evidence[list(forms)]) - np.log(shared))

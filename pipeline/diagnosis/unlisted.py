@@ -15,6 +15,7 @@ odds that hold all that was tried, and predict poses that were left out.
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import replace
 from itertools import chain
 
@@ -46,11 +47,11 @@ _DRAWS = 1000
 _WITHIN = 7.0
 """Laws within so much log evidence of the best one (1000 to 1) may be in its place."""
 
-_FORMS = 2
-"""So many laws of one place."""
+_FORMS = 6
+"""So many laws of one place: what aliases with the wave that is there, on few poses, is carried."""
 
 _MOST = 6
-"""So many laws in all."""
+"""So many places."""
 
 _SEED = 20261123
 """Of draws of its own, so that campaigns without such laws draw what they drew."""
@@ -59,19 +60,21 @@ _SEED = 20261123
 def beyond(case: Case, found: Found, start: Array) -> tuple[Case, Found]:
     """The case and what is found in it, with laws that nobody listed among the suspects.
 
-    The same as before where the catalogue explains the data, where nothing generated is found in
-    them, or where that does not predict left-out poses better.
+    Whether the catalogue explains the data is asked of the laws, too: what its own tests do not
+    see may stand out in one of theirs, whether nothing was detected or a listed cause takes a part.
+
+    The same as before where nothing generated is found beside what the catalogue offers, or where
+    that does not predict left-out poses better.
 
     Args:
         case: The case.
         found: What the catalogue makes of it.
         start: Compliances to begin with.
     """
-    rng = np.random.default_rng(_SEED)
-    if open_(found, rng):
-        every = _every(case, found)
+    rng, every = np.random.default_rng(_SEED), _every(case, found)
+    if open_(found, rng) or _likely(case, found, found.accepted, every, rng):
         case, found = _extended(*_searched(case, found, (), every, start, rng), start, rng)
-        if found.accepted and open_(found, rng):
+        if found.accepted:
             again = _searched(case, found, found.accepted, every, start, rng)
             case, found = _extended(*again, start, rng)
     return case, found
@@ -192,8 +195,9 @@ def _likely(
     best = evidence[able].max()
     out: dict[Effect, float] = {}
     for i in np.argsort(-evidence, kind="stable"):
-        same = sum(one.label == laws[i].label for one in out)
-        if able[i] and evidence[i] > best - _WITHIN and same < _FORMS and len(out) < _MOST:
+        of = Counter(one.label for one in out)
+        room = 0 < of[laws[i].label] < _FORMS or (laws[i].label not in of and len(of) < _MOST)
+        if able[i] and evidence[i] > best - _WITHIN and room:
             out[laws[i]] = float(chance[i])
     return out
 
@@ -201,14 +205,19 @@ def _likely(
 def _view(
     case: Case, found: Found, accepted: tuple[int, ...], laws: tuple[Effect, ...]
 ) -> Whitened:
-    """The campaign beside some causes, with every law as a suspect behind them."""
+    """The campaign beside some causes, with every law as a suspect behind them.
+
+    Those that are listed hold to their tolerance only: what is within it needs no further law. What
+    a law lacks that nobody listed, its further shapes say (`_extended`).
+    """
     few, every = case.only(accepted), tuple(range(len(accepted)))
     near = found.seen if accepted else found.first.seen
     if accepted in ((), found.accepted):
         model = few.model(every, near.model.values)
     else:
         model = few.estimated(every, near.model.values[: case.cell.robot.n], near)
-    return few.whitened(few.linearised(model, near).beside(laws))
+    listed = [i for i in every if few.suspects[i].law is None]
+    return few.whitened(few.linearised(model, near).beside(laws), listed)
 
 
 def _by_structure(view: Whitened, now: Scores, rng: np.random.Generator) -> Array:

@@ -117,24 +117,41 @@ def with_laws(
     inputs, slides = springs.linear.inputs, springs.mechanism.table.prismatic
     every = list(search.candidates(inputs, slides))
     clues = search.clues(search.score(springs, signs), inputs, every, slides.tolist())
-    sure = [clue for clue in clues if clue.p < search.ALPHA]
-    bent: dict[int, float] = {}
-    for clue in sure:
-        if clue.law is None or _own_angle(clue.law):
-            bent[clue.joint - 1] = min(clue.p, bent.get(clue.joint - 1, 1.0))
-    found, judge, p = springs, Judge(parts, rng), {}
-    if bent:
-        joints = sorted(bent)
-        length = likeliest_length(springs, joints, curves.LENGTHS[False])
-        wanted = Wanted(curves=tuple((j, length) for j in joints))
-        found = data.identify(springs.mechanism, wanted, springs)
-        waves = [law for j in joints if (law := _one_wave(found, clues, j)) is not None]
-        p = {_curve_of(j): chance for j, chance in bent.items()}
-        p |= {_key(law): bent[law.joint - 1] for law in waves}
-        found = _better(data, found, waves, judge)
+    judge = Judge(parts, rng)
+    found, p = _of_own_angles(data, springs, clues, judge)
     others = [law for law in every if not _own_angle(law)]
+    found, further = _of_all_else(data, found, others, signs, judge)
+    return Whole(found, _named(found, p | further, judge))
+
+
+def _of_own_angles(
+    data: Data, springs: Identified, clues: Sequence[search.Clue], judge: Judge
+) -> tuple[Identified, dict[_Key, float]]:
+    """Joints with curves over their own angles, or with a wave for one, and the chance of each."""
+    bent: dict[int, float] = {}
+    for clue in clues:
+        if clue.p < search.ALPHA and (clue.law is None or _own_angle(clue.law)):
+            bent[clue.joint - 1] = min(clue.p, bent.get(clue.joint - 1, 1.0))
+    if not bent:
+        return springs, {}
+    joints = sorted(bent)
+    length = likeliest_length(springs, joints, curves.LENGTHS[False])
+    wanted = Wanted(curves=tuple((j, length) for j in joints))
+    found = data.identify(springs.mechanism, wanted, springs)
+    waves = [law for j in joints if (law := _one_wave(found, clues, j)) is not None]
+    p = {_curve_of(j): chance for j, chance in bent.items()}
+    p |= {_key(law): bent[law.joint - 1] for law in waves}
+    return _better(data, found, waves, judge), p
+
+
+def _of_all_else(
+    data: Data, found: Identified, others: Sequence[Law], signs: Array, judge: Judge
+) -> tuple[Identified, dict[_Key, float]]:
+    """Further laws, one by one while the likeliest carries over, and the chance of each."""
+    p: dict[_Key, float] = {}
+    free = list(others)
     for _ in range(_MOST_LAWS):
-        left = search.clues(search.score(found, signs), found.linear.inputs, others)
+        left = search.clues(search.score(found, signs), found.linear.inputs, free)
         if not left or left[0].p >= search.ALPHA or left[0].law is None:
             break
         new = (*found.mechanism.laws, left[0].law)
@@ -142,8 +159,8 @@ def with_laws(
         if not judge.carries(more, _of_law(more.mechanism, len(new) - 1)):
             break
         found, p[_key(left[0].law)] = more, left[0].p
-        others.remove(left[0].law)
-    return Whole(found, _named(found, p, judge))
+        free.remove(left[0].law)
+    return found, p
 
 
 def _better(data: Data, bent: Identified, waves: Sequence[Law], judge: Judge) -> Identified:

@@ -99,17 +99,7 @@ def pushed(at: Configuration, every: Sequence[tuple[Gaps, Array]]) -> tuple[Arra
         every: Gaps, each with its weights, shape (k,).
     """
     m, n = at.q.shape
-    wrench, by_anchor = np.zeros((6, n + 1, m)), np.zeros((3, m))
-    acting = [(p, f.pose, weight) for f, weight in every for p in f.points if len(f.pose)]
-    if acting:
-        place = np.concatenate([p.carrier * m + pose for p, pose, _ in acting])
-        force = np.concatenate([weight * p.slope for p, _, weight in acting], axis=1)
-        x, y, z = np.concatenate([p.at for p, _, _ in acting], axis=1)
-        u, v, w = force
-        for part, values in zip(
-            wrench, (y * w - z * v, z * u - x * w, x * v - y * u, u, v, w), strict=True
-        ):
-            part += np.bincount(place, values, (n + 1) * m).reshape(n + 1, m)
+    wrench, by_anchor = _wrench(m, n, every), np.zeros((3, m))
     for found, weight in every:
         if found.by_anchor is not None:
             for part, values in zip(by_anchor, weight * found.by_anchor, strict=True):
@@ -120,6 +110,22 @@ def pushed(at: Configuration, every: Sequence[tuple[Gaps, Array]]) -> tuple[Arra
         beyond += wrench[:, joint]
         by_q[joint - 1] = (twists[joint - 1] * beyond).sum(axis=0)
     return by_q.T, by_anchor.T
+
+
+def _wrench(m: int, n: int, every: Sequence[tuple[Gaps, Array]]) -> Array:
+    """What the slopes of gaps push each body with, about the origin of F_b, (6, n + 1, m)."""
+    wrench = np.zeros((6, n + 1, m))
+    acting = [(p, f.pose, weight) for f, weight in every for p in f.points if len(f.pose)]
+    if acting:
+        place = np.concatenate([p.carrier * m + pose for p, pose, _ in acting])
+        force = np.concatenate([weight * p.slope for p, _, weight in acting], axis=1)
+        x, y, z = np.concatenate([p.at for p, _, _ in acting], axis=1)
+        u, v, w = force
+        for part, values in zip(
+            wrench, (y * w - z * v, z * u - x * w, x * v - y * u, u, v, w), strict=True
+        ):
+            part += np.bincount(place, values, (n + 1) * m).reshape(n + 1, m)
+    return wrench
 
 
 def _shot(room: Room, at: Configuration, places: Array, far: Array, near: float) -> Gaps:

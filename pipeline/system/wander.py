@@ -158,19 +158,13 @@ def wander(data: Measured, beyond: Beyond, told: bool = True, moves: Array | Non
     by_row = [unit * by_axis(one[data.pull] * data.shifts[:, None]) for one in factors]
     a = np.append(0.0, SIZES)
     losses = np.array([_losses(beyond, one, a) for one in by_row])
-    ratio = np.maximum(losses[:, 0, None] - losses, -700.0)  # 2 (L_a - L_0)
-    before = np.log(np.append(_NONE, np.full(len(SIZES), (1 - _NONE) / len(SIZES))) / len(TIMES_S))
-    weight = special.softmax(0.5 * ratio + before)
-    p = 0.5 * float(special.chdtrc(2, max(float(ratio.max()), 0.0)))
+    weight, p = _likely(losses)
     best = int(np.argmax(weight[:, 1:].max(axis=1)))
     if p < alarms.COMPONENT and _along_one_axis(beyond, by_row[best], a[weight[best].argmax()]):
         return nothing
     probability = float(weight[:, 1:].sum())
-    if moves is not None and probability > _NONE:
-        others = [unit * restless(data, moves, time_s) for time_s in TIMES_S]
-        theirs = np.array([_losses(beyond, one, a[1:]) for one in others])
-        if special.logsumexp(-0.5 * theirs) > special.logsumexp(-0.5 * losses[:, 1:]):
-            return nothing
+    if moves is not None and probability > _NONE and _rather_joints(data, beyond, moves, losses):
+        return nothing
     of_time = weight @ a**2
     mean = float((weight * a).sum())
     return Wander(
@@ -186,6 +180,25 @@ def wander(data: Measured, beyond: Beyond, told: bool = True, moves: Array | Non
         process=unit**2 * of_time / np.array([size for _, size in kernels]),
         unit=unit,
     )
+
+
+def _likely(losses: Array) -> tuple[Array, float]:
+    """Posterior weights of times and sizes, none among these, and p of the likelihood ratio.
+
+    Args:
+        losses: -2 L of each time and of no wander and `SIZES`, shape (times, 1 + sizes).
+    """
+    ratio = np.maximum(losses[:, 0, None] - losses, -700.0)  # 2 (L_a - L_0)
+    before = np.log(np.append(_NONE, np.full(len(SIZES), (1 - _NONE) / len(SIZES))) / len(TIMES_S))
+    weight = np.asarray(special.softmax(0.5 * ratio + before))
+    return weight, 0.5 * float(special.chdtrc(2, max(float(ratio.max()), 0.0)))
+
+
+def _rather_joints(data: Measured, beyond: Beyond, moves: Array, losses: Array) -> bool:
+    """Whether joints that are `restless` are likelier than a wander, sizes and times together."""
+    others = [_unit(data) * restless(data, moves, time_s) for time_s in TIMES_S]
+    theirs = np.array([_losses(beyond, one, np.asarray(SIZES)) for one in others])
+    return bool(special.logsumexp(-0.5 * theirs) > special.logsumexp(-0.5 * losses[:, 1:]))
 
 
 def _along_one_axis(beyond: Beyond, factor: Array, size: float) -> bool:

@@ -18,7 +18,7 @@ from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
 from functools import partial
-from itertools import combinations
+from itertools import combinations, product
 
 import numpy as np
 
@@ -198,24 +198,26 @@ def _laws(robot: Robot, loaded: Loaded) -> Iterator[Law]:
 
 def _of_angles(robot: Robot, pulls: Pulls, joint: int) -> Iterator[Law]:
     q = pulls.q[:, joint - 1]
-    low, high = _ends(q)
     if not _varies(q):
         return
+    yield from _of_own_angle(pulls, joint)
+    turned = (i for i in turning(robot) if i != joint and _varies(pulls.q[:, i - 1]))
+    for other, order in product(turned, _COUPLED):
+        ends = _ends(pulls.q[:, other - 1])
+        yield Law(joint, "spring", "coupling", "angle", other, float(order), *ends)
+
+
+def _of_own_angle(pulls: Pulls, joint: int) -> Iterator[Law]:
+    q = pulls.q[:, joint - 1]
+    low, high = _ends(q)
     for order in ORDERS:
         yield Law(joint, "spring", "periodic", "angle", joint, float(order), low, high)
     for degree in (1, 2, 3):
         yield Law(joint, "spring", "smooth", "angle", joint, float(degree), low, high)
     for at in _cuts(q, pulls):
         yield Law(joint, "spring", "step", "angle", joint, 0.0, low, high, at)
-    for part in ("friction", "play"):
-        if part == "play" or pulls.branch.any():
-            for order in _COUPLED:
-                yield Law(joint, part, "periodic", "angle", joint, float(order), low, high)
-    for other in turning(robot):
-        if other != joint and _varies(pulls.q[:, other - 1]):
-            for order in _COUPLED:
-                ends = _ends(pulls.q[:, other - 1])
-                yield Law(joint, "spring", "coupling", "angle", other, float(order), *ends)
+    for part, order in product(("friction", "play") if pulls.branch.any() else ("play",), _COUPLED):
+        yield Law(joint, part, "periodic", "angle", joint, float(order), low, high)
 
 
 def _of_torques(pulls: Pulls, tau: Array, joint: int) -> Iterator[Law]:
@@ -318,30 +320,67 @@ def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[s
     }
 
 
-def noun(law: Law, names: Sequence[str | None]) -> str:
+def undecided(robot: Robot, one: Effect, others: Sequence[Law]) -> Effect:
+    """A law's effect, saying what else of its place the readings do not tell from it.
+
+    Args:
+        robot: The robot.
+        one: The effect of the law.
+        others: The other laws, likeliest first.
+    """
+    assert one.law is not None
+    first, names = one.law, axes.alone(robot)
+    alike = [law for law in others if _but_for_order(law, first)]
+    orders = [law.shapes[-1].order for law in (first, *alike)]
+    told = [noun(first, names, orders), *(noun(law, names) for law in others if law not in alike)]
+    said = ", or ".join(dict.fromkeys(told))
+    return replace(one, noun=said, signature=said)
+
+
+def _but_for_order(law: Law, other: Law) -> bool:
+    """Whether two laws repeat, and differ in nothing but how often their last shape does."""
+    *same, last = law.shapes
+    *alike, end = other.shapes
+    return same == alike and last.kind in _WAVES and replace(last, order=end.order) == end
+
+
+_WAVES = ("periodic", "coupling")
+"""Kinds that repeat."""
+
+
+def noun(law: Law, names: Sequence[str | None], orders: Sequence[float] = ()) -> str:
     """What the law is, without its place.
 
     Args:
         law: The law.
         names: Axis of the controller that moves each joint, if one does.
+        orders: How often its last shape may repeat, where that is not decided.
     """
     source = in_place(law.source, axis=names[law.source - 1]).removeprefix(" in ")
     if law.part in _NOUNS:
         return _NOUNS[law.part].format(axis=law.part[-1], source=source)
     thing = _THINGS.get(law.part, "stiffness")
-    return f"{thing} that {' and '.join(_does(one, source) for one in law.shapes)}"
+    *shapes, last = law.shapes
+    does = [*(_does(one, source, [one.order]) for one in shapes), _does(last, source, orders)]
+    return f"{thing} that {' and '.join(does)}"
 
 
-def _does(law: Law, source: str) -> str:
-    """What one shape does, as a verb."""
+def _does(law: Law, source: str, orders: Sequence[float]) -> str:
+    """What one shape does, as a verb; a wave of some of these orders."""
+    often = _or([f"{float(f'{order:.2g}'):g}" for order in orders or [law.order]])
     if law.kind == "coupling":
-        return f"follows the angle of {source}, {law.order:g} per turn"
+        return f"follows the angle of {source}, {often} per turn"
     if law.kind == "periodic":
         per = "turn" if law.variable == "angle" else "metre of the rail"
-        return f"varies {float(f'{law.order:.2g}'):g} times per {per}"
+        return f"varies {often} times per {per}"
     if law.kind == "step":
         return f"jumps at {_at(law)}"
     return _SMOOTH[law.variable]
+
+
+def _or(words: Sequence[str]) -> str:
+    """a, b or c."""
+    return " or ".join([", ".join(words[:-1]), words[-1]] if words[1:] else words)
 
 
 def _at(law: Law) -> str:
