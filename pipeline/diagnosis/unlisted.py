@@ -181,6 +181,8 @@ def _likely(
     view, first = _view(case, found, beside, laws), len(beside)
     now = given(view.suspects, view.beside(view.base), range(first))
     evidence, p = now.log_evidence[first:], now.p()[first:]
+    if not ((evidence > WORTH) & (p < ALPHA)).any():  # among many it is no rarer
+        return {}
     limit = threshold(view, view.base, now.dof, rng, _DRAWS)
     by_scatter = -np.expm1(limit.independent * np.log1p(-np.minimum(p, 1 - 1e-15)))
     able = (evidence > WORTH) & (by_scatter < ALPHA)
