@@ -142,7 +142,7 @@ def test_what_is_there_is_listed_and_what_comes_next(said):
 
     assert (code, err) == (0, "")
     assert out.splitlines()[-1].split() == ["next", "pipeline", "run", "c"]
-    assert f"349.86 mm by lines {line} and {line + 1}" in out
+    assert f"349.86 mm nominal (lines {line} and {line + 1})" in out
     assert "2026-11-03 08:00 to" in out
     assert "not used" not in out
     for pose, row in enumerate(FILES["joints.csv"].decode().splitlines()[1:], 1):

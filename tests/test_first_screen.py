@@ -200,7 +200,7 @@ def test_what_went_unnoticed_is_counted_once():
 
     said, never, small = blind_spots((*spots, again))
 
-    assert said.text == "3 possible causes would have gone unnoticed at their usual size."
+    assert said.text == "3 possible causes of typical magnitude would not have been detected."
     assert f"{unnoticed(3)}; they are listed" in wrong(Facts(), 3)
     assert [row[0].text for row in never.rows] == ["wrong gain of the spring scale"]
     assert [cell.text for cell in small.rows[0][1:4]] == [
@@ -223,4 +223,4 @@ def test_further_mistakes_are_told_with_file_and_line():
 
     told = mistaken(Facts(mistakes=mistakes))
 
-    assert "row 0 is off, and 6 more mistakes were found (t:1, t:2, t:3, t:4 and 2 more)." in told
+    assert "row 0 is off, and 6 more errors were found (t:1, t:2, t:3, t:4 and 2 more)." in told

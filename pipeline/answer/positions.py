@@ -418,7 +418,7 @@ def _wrong(found: Study, robot: Robot, left_out: int) -> Iterator[str]:
             f"that {text_of(found.laws[0], robot)}."
         )
     elif not left_out:
-        yield "Nothing that these readings show."
+        yield "Nothing detectable in these readings."
     if left_out:
         rows = "1 row of the files was" if left_out == 1 else f"{left_out} rows of the files were"
         yield f"{rows} left out; file and line of each stand under Rejected rows."

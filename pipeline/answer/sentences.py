@@ -209,7 +209,10 @@ def _unfit(found: Findings, stiffness: Sequence[Stiffness]) -> Iterator[str]:
     """Stiffnesses that are no number to enter, where the others are."""
     half = [joint.called for joint in stiffness if joint.value and joint.ci95[1] is None]
     if half and found.row.reason.holds_for_its_readings:
-        yield f"Enter no value for {listed(half)}: these pulls cannot distinguish it from rigid."
+        yield (
+            f"Enter no value for {listed(half)}: these pulls cannot distinguish it from a rigid "
+            "axis."
+        )
 
 
 def _model(found: Findings, stated: Stated) -> Iterator[str]:
@@ -349,7 +352,8 @@ def _stands_in(found: Findings) -> str:
     """Which pose it is where campaign.toml has none, as [test_pose] wants it."""
     q = np.where(found.right.case.robot.prismatic, found.where.q, np.rad2deg(found.where.q))
     return (
-        " campaign.toml has no [test_pose]: the strongest pull stands in (q, the joints of the "
+        " campaign.toml has no [test_pose], so the pose of the largest force is used (q, the "
+        "joints of the "
         f"robot file, not the controller's axes: {', '.join(f'{one:.5g}' for one in q)})."
     )
 
@@ -415,5 +419,6 @@ def _least_certain(stiffness: Sequence[Stiffness]) -> str:
         return f"{pulls}: {worst.called} is not determined."
     share = percent(worst.relative_std)
     return (
-        f"Nothing is open. {pulls} would gain most: {worst.called} has an uncertainty of {share}."
+        f"No question is open. {pulls} would help most: the standard uncertainty of "
+        f"{worst.called} is {share}."
     )

@@ -133,7 +133,8 @@ def _visibility(sights: list[Sight]) -> str:
     noticed = sum(sight.detected_from <= 1 for sight in sights)
     named = sum(sight.named_from <= 1 for sight in sights)
     return (
-        f"Of {len(sights)} causes that the model may lack, each of its usual size, it would notice "
+        f"Of {len(sights)} causes that the model may lack, each of its typical magnitude, it "
+        f"would notice "
         f"{noticed} and name {named}."
     )
 
@@ -379,7 +380,7 @@ def _seeing(sights: list[Sight], axes: words.Axes) -> Section | None:
     ]
     table = table_of(
         "sights",
-        "Smallest sizes, in multiples of the usual size",
+        "Smallest sizes, in multiples of the typical magnitude",
         columns,
         sorted(sights, key=lambda sight: sight.named_from),
         "Noticed: in 80 % of the cases at 1 % false alarms for all causes together. Named: 4.6 "

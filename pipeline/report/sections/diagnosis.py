@@ -113,7 +113,7 @@ def _as_good(one: AsGood) -> str:
     low, high = map(percent, one.ci95)
     return (
         f"{words.placed(one)} (cross-validation error {percent(one.reduction)} less, {low} to "
-        f"{high}; at {plain(one.times_typical, 2)} times a usual size)"
+        f"{high}; at {plain(one.times_typical, 2)} times the typical magnitude)"
     )
 
 

@@ -186,7 +186,10 @@ def _harm(single: pd.DataFrame) -> Text | None:
     who = f"{row.reading}{f' along {row.axis}' if known(row.axis) else ''}"
     size = words.size(row.smallest_visible, row.unit)
     if not known(row.moves_sigmas):
-        return Text(f"No other reading checks {who}: any error of it shifts {row.moves_most}.")
+        return Text(
+            f"{who} is an uncontrolled observation: no other reading checks it, and any error in "
+            f"it shifts {row.moves_most}."
+        )
     return Text(
         f"An undetected error does most harm in {who}: up to {size} of it may remain undetected "
         f"and shift {row.moves_most} by {plain(row.moves_sigmas, 2)} standard uncertainties."
@@ -200,14 +203,14 @@ def _least(single: pd.DataFrame) -> Table | None:
         said("Along", lambda row: row.axis),
         number("Redundancy", lambda row: row.r, roughly),
         number("w", lambda row: row.w, roughly),
-        said("Smallest detectable error", lambda row: words.size(row.smallest_visible, row.unit)),
+        said("Minimal detectable bias", lambda row: words.size(row.smallest_visible, row.unit)),
         number("Shifts by [σ]", lambda row: row.moves_sigmas, roughly),
         said("Which", lambda row: row.moves_most),
     ]
     rows = each_row(single.nsmallest(_LEAST, "r"))
     note = (
-        "Redundancy is the part of an error that the residuals show, 0 to 1. The smallest "
-        "detectable error is found in 80 % of the cases at 0.1 % false alarms; the last two "
+        "Redundancy is the part of an error that the residuals show, 0 to 1. The minimal "
+        "detectable bias is found in 80 % of the cases at 0.1 % false alarms; the last two "
         "columns say what one so large moves most, in standard uncertainties. All readings "
         'are in results.xlsx, sheet "reliability".'
     )

@@ -109,21 +109,21 @@ def _never(spots: Sequence[BlindSpot]) -> Table | None:
     columns: list[Cells[_Group]] = [
         *_who(),
         said("Why", lambda group: "; ".join(dict.fromkeys(spot.why for spot in group))),
-        said("What would show it", lambda group: group[0].needs),
+        said("What would reveal it", lambda group: group[0].needs),
     ]
-    title = "Effects that these readings do not show at any size"
+    title = "Effects that these readings cannot detect at any magnitude"
     return table_of("blind-spots-never", title, columns, _alike(spots))
 
 
 def _small(spots: Sequence[BlindSpot]) -> Table | None:
     columns: list[Cells[_Group]] = [
         *_who(),
-        _sizes("Usual size", lambda spot: spot.typical),
-        _sizes("Smallest detectable size", lambda spot: spot.smallest_visible),
-        said("What would show it", lambda group: group[0].needs),
+        _sizes("Typical magnitude", lambda spot: spot.typical),
+        _sizes("Minimal detectable magnitude", lambda spot: spot.smallest_visible),
+        said("What would reveal it", lambda group: group[0].needs),
     ]
-    title = "Effects that these readings show only beyond their usual size"
-    note = "An effect of the smallest detectable size is detected in 80 % of the cases."
+    title = "Effects that these readings detect only above their typical magnitude"
+    note = "An effect of the minimal detectable magnitude is detected in 80 % of the cases."
     return table_of("blind-spots", title, columns, _alike(spots), note)
 
 
