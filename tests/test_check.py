@@ -272,4 +272,6 @@ def test_what_check_says_of_a_point_run_says_too():
     assert "P3 in [tool] is 8.0" in wrong.sentence
     assert f"{wrong.sentence}." in answer.findings
     assert f"{wrong.sentence}." in answer.verdict_sentence
-    assert not [line for line in answer.verdict_sentence if line.startswith("Nothing that")]
+    assert not [
+        line for line in answer.verdict_sentence if line.startswith("Nothing detectable in")
+    ]

@@ -179,7 +179,7 @@ def _waiting(root: Path, webhook: str | None) -> Iterator[Finding]:
             said = f"tried {seen.attempts} times, again at {again}: {seen.said}"
             yield Finding(campaign.name, False, said, needed=False)
         elif webhook and seen.settled and seen.verdict != seen.told:
-            said = f"the webhook did not take that it is {seen.verdict}; see [notify]"
+            said = f"the webhook did not accept the message that it is {seen.verdict}; see [notify]"
             yield Finding(campaign.name, False, said, needed=False)
 
 

@@ -121,7 +121,7 @@ def typed(file: Titled, wanted: Sequence[Quantity], said: LogForm, where: str | 
         early = tuple((name, line, reason) for line, reason in file.above)
         log = replace(log, rejected=early + log.rejected)
         if not len(log.line) + len(log.rejected):
-            raise InputError("there is no row in it, nothing but a header", "export it again")
+            raise InputError("there is no row in it, only a header", "export it again")
     return _possible(log, [q.stem for q in wanted if q.units])
 
 

@@ -100,7 +100,7 @@ def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
             ]
         ),
         run_time=f"{seconds:.1f} s",
-        elsewhere=f"The same stands in sheet.html and sheet.pdf, the numbers in design.json, the "
+        elsewhere=f"The same sheet is in sheet.html and sheet.pdf, the numbers in design.json, the "
         f"plan in data/plans/{name}.toml.",
     )
 
@@ -134,7 +134,7 @@ def _visibility(sights: list[Sight]) -> str:
     named = sum(sight.named_from <= 1 for sight in sights)
     return (
         f"Of {len(sights)} causes that the model may lack, each of its typical magnitude, it "
-        f"would notice "
+        f"would detect "
         f"{noticed} and name {named}."
     )
 
@@ -244,15 +244,15 @@ def _reading_only(proposal: Proposal) -> Section | None:
     ]
     return section_of(
         "unpulled",
-        "Poses without a pull",
+        "Unloaded poses",
         [
             Text(
-                f"Take the chain off and read every reflector {often} at these poses. They tell of "
-                f"the robot's table, not of stiffness: {worth_unpulled(found)}."
+                f"Remove the chain and measure every reflector {often} at these poses. They "
+                f"identify the DH parameters, not the stiffnesses: {worth_unpulled(found)}."
             ),
             table_of(
                 "unpulled",
-                "Drive to and read",
+                "Poses to measure",
                 columns,
                 range(len(q)),
                 "Rail in m, the others in degrees." if robot.prismatic.any() else "In degrees.",

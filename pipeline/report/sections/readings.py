@@ -112,8 +112,11 @@ def _noise_table(found: Sequence[NoiseComponent]) -> Table | None:
         measured("Estimated over stated", lambda one: (one.found_over_stated, one.std)),
         number("p-value", lambda one: one.p_value, p_value),
     ]
-    note = "Found from repeats, zeros read again and the effector's own triangle; 1 is as stated."
-    title = "Noise in the readings beside the stated noise"
+    note = (
+        "Estimated from repeated readings, repeated zeros and the distances between the "
+        "effector's reflectors; 1 means as stated."
+    )
+    title = "Estimated and stated noise of the readings"
     return table_of("noise", title, columns, found, note)
 
 
@@ -226,7 +229,7 @@ def rejected(answer: Answer) -> Section | None:
         said("Reason", lambda row: row.reason),
     ]
     more = len(given) - _MOST_ROWS
-    note = f"{more} more stand in result.json." if more > 0 else ""
+    note = f"{more} more are in result.json." if more > 0 else ""
     table = table_of("rejected", "Left out and why", columns, given[:_MOST_ROWS], note)
     return section_of("rejected", "Rejected rows", [Text(_left_out(len(given))), table])
 

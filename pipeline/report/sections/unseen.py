@@ -46,16 +46,14 @@ def _settles(poses: Sequence[NextPose]) -> str:
     """That the poses will not settle it, where they will not."""
     most = max((one.sigmas_after or 0.0 for one in poses), default=0.0)
     return (
-        "" if most >= APART else f"These poses will not settle it: they reach {roughly(most)} σ. "
+        "" if most >= APART else f"These poses will not be enough: they reach {roughly(most)} σ. "
     )
 
 
 def _fits(cell: Cell | None) -> str:
     """What the poses were checked for, and what they were not."""
     if cell is None:
-        return (
-            "Whether beams arrive and nothing touches is not checked: campaign.toml has no [cell]."
-        )
+        return "Lines of sight and collisions are not checked: campaign.toml has no [cell]."
     kept = f"They keep {', '.join(cell.kept)}." if cell.kept else ""
     left = f"Not checked: {'; '.join(cell.not_checked)}." if cell.not_checked else ""
     return f"{kept} {left}".strip()
