@@ -78,7 +78,7 @@ def test_poses_that_will_not_settle_it_are_said_not_to():
 
     assert "help but not settle it" in _proposed(weak)
     assert "2.1 standard deviations" in _proposed(weak)
-    assert "These poses will not settle it: they reach 2.1 σ." in next_poses(weak, None, {}).note
+    assert "These poses will not be enough: they reach 2.1 σ." in next_poses(weak, None, {}).note
     assert "4.6 are enough" in _proposed(strong)
     assert "not settle" not in next_poses(strong, None, {}).note
 
@@ -161,7 +161,7 @@ def test_what_nobody_knows_has_no_expanded_uncertainty():
     """A stiffness that is not determined acts there."""
     said = expanded(Tip(deflection_mm=0.4, std_mm=None))
 
-    assert said.startswith("0.400 mm, with an uncertainty that nobody knows")
+    assert said.startswith("0.400 mm, with unknown uncertainty")
     assert expanded(Tip(deflection_mm=0.4231, std_mm=0.0331)) == "0.423 mm, U = 0.066 mm (k = 2)"
 
 

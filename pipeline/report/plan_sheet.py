@@ -396,33 +396,33 @@ _LEAST = 10
 
 
 def _controlling(problem: Problem, controls: Sequence[Control]) -> Section | None:
-    """Which readings nobody controls: those to take twice."""
+    """Uncontrolled observations and those of least redundancy: to be taken twice."""
     if not controls:
         return None
     joints = problem.robot.joints
     columns: list[Cells[Control]] = [
         said("Reading", _reading),
         number("Redundancy", lambda one: one.r, roughly),
-        said("Smallest visible error", lambda one: words.size(one.visible, _UNIT[one.source])),
+        said("Minimal detectable bias", lambda one: words.size(one.visible, _UNIT[one.source])),
         number("Moves by [σ]", lambda one: one.moves, roughly),
         said("Which", lambda one: f"k_{joints[one.most - 1].name}"),
     ]
     worst = max(controls, key=lambda one: one.moves)
     told = (
         f"An error that would go unnoticed does most harm in the {_reading(worst)}: up to "
-        f"{words.size(worst.visible, _UNIT[worst.source])} of it stays unseen and moves "
+        f"{words.size(worst.visible, _UNIT[worst.source])} of it remains undetected and shifts "
         f"k_{joints[worst.most - 1].name} by {plain(worst.moves, 2)} standard uncertainties."
     )
     if not np.isfinite(worst.moves):
-        told = f"Nothing controls the {_reading(worst)}: take it twice."
+        told = f"The {_reading(worst)} is an uncontrolled observation: take it twice."
     note = (
-        "Redundancy is the part of an error that the residuals show, 0 to 1. The smallest visible "
-        "error is found in 80 % of the cases at 0.1 % false alarms; the last two columns say what "
-        "it would move most. Readings of chain and base are no part of a plan."
+        "Redundancy is the part of an error that the residuals show, 0 to 1. The minimal "
+        "detectable bias is found in 80 % of the cases at 0.1 % false alarms; the last two "
+        "columns say what it would move most. Readings of chain and base are no part of a plan."
     )
-    title = "The readings that the others control least"
+    title = "Readings of least redundancy"
     table = table_of("control", title, columns, controls[:_LEAST], note)
-    return section_of("control", "Which readings nobody controls", [Text(told), table])
+    return section_of("control", "Uncontrolled observations", [Text(told), table])
 
 
 _UNIT = {"tracker": "m", "zero": "m", "force_reading": "N"}
