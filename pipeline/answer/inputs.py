@@ -306,7 +306,7 @@ def treated_findings(case: Case) -> list[str]:
             )
         if one.untimed:
             out.append(
-                f"{one.file} has no times that can be trusted ({one.untimed}): the order of its "
+                f"{one.file} has no reliable times ({one.untimed}): the order of its "
                 "groups is the clock. Export them with date, hours, minutes and seconds."
             )
         out += [f"{one.file} was read with {why}." for why in one.settled]

@@ -135,7 +135,7 @@ def known_columns(said: LogForm, where: str, quantities: Sequence[Quantity]) -> 
     for title, ours in said.columns.items():
         if ours.lower() not in {name.lower() for name in names}:
             raise InputError(
-                f'[{where}.columns] calls "{title}" {ours}, which is no column of ours',
+                f'[{where}.columns] calls "{title}" {ours}, which is no known column',
                 f"did you mean {near[0]}?"
                 if (near := get_close_matches(ours, names, 1))
                 else f"there are {listed(names, most=40)}",
