@@ -105,7 +105,7 @@ def test_few_stretches_are_told_and_many_are_counted():
         ("pass", "adequate", "Within tolerance", "good"),
         ("pass", "explained", "Within tolerance", "attention"),
         ("pass", "unexplained", "Within tolerance only if the model below holds", "bad"),
-        ("undecided", "adequate", "Neither in nor out of tolerance for certain", "attention"),
+        ("undecided", "adequate", "Conformity with the tolerance undecided", "attention"),
         ("fail", "adequate", "Out of tolerance", "bad"),
         (None, "adequate", None, "good"),
     ],

@@ -168,7 +168,7 @@ def _out(asked: Tolerance | None) -> Iterator[str]:
         )
     elif worst is Decision.UNDECIDED:
         yield (
-            "Neither in nor out of tolerance for certain: reduce the force, compensate the path, "
+            "Conformity with the tolerance undecided: reduce the force, compensate the path, "
             "or measure more."
         )
 
@@ -382,7 +382,7 @@ def _next(found: Findings, stated: Stated) -> str:
     if poses:
         return _proposed(poses)
     if found.mistakes:
-        return "The readings in question, if no record tells what is right."
+        return "The readings in question, if no record shows the correct values."
     if not found.row.reason.holds_for_its_readings:
         return (
             "The poses that are missed most, once more and on another day: this tells the machine "

@@ -178,7 +178,7 @@ def _remainder(facts: Facts) -> str:
 def _looks_like(facts: Facts) -> str:
     assert facts.outside is not None
     return (
-        "something that the catalogue has no name for explains more: it resembles "
+        "an effect outside the catalogue explains more: it resembles "
         f"{facts.outside.effect.signature}."
     )
 
@@ -186,8 +186,9 @@ def _looks_like(facts: Facts) -> str:
 def _outside_possible(facts: Facts) -> str:
     assert facts.outside is not None
     return (
-        f"The data cannot tell {_names(facts.causes)} from something that the catalogue has no "
-        f"name for, which resembles {facts.outside.effect.signature}."
+        f"The data cannot distinguish {_names(facts.causes)} from an effect outside the "
+        f"catalogue, which "
+        f"resembles {facts.outside.effect.signature}."
     )
 
 
@@ -249,7 +250,7 @@ def _or(cause: Cause) -> str:
     mine, *others = (
         f"{one.effect.called}, {100 * cause.stated(one.probability):.0f} %" for one in every
     )
-    twin = "its twin, from which no pull can distinguish it" if cause.twins else "what is like it"
+    twin = "its twin, from which no pull can distinguish it" if cause.twins else "a similar cause"
     return ", and ".join([mine, *(others or [twin])])
 
 
@@ -381,8 +382,8 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         "not certainly reduce the cross-validation error."
     ),
     Finding.TWO_LAWS: lambda facts: (
-        f"{_joint(facts, two_laws(facts))} turns by a law of its own: {_names(facts.causes)} "
-        "describe it only together."
+        f"{_joint(facts, two_laws(facts))} has a law of its own: {_names(facts.causes)} describe "
+        "it only together."
     ),
     Finding.RIVALS: _rivals,
     Finding.OUTSIDE_CATALOGUE_POSSIBLE: _outside_possible,
@@ -485,7 +486,7 @@ HOLDS: Mapping[Reason, str] = {
 """Whether the model holds, where the data hold no mistake and there is something to say."""
 
 _CORRECT = (
-    "Look that reading up in the record of the measurement and correct the file, or measure it "
+    "Check that reading against the measurement record and correct the file, or measure it "
     "again; then run the campaign once more. Until then"
 )
 

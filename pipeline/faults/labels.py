@@ -96,8 +96,8 @@ def _finding(
     return Mistake(
         name="label_swap",
         where=group,
-        evidence=f"in {group} the names {said} ({', '.join(at)}) are exchanged: as given a "
-        f"reflector stands {before:.0f} mm from where it should be, where the other one is",
+        evidence=f"in {group} the names {said} ({', '.join(at)}) are exchanged: as recorded, a "
+        f"reflector is {before:.0f} mm from its expected position, at that of the other one",
         correction=f"recomputed with {said} of {group} exchanged",
         before=before,
         after=after,

@@ -57,7 +57,7 @@ VERDICTS = {
 }
 
 _OUT = ("Out of tolerance", "bad")
-_OPEN = ("Neither in nor out of tolerance for certain", "attention")
+_OPEN = ("Conformity with the tolerance undecided", "attention")
 
 JUDGED = {
     (Decision.PASS, False): ("Within tolerance", "good"),
