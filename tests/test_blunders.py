@@ -69,7 +69,7 @@ def test_a_reading_that_was_not_taken_is_written(small_campaign, wrong, blunder,
 
 
 def test_a_label_swap_exchanges_two_names_of_one_group(small_campaign, wrong):
-    """Coordinates stay; two targets of the named group carry each other's names."""
+    """Coordinates stay; two targets of the named group have each other's names."""
     campaign = wrong("label_swap")
     pairs = list(zip(rows(small_campaign), rows(campaign), strict=True))
     other = [(a, b) for a, b in pairs if a != b]

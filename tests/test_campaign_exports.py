@@ -224,11 +224,11 @@ REFUSED = {
     "another header begins here, with other columns": table(
         ";", HEAD, lambda k, g, t, p: [f"{POLAR}\n" * (k == 34) + g, t, *xyz(p)]
     ),
-    "each row holds one axis of a point": table(
+    "each row contains one coordinate of a point": table(
         " ", None,
         lambda k, g, t, p: [f"{a} 1000.0 {v} 0.1\n" for a, v in zip("XYZ", xyz(p), strict=True)],
     ),
-    "each row holds x, y, z of several targets (Tool:P1, Tool:P2)": "\n".join([
+    "each row contains x, y, z of several targets (Tool:P1, Tool:P2)": "\n".join([
         "Format Version,1.23,Length Units,Meters,,,,", "",
         ",Type,Marker,Marker,Marker,Marker,Marker,Marker",
         ",ID,1001,1001,1001,1002,1002,1002",
@@ -237,7 +237,7 @@ REFUSED = {
         "Frame,Time (Seconds),X,Y,Z,X,Y,Z",
         *(f"{k},{k / 120:.6f},1.{k},2.5,0.3,1.{k},2.1,0.4" for k in range(9)),
     ]),
-    "each row holds x, y, z of several targets (p1, p2, p3)": table(
+    "each row contains x, y, z of several targets (p1, p2, p3)": table(
         ";", "Group;P1 X;P1 Y;P1 Z;P2 X;P2 Y;P2 Z;P3 X;P3 Y;P3 Z",
         lambda k, g, t, p: [g, *xyz(p), *xyz(p + 1), *xyz(p + 2)],
     ),

@@ -142,7 +142,7 @@ def test_what_is_there_is_listed_and_what_comes_next(said):
 
     assert (code, err) == (0, "")
     assert out.splitlines()[-1].split() == ["next", "pipeline", "run", "c"]
-    assert f"349.86 mm by lines {line} and {line + 1}" in out
+    assert f"349.86 mm nominal (lines {line} and {line + 1})" in out
     assert "2026-11-03 08:00 to" in out
     assert "not used" not in out
     for pose, row in enumerate(FILES["joints.csv"].decode().splitlines()[1:], 1):
@@ -272,4 +272,6 @@ def test_what_check_says_of_a_point_run_says_too():
     assert "P3 in [tool] is 8.0" in wrong.sentence
     assert f"{wrong.sentence}." in answer.findings
     assert f"{wrong.sentence}." in answer.verdict_sentence
-    assert not [line for line in answer.verdict_sentence if line.startswith("Nothing that")]
+    assert not [
+        line for line in answer.verdict_sentence if line.startswith("Nothing detectable in")
+    ]

@@ -297,7 +297,7 @@ def test_a_mirrored_frame_mirrors_the_covariances():
 
 
 def test_a_beam_is_as_long_as_the_corrected_unit_says():
-    """Noise stated by range and angle is computed again where the readings then are."""
+    """Noise stated by range and angle is recomputed where the readings then are."""
     beam = InstrumentNoise(range_m=8e-6, transverse_m=1e-5, transverse_per_m=6e-6)
     tracker = good().settings.tracker.model_copy(update={"sigma_m": None, "noise": beam})
     case = replace(good(), settings=good().settings.model_copy(update={"tracker": tracker}))

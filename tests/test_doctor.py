@@ -71,7 +71,7 @@ def test_what_waits_is_told(noted):
 
     done = {"print": "x", "verdict": "adequate", "told": None}
     hook = "[notify]\nwebhook = 'https://chat.example/x'\n"
-    assert "the webhook did not take" in noted(seen=done, toml=hook)["a"].said
+    assert "the webhook did not accept" in noted(seen=done, toml=hook)["a"].said
     assert "a" not in noted(seen=done | {"told": "adequate"}, toml=hook)
 
 

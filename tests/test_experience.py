@@ -112,7 +112,7 @@ def test_priors_change_odds_and_nothing_where_they_say_nothing(raw):
     same = answered("a", raw("\n[priors.rail_roll]\nodds = 1.0\n")).answer
 
     assert same.model.priors == ("rail_roll",)
-    assert "learnt from other campaigns" in " ".join(same.assumptions)
+    assert "estimated from other campaigns" in " ".join(same.assumptions)
     assert same.diagnosis == plain.diagnosis
     assert same.stiffness == plain.stiffness
 

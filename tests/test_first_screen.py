@@ -80,7 +80,7 @@ def test_poses_that_will_not_settle_it_are_said_not_to():
 
     assert "help but not settle it" in _proposed(weak)
     assert "2.1 standard deviations" in _proposed(weak)
-    assert "These poses will not settle it: they reach 2.1 σ." in next_poses(weak, None, {}).note
+    assert "These poses will not be enough: they reach 2.1 σ." in next_poses(weak, None, {}).note
     assert "4.6 are enough" in _proposed(strong)
     assert "not settle" not in next_poses(strong, None, {}).note
 
@@ -108,12 +108,7 @@ def test_few_stretches_are_told_and_many_are_counted():
         ("pass", "adequate", "Deflection within tolerance", "good"),
         ("pass", "explained", "Deflection within tolerance", "attention"),
         ("pass", "unexplained", "Deflection within tolerance only if the model below holds", "bad"),
-        (
-            "undecided",
-            "adequate",
-            "Deflection neither in nor out of tolerance for certain",
-            "attention",
-        ),
+        ("undecided", "adequate", "Conformity with the tolerance undecided", "attention"),
         ("fail", "adequate", "Deflection out of tolerance", "bad"),
         (None, "adequate", None, "good"),
     ],
@@ -201,7 +196,7 @@ def test_what_nobody_knows_has_no_expanded_uncertainty():
     """A stiffness that is not determined acts there."""
     said = expanded(Tip(deflection_mm=0.4, std_mm=None))
 
-    assert said.startswith("0.400 mm, with an uncertainty that nobody knows")
+    assert said.startswith("0.400 mm, with unknown uncertainty")
     assert expanded(Tip(deflection_mm=0.4231, std_mm=0.0331)) == "0.423 mm, U = 0.066 mm (k = 2)"
 
 
@@ -240,7 +235,7 @@ def test_what_went_unnoticed_is_counted_once():
 
     said, never, small = blind_spots((*spots, again))
 
-    assert said.text == "3 possible causes would have gone unnoticed at their usual size."
+    assert said.text == "3 possible causes of typical magnitude would not have been detected."
     assert f"{unnoticed(3)}; they are listed" in wrong(Facts(), 3)
     assert [row[0].text for row in never.rows] == ["wrong gain of the spring scale"]
     assert [cell.text for cell in small.rows[0][1:4]] == [
@@ -263,4 +258,4 @@ def test_further_mistakes_are_told_with_file_and_line():
 
     told = mistaken(Facts(mistakes=mistakes))
 
-    assert "row 0 is off, and 6 more mistakes were found (t:1, t:2, t:3, t:4 and 2 more)." in told
+    assert "row 0 is off, and 6 more errors were found (t:1, t:2, t:3, t:4 and 2 more)." in told

@@ -581,7 +581,7 @@ def test_whoever_runs_is_told_of_two_faces_and_of_times_that_are_none(small_camp
     answer = answered("two", in_memory(files)).answer
 
     (faces,) = [line for line in answer.findings if "two faces" in line]
-    (clock,) = [line for line in answer.findings if "no times that can be trusted" in line]
+    (clock,) = [line for line in answer.findings if "no reliable times" in line]
     assert f"{len(rows)} pairs are averaged" in faces
     assert "00:00.0" in clock
     assert sum(joint.identifiable for joint in answer.stiffness) >= 6

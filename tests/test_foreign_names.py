@@ -194,7 +194,9 @@ def test_a_row_of_the_unloaded_state_is_no_pull(rows, read):
 
 def test_a_force_of_zero_that_may_be_a_pull_is_refused():
     """Only some poses have one: the pulls after it would get the forces of others."""
-    with pytest.raises(InputError, match=r"loads.csv:2: without a column repeat nobody knows wh.*"):
+    with pytest.raises(
+        InputError, match=r"loads.csv:2: without a column repeat it is ambiguous wh.*"
+    ):
         load_log("pose,force_n\n1,0\n1,500\n2,300\n")
 
 
@@ -273,7 +275,7 @@ def test_pulls_without_numbers_are_counted():
 
 def test_a_pull_that_cannot_be_read_is_not_counted_past():
     """Every later pull of its pose would get the force of another."""
-    with pytest.raises(InputError, match=r"loads.csv:2: without a column repeat nobody knows"):
+    with pytest.raises(InputError, match=r"loads.csv:2: without a column repeat it is ambiguous"):
         load_log("pose,force_n\n1,5oo\n1,250\n1,260\n")
 
 
@@ -284,7 +286,7 @@ def test_titles_may_stand_below_remarks():
 
     assert log.number["force"].tolist() == [500.5]
     assert [(line, why.partition(";")[0]) for _, line, why in log.rejected] == [
-        (1, "the row stands above the header")
+        (1, "the row is above the header")
     ]
 
 

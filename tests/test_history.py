@@ -203,7 +203,10 @@ def test_what_no_model_explains_neither_raises_nor_hides_an_alarm():
 
 
 def test_a_campaign_says_what_changed_since_the_previous_one():
-    """The stiffness table has the change with its uncertainty, and a certain one is a finding."""
+    """The stiffness table has the change with its uncertainty, and a certain one is a finding.
+
+    A finding has the name of the controller's axis, where the robot file states it.
+    """
     result, tables = report_sample.answer(), report_sample.tables()
     first, second, *others = result.stiffness
     stiffer = {
@@ -212,6 +215,8 @@ def test_a_campaign_says_what_changed_since_the_previous_one():
         "compliance_std": second.compliance_std / 1.5,
     }
     joints = (first, second.model_copy(update=stiffer), *others)
+    named = second.model_copy(update={"axis": "A1"})
+    result = result.model_copy(update={"stiffness": (first, named, *others)})
     before = result.model_copy(update={"campaign": "kr500-spring", "stiffness": joints})
 
     report = compose(result, tables, previous=before)
@@ -222,7 +227,7 @@ def test_a_campaign_says_what_changed_since_the_previous_one():
     assert table.columns[-1].title == "Change since kr500-spring [%]"
     assert [row[-1].text for row in table.rows][:2] == ["0.00 ± 0.58", "-33.33 ± 0.76"]
     assert sum("changed by" in text for text in findings) == 1
-    assert "k_theta2 changed by (-33.33 ± 0.76)" in " ".join(findings).replace("\N{NBSP}", " ")
+    assert "A1 (k_theta2) changed by (-33.33 ± 0.76)" in " ".join(findings).replace("\N{NBSP}", " ")
     assert b"Change since kr500-spring" in render(result, tables, previous=before)["index.html"]
 
 

@@ -122,7 +122,9 @@ def test_a_measured_pose_beyond_the_acceptance_is_a_fact():
     assert beyond
     for name in ("P1", "P2", "P3"):
         poses = ", ".join(str(pose) for other, pose in sorted(beyond) if other == name)
-        assert any(one.startswith(f"{name} was shot") and f"pose {poses}:" in one for one in said)
+        assert any(
+            one.startswith(f"{name} was measured") and f"pose {poses}:" in one for one in said
+        )
     free = raw.settings.model_copy(update={"cell": None})
     assert shot_findings(replace(case, settings=free), pulls) == []
 

@@ -87,7 +87,7 @@ def test_the_first_screen_has_the_lines_of_a_campaign_of_pulls(hall):
     assert tuple(lines.values()) == answer.verdict_sentence
     assert f"pipeline predict {answer.campaign}" in lines["to_do"]
     assert [name for name in known if name not in lines["numbers"]] == []
-    assert lines["tolerance"].startswith("Not judged: nothing was pulled")
+    assert lines["tolerance"].startswith("Not decided: no load was applied")
     assert ("left out" in lines["wrong"]) == bool(answer.rejected)
     assert compose(answer, {}).sections[0].key == "identity"
 
@@ -142,7 +142,7 @@ def test_positions_beside_a_tracker_are_two_ways_in(tmp_path):
     folder.mkdir(parents=True)
     (folder / "campaign.toml").write_text(TOML + '[tracker]\nfiles = ["a.csv"]\n')
 
-    with pytest.raises(InputError, match="keep one way in"):
+    with pytest.raises(InputError, match="keep one of them"):
         find(tmp_path, "two").settings()
 
 

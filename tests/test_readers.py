@@ -439,7 +439,7 @@ PLAIN = "group,target,x_mm,y_mm,z_mm,time\na,P1,1,2,3,2026-11-03T08:00:00\n"
         ),
         (
             PLAIN.replace("time", "when"),
-            't:1: column "when" holds times, but is not called time; call it',
+            't:1: column "when" contains times, but is not called time; call it',
         ),
         (PLAIN.replace("time", "std_x_mm"), "t:1: the uncertainties lack std y, std z; correct"),
         (PLAIN.replace("target", "tarhet"), "t:1: there is no column target; add it"),

@@ -213,7 +213,7 @@ def test_a_cause_that_rests_on_one_pull_is_said_to():
 
     assert said(0.99) is None
     assert said(1.23).startswith(
-        "Offset of the load point or the targets hangs on pull 2 of pose 11"
+        "Offset of the load point or the targets depends on pull 2 of pose 11 alone"
     )
     assert "dl_x moves by 1.2 of its standard uncertainties" in said(1.23)
     assert "nothing determines dl_x" in said(None)

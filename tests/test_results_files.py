@@ -102,8 +102,8 @@ def test_every_reading_is_on_the_sheet_of_reliability(answer, tables):
 
     assert len(others) == 38
     assert (first["reading"], first["line"], first["redundancy [1]"]) == ("g/P1", 7, 0.5)
-    assert first["smallest detectable error"] == 3e-4
-    assert [second[k] for k in ("reading", "line", "smallest detectable error")] == [""] * 3
+    assert first["minimal detectable bias"] == 3e-4
+    assert [second[k] for k in ("reading", "line", "minimal detectable bias")] == [""] * 3
     assert made["csv/reliability.csv"].count(b"g/P1") == 20
 
 

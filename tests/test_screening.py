@@ -174,7 +174,7 @@ def test_an_outlier_of_the_chain_is_found():
 
 
 def test_names_exchanged_in_the_whole_campaign_are_one_finding():
-    """P1 and P3 carry each other's names everywhere."""
+    """P1 and P3 have each other's names everywhere."""
     text = campaign().files["tracker.csv"].decode()
     text = text.replace(",P1,", ",P?,").replace(",P3,", ",P1,").replace(",P?,", ",P3,")
 

@@ -118,7 +118,7 @@ def test_who_waits_says_so_and_ctrl_c_has_a_sentence(fresh):
         waiting.send_signal(signal.SIGINT)
         rest = waiting.communicate(timeout=60)[1]
 
-    assert first == "c: another run holds this campaign; waiting for it.\n"
+    assert first == "c: another run is processing this campaign; waiting for it.\n"
     assert waiting.returncode == 130
     assert rest.splitlines() == ["Interrupted; run it again to go on, nothing half-written counts."]
 

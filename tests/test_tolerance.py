@@ -186,7 +186,7 @@ def test_a_tolerance_that_makes_no_sense_is_refused_in_its_line(files, said, why
 def test_a_tolerance_needs_a_place(files):
     """Neither test pose nor path: nobody could say where it holds."""
     text = files["campaign.toml"].decode().split("\n[test_pose]")[0]
-    with pytest.raises(InputError, match="says not where"):
+    with pytest.raises(InputError, match="no place to apply it"):
         parse(text + "\n[tolerance]\ndeflection_mm = 1.0\n")
 
 

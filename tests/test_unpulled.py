@@ -169,6 +169,6 @@ def test_the_command_writes_them_into_plan_and_sheet(tmp_path):
     assert done.returncode == 0, done.stderr
     folder = tmp_path / "reports" / "plans" / "paper_reference"
     page = (folder / "sheet.html").read_text("utf-8")
-    assert "Poses without a pull" in page
+    assert "Unloaded poses" in page
     assert "pose07_rep0_unloaded" in page
     assert len(json.loads((folder / "design.json").read_text("utf-8"))["unloaded"]["poses"]) == 4

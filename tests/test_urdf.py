@@ -257,7 +257,10 @@ ARM = (
         (robot_of(ARM[0], ARM[1].replace("1 0 0", "1500 0 2e5"), links=3), "joint b: its origin"),
         (robot_of(ARM[0], ARM[1].replace("0 0 1", "0 0 0"), links=3), "its axis has no length"),
         (robot_of(ARM[0].replace(' link="l1"', ""), links=3), "joint a has no link"),
-        (robot_of(*ARM, ARM[0].replace('"a"', '"c"'), links=3), "link l1 hangs on several joints"),
+        (
+            robot_of(*ARM, ARM[0].replace('"a"', '"c"'), links=3),
+            "link l1 has several parent joints",
+        ),
         (robot_of(*ARM, links=4), "Pinocchio does not read it"),
     ],
 )

@@ -205,7 +205,7 @@ def test_the_most_severe_finding_decides_and_all_are_told():
     assert verdict(both) is Verdict.AMBIGUOUS
     assert why(both).index("base reflectors moved") < why(both).index("cannot distinguish between")
     assert verdict(replace(both, mistakes=(MISTAKE,))) is Verdict.BAD_DATA
-    assert why(replace(both, mistakes=(MISTAKE,))).startswith("The data contain a mistake")
+    assert why(replace(both, mistakes=(MISTAKE,))).startswith("The data contain an error")
 
 
 def test_nothing_is_told_of_displacements_that_hold_nothing():
@@ -250,8 +250,8 @@ def test_a_cause_certainly_many_times_its_usual_size_is_said_to_be(times, std, t
     assert found.largest.times_typical == pytest.approx(abs(times))
     assert (said is not None) == told
     if said is not None:
-        assert "is 26 times its usual size: dl_y = " in said
-        assert "5.00 mm is usual" in said
+        assert "is 26 times its typical magnitude: dl_y = " in said
+        assert "5.00 mm is typical" in said
         assert one.needs in said
 
 
@@ -261,4 +261,4 @@ def test_what_makes_the_same_robot_is_named_as_the_controller_does():
     off = cause("joint_offset:3", twins=("joint_offset:4",), same_robot=(other,))
     facts = Facts(moved=(replace(off, effect=one),), unloaded=MISPLACED)
 
-    assert "in joint 4 (A3) it would make the same robot" in why(facts)
+    assert "the same error in joint 4 (A3) would give the same robot" in why(facts)

@@ -32,14 +32,14 @@ def contradicted(text: str, one: Entry, found: list[Entry]) -> str:
     if len(one.names) == 2:
         line = line_of(text, [one.table, one.names[1]])
         return (
-            f"{one.names[0]} and {one.names[1]} (line {line}) in [{one.table}] carry each other's "
-            "places; exchange them"
+            f"{one.names[0]} and {one.names[1]} (line {line}) in [{one.table}] have each other's "
+            "coordinates; exchange them"
         )
     where = ", ".join(f"{x:.4f}" for x in one.found)
     other = [" and ".join(rival.names) or rival.table for rival in found if rival is not one]
     maybe = f" (or {' or '.join(other)})" if other else ""
     return (
-        f"{one.names[0]} in [{one.table}] is {in_mm(one.off_m)} from where the readings put it"
+        f"{one.names[0]} in [{one.table}] is {in_mm(one.off_m)} from where the readings place it"
         f"{maybe}: about [{where}], ± {in_mm(float(one.std.max()))}; measure it again, and correct "
         "the line"
     )

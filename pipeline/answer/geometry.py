@@ -145,9 +145,9 @@ def misshapen_findings(stood: Standing) -> list[str]:
     few = len(found) == 1
     which = f"Pose {found[0]}" if few else f"Poses {listed([str(pose) for pose in found])}"
     return [
-        f"{which}, where nothing was pulled, {'is' if few else 'are'} left out of the estimate of "
-        "the robot's table: the distances between the reflectors are not those of the other "
-        f"poses, so one of the readings is spoilt. Read {'it' if few else 'them'} again."
+        f"{which}, measured unloaded only, {'is' if few else 'are'} left out of the estimate of "
+        "the DH parameters: the distances between the reflectors are not those of the other "
+        f"poses, so one of the readings is an outlier. Measure {'it' if few else 'them'} again."
     ]
 
 

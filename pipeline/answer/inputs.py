@@ -109,15 +109,16 @@ def growth_findings(told: contract.Registration | None) -> list[str]:
         return [
             "The base reflectors differ from [base_frame] by a common scale factor, longer by "
             f"{seen}, as steel at {REFERENCE_C + grown.seen / STEEL:.1f} °C "
-            f"(probability {sure} %): this is taken out; state temperature_c, or measure "
+            f"(probability {sure} %): this is corrected; state temperature_c, or measure "
             "[base_frame] again."
         ]
     if abs(grown.seen - grown.expected) < _APART * np.hypot(grown.seen_std, grown.expected_std):
         return []
     return [
-        f"By temperature_c the base frame is longer by {1e3 * grown.expected:.4f} mm per metre, by "
-        f"its reflectors by {seen}: the export may be compensated already, or [base_frame] was "
-        "measured as warm."
+        f"By temperature_c the base frame is longer by {1e3 * grown.expected:.4f} mm per metre, "
+        f"and "
+        f"by its reflectors by {seen}: the export may be compensated already, or [base_frame] was "
+        f"measured at the same temperature."
     ]
 
 
@@ -283,7 +284,8 @@ def shot_findings(case: Case, pulls: Pulls) -> list[str]:
             continue
         name = list(tool.named)[cone.point]
         out.append(
-            f"{name} was shot from up to {np.rad2deg(angle.max()):.1f} deg off the direction in "
+            f"{name} was measured from up to {np.rad2deg(angle.max()):.1f} deg off the direction "
+            f"in "
             f"[tool.acceptance], which allows {np.rad2deg(cone.half_angle):g} deg, in pose "
             f"{listed(map(str, poses[over]))}: its readings are used; correct the direction or "
             "tracker_m if that cannot be."
@@ -297,14 +299,14 @@ def treated_findings(case: Case) -> list[str]:
     for one in case.treated:
         if one.faces:
             single = one.faces.single
-            alone = f"; {single} stand in the second face only" if single else ""
+            alone = f"; {single} were measured in the second face only" if single else ""
             out.append(
                 f"{one.file} has readings in two faces: {one.faces.pairs} pairs are averaged, up "
                 f"to {1e3 * one.faces.largest_m:.2g} mm apart{alone}."
             )
         if one.untimed:
             out.append(
-                f"{one.file} has no times that can be trusted ({one.untimed}): the order of its "
+                f"{one.file} has no reliable times ({one.untimed}): the order of its "
                 "groups is the clock. Export them with date, hours, minutes and seconds."
             )
         out += [f"{one.file} was read with {why}." for why in one.settled]
@@ -316,8 +318,9 @@ def pose_findings(pose: OnePose | None) -> list[str]:
     if pose is None:
         return []
     return [
-        f"The targets keep their distances to {1e6 * pose.kept_m:.2g} um, as no instrument reads "
-        f"points, while {1e3 * pose.left_m:.3g} mm of their displacements remain: they were "
+        f"The targets keep their distances to {1e6 * pose.kept_m:.2g} um, which is better than "
+        f"any instrument measures points, while {1e3 * pose.left_m:.3g} mm of their displacements "
+        f"remain: they were "
         "computed from one measured pose and count as its six coordinates. Write measures = "
         '"poses" into [instrument].'
     ]
@@ -333,9 +336,9 @@ def assumptions(raw: Raw, where: Where, has_times: bool = True) -> list[str]:
         )
     if raw.settings.priors:
         names = listed(sorted(raw.settings.priors), len(raw.settings.priors))
-        out.append(f"prior odds and sizes of {names} are learnt from other campaigns: [priors]")
+        out.append(f"prior odds and sizes of {names} are estimated from other campaigns: [priors]")
     if not where.stated:
-        out.append("campaign.toml has no [test_pose]: the strongest pull of the campaign stands in")
+        out.append("campaign.toml has no [test_pose]: the pose of the largest force is used")
     out.append(
         "validation poses lie within 0.25 m and 10 deg of the test pose, or anywhere within the "
         "joint limits, always under the test pose's force"

@@ -117,17 +117,19 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
 
 
 _WHY = {
-    True: "Laws of the joints were identified that predict poses left out better: they stand "
-    "beside table and springs.",
-    False: "Table and springs predict poses left out as well as anything else that was tried.",
+    True: "Laws of the joints were identified that reduce the cross-validation error: the model "
+    "includes them with DH parameters and springs.",
+    False: "DH parameters and springs predict held-out poses as well as any other model that was "
+    "tried.",
 }
 
 _ASSUMED = (
-    "weight pulls along -z of the robot's base, unless campaign.toml says otherwise",
+    "gravity acts along -z of the robot's base, unless campaign.toml states otherwise",
     "stiffnesses come from the weight of the links in the robot file; an error of these weights is "
     "an error of the stiffnesses",
-    "each joint has an error at each pose that no model holds, found from the readings; it is in "
-    "the uncertainty of every prediction",
+    "each joint has an error at each pose that no model describes, estimated from the readings; "
+    "it is included "
+    "in the uncertainty of every prediction",
 )
 
 
@@ -241,7 +243,7 @@ def _fit(found: Identified) -> contract.Fit:
         second_order_rms_mm=None,
         noise_statement=f"A coordinate scatters by {plain(std, 2)} mm, "
         + ("as stated" if found.scatter.stated else "found from the residuals")
-        + "; what each joint adds at each pose is found beside it.",
+        + "; the error of each joint at each pose is estimated separately.",
     )
 
 
@@ -369,21 +371,21 @@ def _first_screen(campaign: str, found: Study, robot: Robot, left_out: int) -> I
 def _predicted(found: Study) -> str:
     first, last = (1e3 * found.stages[k].mean(Parting.BETWEEN) for k in (0, -1))
     return (
-        f"Targets of poses left out are predicted to {plain(last, 2)} mm on average, and to "
-        f"{plain(first, 2)} mm with the robot's table as delivered."
+        f"Targets of held-out poses are predicted to {plain(last, 2)} mm on average, and to "
+        f"{plain(first, 2)} mm with the nominal DH parameters."
     )
 
 
 def _to_do(campaign: str, laws: bool) -> str:
     """What to do with the values, and what of them no controller takes."""
     said = (
-        "Use table, springs and laws together"
+        "Use DH parameters, springs and laws together"
         if laws
-        else "Use the identified table with its springs"
+        else "Use the identified DH parameters with their springs"
     )
     beside = " A controller's table has no entry for the laws." if laws else ""
     return (
-        f"{said}: predict where targets stand at other joint values with `pipeline predict "
+        f"{said}: predict the positions of targets at other joint values with `pipeline predict "
         f"{campaign} poses.csv`.{beside}"
     )
 
@@ -405,8 +407,8 @@ def _model(found: Study) -> str:
 
 
 _NOT_JUDGED = (
-    "Not judged: nothing was pulled, so these readings do not say how far the robot deflects under "
-    "the forces of machining."
+    "Not decided: no load was applied, so these readings do not show how far the robot deflects "
+    "under process forces."
 )
 
 
@@ -414,14 +416,14 @@ def _wrong(found: Study, robot: Robot, left_out: int) -> Iterator[str]:
     if found.laws:
         count = "1 law" if len(found.laws) == 1 else f"{len(found.laws)} laws"
         yield (
-            f"Joints do not turn as their encoders say: {count} outside the catalogue, the largest "
+            f"The joints have transmission errors: {count} outside the catalogue, the largest "
             f"that {text_of(found.laws[0], robot)}."
         )
     elif not left_out:
-        yield "Nothing that these readings show."
+        yield "Nothing detectable in these readings."
     if left_out:
         rows = "1 row of the files was" if left_out == 1 else f"{left_out} rows of the files were"
-        yield f"{rows} left out; file and line of each stand under Rejected rows."
+        yield f"{rows} left out; see Rejected rows for file and line of each."
 
 
 def _next(found: Study, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
@@ -429,7 +431,7 @@ def _next(found: Study, stiffness: Sequence[contract.Stiffness]) -> Iterator[str
     apart = Parting.SERIES if Parting.SERIES in last.errors else Parting.SPACE
     of = {Parting.SERIES: "a whole series", Parting.SPACE: "a tenth of joint space"}[apart]
     yield (
-        f"Poses at the joint angles that you will use: where {of} is left out, the error is "
+        f"Poses at the joint angles that you will use: where {of} is held out, the error is "
         f"{plain(1e3 * last.mean(apart), 2)} mm; expect as much where nothing was measured."
     )
     if any(joint.value is None for joint in stiffness):

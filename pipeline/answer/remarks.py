@@ -21,7 +21,7 @@ def contradicted(payloads: Sequence[Payload]) -> list[str]:
     return [
         f"The joint torques contradict the payload {one.name}: by {one.poses} poses it has "
         f"{_of(one.found)}, and campaign.toml says {_of(one.stated)} (p = {one.p_value:.1g}); "
-        "weigh it, or look at how it is mounted."
+        "weigh it, or check how it is mounted."
         for one in payloads
         if one.found is not None and one.p_value is not None and one.p_value < CONTRADICTS
     ]

@@ -177,7 +177,7 @@ def _out(stated: Stated) -> Iterator[str]:
         )
     elif worst is Decision.UNDECIDED:
         yield (
-            "Whether the deflection is in tolerance is undecided: reduce the force"
+            "Conformity with the tolerance is undecided: reduce the force"
             f"{_to_force(stated)}, compensate the path, or measure more."
         )
 
@@ -226,7 +226,10 @@ def _unfit(found: Findings, stiffness: Sequence[Stiffness]) -> Iterator[str]:
     """Stiffnesses that are no number to enter, where the others are."""
     half = [joint.called for joint in stiffness if joint.value and joint.ci95[1] is None]
     if half and found.row.reason.holds_for_its_readings:
-        yield f"Enter no value for {listed(half)}: these pulls cannot distinguish it from rigid."
+        yield (
+            f"Enter no value for {listed(half)}: these pulls cannot distinguish it from a rigid "
+            "axis."
+        )
 
 
 def _model(found: Findings, stated: Stated) -> Iterator[str]:
@@ -396,7 +399,8 @@ def _stands_in(found: Findings) -> str:
     """Which pose it is where campaign.toml has none, as [test_pose] wants it."""
     q = np.where(found.right.case.robot.prismatic, found.where.q, np.rad2deg(found.where.q))
     return (
-        " campaign.toml has no [test_pose]: the strongest pull stands in (q, the joints of the "
+        " campaign.toml has no [test_pose], so the pose of the largest force is used (q, the "
+        "joints of the "
         f"robot file, not the controller's axes: {', '.join(f'{one:.5g}' for one in q)})."
     )
 
@@ -425,7 +429,7 @@ def _next(found: Findings, stated: Stated) -> str:
     if poses:
         return _proposed(poses)
     if found.mistakes:
-        again = "The readings in question, if no record tells what is right."
+        again = "The readings in question, if no record shows the correct values."
         lost = any(joint.value is None for joint in stated.mine.stiffness)
         return f"{again} {_least_certain(stated.mine.stiffness)}" if lost else again
     if not found.row.reason.holds_for_its_readings:
@@ -464,5 +468,6 @@ def _least_certain(stiffness: Sequence[Stiffness]) -> str:
         return f"{pulls}: {worst.called} is not determined."
     share = percent(worst.relative_std)
     return (
-        f"Nothing is open. {pulls} would gain most: {worst.called} has an uncertainty of {share}."
+        f"No question is open. {pulls} would help most: the standard uncertainty of "
+        f"{worst.called} is {share}."
     )

@@ -27,8 +27,9 @@ def expanded(one: Tip) -> str:
         return "an unknown amount"
     if one.expanded_mm is None:
         return (
-            f"{plain(one.deflection_mm)} mm, with an uncertainty that nobody knows: a stiffness "
-            "that acts there is not determined"
+            f"{plain(one.deflection_mm)} mm, with unknown uncertainty: a stiffness that "
+            f"contributes there "
+            "is not determined"
         )
     value, u = with_uncertainty(one.deflection_mm, one.expanded_mm)
     return f"{value} mm, U = {u} mm (k = 2)"

@@ -66,11 +66,11 @@ def counted(combinations: Sequence[Combination]) -> str:
 def mistaken(facts: Facts) -> str:
     """The first mistake in the data, and how many more there are."""
     first, *more = facts.mistakes
-    were = "1 more mistake was" if len(more) == 1 else f"{len(more)} more mistakes were"
+    were = "1 more error was" if len(more) == 1 else f"{len(more)} more errors were"
     at = [place for one in more for place in one.at]
     where = f" ({_some(at)})" if at else ""
     others = f", and {were} found{where}" if more else ""
-    return f"The data contain a mistake: {first.evidence}{others}. Your files are unchanged."
+    return f"The data contain an error: {first.evidence}{others}. Your files are unchanged."
 
 
 def _some(places: Sequence[str]) -> str:
@@ -85,25 +85,25 @@ def wrong(facts: Facts, unseen: int, contradicted: Sequence[str] = ()) -> str:
 
     Args:
         facts: What was found.
-        unseen: How many causes would not have shown at their usual size.
+        unseen: How many causes would not have shown at their typical magnitude.
         contradicted: Sentences on what was stated and the readings contradict, told before.
     """
     others = _told(facts)
     if others:
         return f"With the data corrected: {others}" if facts.mistakes else others
     also = f" {unnoticed(unseen)}; they are listed in the report." if unseen else ""
-    clear = "Nothing that these readings show."
+    clear = "Nothing detectable in these readings."
     if facts.mistakes:
-        clear = "The data, as the verdict says; nothing else that these readings show."
+        clear = "The data, as the verdict says; nothing else detectable in these readings."
     elif contradicted:
         clear = "Nothing else."
     return f"{clear}{also}"
 
 
 def unnoticed(count: int) -> str:
-    """How many causes would not have shown at their usual size."""
+    """How many causes would not have shown at their typical magnitude."""
     causes = "1 possible cause" if count == 1 else f"{count} possible causes"
-    return f"{causes} would have gone unnoticed at {'its' if count == 1 else 'their'} usual size"
+    return f"{causes} of typical magnitude would not have been detected"
 
 
 def _told(facts: Facts) -> str:
@@ -128,9 +128,9 @@ def _named(effects: Sequence[Effect]) -> str:
 
 def _identified(facts: Facts) -> str:
     names, left = _names(facts.causes), facts.remainder
-    first = f"Beside the joint springs there {_is(facts)} {_likely(facts.causes)}"
+    first = f"Identified in addition to the joint springs: {_likely(facts.causes)}"
     if left is None or left < _NOTICED:
-        return f"{first}; the model then fits the readings to within their scatter."
+        return f"{first}. The extended model fits the readings to within their scatter."
     return (
         f"{first}. With {names} in the model, {left:.1f} times the scatter of the readings is "
         "left, no more than the laws of the causes may be in error."
@@ -143,7 +143,7 @@ def _is(facts: Facts) -> str:
 
 def _predicts_worse(facts: Facts) -> str:
     assert facts.gain is not None
-    nearest = "which comes nearest" if len(facts.causes) == 1 else "which together come nearest"
+    nearest = "which fits best" if len(facts.causes) == 1 else "which together fit best"
     return (
         "Something is missing from the model, and no known cause explains it: adding "
         f"{_names(facts.causes)}, {nearest}, makes predictions worse (cross-validation error "
@@ -156,8 +156,8 @@ def _unconfirmed(facts: Facts) -> str:
     assert facts.gain is not None
     low, high = facts.gain.ci95
     return (
-        f"{_names(facts.causes)} come{_ending(facts)} nearest, but the scatter of the readings "
-        "is not known, and left-out poses do not confirm it: their error falls by "
+        f"{_names(facts.causes)} fit{_ending(facts)} best, but the scatter of the readings "
+        "is not known, and cross-validation does not confirm it: the error falls by "
         f"{percent(facts.gain.reduction)}, 95 % interval {percent(low)} to {percent(high)}, which "
         "may be chance. No cause is identified."
     )
@@ -170,9 +170,9 @@ def _remainder(facts: Facts) -> str:
     much = f"what is left is {left:.1f} times the scatter of the readings"
     rest = much if left > _NOTICED else "something remains"
     if outside_likelier(facts):
-        return f"{names} come{s} nearest, but {rest}, and {_looks_like(facts)}"
+        return f"{names} fit{s} best, but {rest}, and {_looks_like(facts)}"
     if facts.gain is None or facts.gain.ci95[0] <= 0:
-        return f"{names} come{s} nearest, but {rest}: neither location nor law is certain."
+        return f"{names} fit{s} best, but {rest}: neither location nor law is certain."
     if left > ROUGH:
         return f"{names} explain{s} most, but {rest}: the location is likely, its law is another."
     return f"Beside {names} something remains that no known cause explains."
@@ -181,7 +181,7 @@ def _remainder(facts: Facts) -> str:
 def _looks_like(facts: Facts) -> str:
     assert facts.outside is not None
     return (
-        "something that the catalogue has no name for explains more: it resembles "
+        "an effect outside the catalogue explains more: it resembles "
         f"{facts.outside.effect.signature}."
     )
 
@@ -189,8 +189,9 @@ def _looks_like(facts: Facts) -> str:
 def _outside_possible(facts: Facts) -> str:
     assert facts.outside is not None
     return (
-        f"The data cannot tell {_names(facts.causes)} from something that the catalogue has no "
-        f"name for, which resembles {facts.outside.effect.signature}."
+        f"The data cannot distinguish {_names(facts.causes)} from an effect outside the "
+        f"catalogue, which "
+        f"resembles {facts.outside.effect.signature}."
     )
 
 
@@ -202,7 +203,7 @@ def _rivals(facts: Facts) -> str:
 
 
 def enormous(cause: Cause) -> str | None:
-    """That a cause is many times its usual size, and what would settle it; None where it is not."""
+    """That a cause is many times its typical magnitude, and what would settle it; else None."""
     most = cause.enormous
     if most is None:
         return None
@@ -211,9 +212,10 @@ def enormous(cause: Cause) -> str | None:
     size = with_std(most.value / factor, most.std / factor)
     shown = "" if unit == "1" else f" {prefixed(unit, letter)}"
     return (
-        f"{capital(cause.effect.called)} is {plain(most.times_typical, 2)} times its usual size: "
-        f"{most.parameter.name} = {size}{shown}, and {plain(usual / factor)}{shown} is usual. "
-        f"Something else may stand behind it; what would settle it: {cause.effect.needs}."
+        f"{capital(cause.effect.called)} is {plain(most.times_typical, 2)} times its typical "
+        f"magnitude: {most.parameter.name} = {size}{shown}, and "
+        f"{plain(usual / factor)}{shown} is typical. "
+        f"Another cause may be responsible; what would settle it: {cause.effect.needs}."
     )
 
 
@@ -240,8 +242,8 @@ def hangs_on(cause: Effect, most: Carried) -> str | None:
     lost = f"nothing determines {most.what}"
     moves = f"{most.what} moves by {plain(most.moves_sigmas, 2)} of its standard uncertainties"
     return (
-        f"{capital(cause.called)} hangs on pull {most.repeat} of pose {most.pose}: without it "
-        f"{lost if most.moves_sigmas is None else moves}; measure that pose again."
+        f"{capital(cause.called)} depends on pull {most.repeat} of pose {most.pose} alone: "
+        f"without it {lost if most.moves_sigmas is None else moves}; measure that pose again."
     )
 
 
@@ -251,23 +253,23 @@ def _or(cause: Cause) -> str:
     mine, *others = (
         f"{one.effect.called}, {100 * cause.stated(one.probability):.0f} %" for one in every
     )
-    twin = "its twin, which no pull tells from it" if cause.twins else "what is like it"
+    twin = "its twin, from which no pull can distinguish it" if cause.twins else "a similar cause"
     return ", and ".join([mine, *(others or [twin])])
 
 
 def _off_the_table(facts: Facts) -> str:
     names = " and ".join(effect.called for effect in facts.unloaded.effects)
     return (
-        f"The unloaded reflectors stand {1e3 * facts.unloaded.miss_m:.2g} mm from where the "
-        f"robot's table places them, and adding {names}, nearest to it, would make the "
-        "prediction of other poses worse."
+        f"The unloaded reflectors are {1e3 * facts.unloaded.miss_m:.2g} mm from where the "
+        f"nominal DH parameters place them, and adding {names}, which fits best, would make the "
+        f"prediction of other poses worse."
     )
 
 
 def _stands_elsewhere(facts: Facts) -> str:
     return (
         f"The unloaded reflectors are {1e3 * facts.unloaded.miss_m:.2g} mm rms from where the "
-        f"robot's table places them (base and tool fitted), and "
+        f"nominal DH parameters place them (base and tool fitted), and "
         f"{1e3 * facts.unloaded.left_m:.2g} mm with {listed([_sized(one) for one in facts.moved])}."
     )
 
@@ -277,10 +279,10 @@ def _rough_table(facts: Facts) -> str:
     assert gain is not None
     before, after = 1e3 * gain.rms_before_m, 1e3 * gain.rms_after_m
     return (
-        "The geometry of the robot differs a little from its file in many places, in none by far "
-        "more than in the others: unloaded reflectors of poses left out of the estimate are "
-        f"{after:.2g} mm rms per axis from where the geometry estimated from them places them, and "
-        f"{before:.2g} mm from where the file does."
+        "Many of the robot's DH parameters deviate a little from nominal, none far more than the "
+        "others: in cross-validation "
+        f"the unloaded reflectors are {before:.2g} mm rms per axis from where the nominal DH "
+        f"parameters place them, and {after:.2g} mm from where the identified ones do."
     )
 
 
@@ -305,7 +307,7 @@ def _sized(cause: Cause) -> str:
         factor, letter = _THOUSANDTHS.get(unit, (1.0, unit))
         sizes.append(f"{with_std(factor * one.value, factor * one.std)} {letter}")
     same = [in_place(twin.where, twin.name, twin.axis).strip() for twin in cause.same_robot]
-    also = f"; {listed(same)} it would make the same robot" if same else ""
+    also = f"; the same error {listed(same)} would give the same robot" if same else ""
     return f"{cause.effect.called} ({', '.join(sizes)}{also})"
 
 
@@ -376,15 +378,15 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     Finding.UNCONFIRMED: _unconfirmed,
     Finding.REMAINDER: _remainder,
     Finding.OUTSIDE_CATALOGUE: lambda facts: (
-        f"{_names(facts.causes)} come{_ending(facts)} nearest, but {_looks_like(facts)}"
+        f"{_names(facts.causes)} fit{_ending(facts)} best, but {_looks_like(facts)}"
     ),
     Finding.GAIN_UNCERTAIN: lambda facts: (
         f"{_names(facts.causes)} {'fits, but does' if len(facts.causes) == 1 else 'fit, but do'} "
         "not certainly reduce the cross-validation error."
     ),
     Finding.TWO_LAWS: lambda facts: (
-        f"{_joint(facts, two_laws(facts))} turns by a law of its own: {_names(facts.causes)} "
-        "describe it only together."
+        f"{_joint(facts, two_laws(facts))} has a law of its own: {_names(facts.causes)} describe "
+        "it only together."
     ),
     Finding.RIVALS: _rivals,
     Finding.OUTSIDE_CATALOGUE_POSSIBLE: _outside_possible,
@@ -422,7 +424,7 @@ BECAUSE: Mapping[Reason, str] = {
     ),
     Reason.MISTAKE_AND_UNEXPLAINED: (
         "All values are from the corrected data, which the joint springs do not explain, and "
-        "nothing known does: do not rely on the stated uncertainties."
+        "no known cause does: do not rely on the stated uncertainties."
     ),
     Reason.MISTAKE_SPRINGS_UNTOUCHED: (
         "All values are from the corrected data; what else was identified does not change the "
@@ -453,7 +455,7 @@ BECAUSE: Mapping[Reason, str] = {
     ),
     Reason.SPRINGS_UNTOUCHED: "What was identified does not change the joint springs.",
     Reason.UNEXPLAINED: (
-        "Joint springs do not explain the readings, and nothing known does: do not rely on the "
+        "Joint springs do not explain the readings, and no known cause does: do not rely on the "
         "stated uncertainties."
     ),
     Reason.ADEQUATE: "Joint springs explain the readings.",
@@ -480,14 +482,14 @@ HOLDS: Mapping[Reason, str] = {
         "Joint springs explain the readings; what else was identified does not change them."
     ),
     Reason.UNEXPLAINED: (
-        "Joint springs do not explain the readings, and nothing known does: do not rely on the "
+        "Joint springs do not explain the readings, and no known cause does: do not rely on the "
         "stated uncertainties."
     ),
 }
 """Whether the model holds, where the data hold no mistake and there is something to say."""
 
 _CORRECT = (
-    "Look that reading up in the record of the measurement and correct the file, or measure it "
+    "Check that reading against the measurement record and correct the file, or measure it "
     "again; then run the campaign once more. Until then"
 )
 

@@ -133,7 +133,7 @@ def _of_names(said: Proposal) -> dict[str, object]:
         "measured": _quoted(said.measured),
         "chain": _quoted(said.chain),
         "apart": [
-            f"{one} to {two}: {1e3 * m:.2f} mm as read" for (one, two), m in said.apart_m.items()
+            f"{one} to {two}: {1e3 * m:.2f} mm measured" for (one, two), m in said.apart_m.items()
         ],
     }
 

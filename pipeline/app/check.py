@@ -304,8 +304,8 @@ class _Seen:
             lines = [line_of(text, [d.table, name]) for name in (d.first, d.second)]
             where = " and ".join(str(one) for one in lines if one)
             yield (
-                f"  {pair:{width}} {1e3 * d.read_m:9.2f} mm as read, "
-                f"{1e3 * d.stated_m:9.2f} mm by lines {where}"
+                f"  {pair:{width}} {1e3 * d.read_m:9.2f} mm measured, "
+                f"{1e3 * d.stated_m:9.2f} mm nominal (lines {where})"
             )
         yield from _table(self.case.robot, self.stands)
 

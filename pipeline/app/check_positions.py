@@ -31,7 +31,8 @@ def of_positions(name: str, raw: Raw) -> Outcome:
     notes = [f"{one.file}:{one.line}: {one.reason}" for one in rejected]
     if off_m > _FAR_M:
         notes.append(
-            f"the targets stand {1e3 * off_m:.3g} mm from the robot's table, as no robot does: "
+            f"the targets are {1e3 * off_m:.3g} mm from where the robot file places them, which "
+            f"no real robot is: "
             "check the units and signs of the joint values and the robot file"
         )
     used = {"poses": len(readings), "targets": len(readings.targets), "rejected": len(rejected)}

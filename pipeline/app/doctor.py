@@ -83,7 +83,7 @@ def _libraries() -> Iterator[Finding]:
             continue
         try:
             version = installed.version(one.name)
-            wrong = f"{version} does not work here"
+            wrong = f"version {version} is not supported"
             good = one.specifier.contains(version, prereleases=True)
         except installed.PackageNotFoundError:
             wrong, good = "is missing", False
@@ -91,7 +91,7 @@ def _libraries() -> Iterator[Finding]:
             sound = False
             yield Finding(one.name, False, f"{wrong}; python -m pip install '{one}'")
     if sound:
-        yield Finding("libraries", True, f"all {len(wanted)} that are asked for are there")
+        yield Finding("libraries", True, f"all {len(wanted)} required libraries are installed")
 
 
 def _writable(root: Path, name: str) -> Finding:
@@ -120,7 +120,7 @@ def _raw(root: Path) -> Finding:
 def _preferences(root: Path) -> Iterator[Finding]:
     """pipeline.toml, and the object storage that it names."""
     there = (root / preferences.FILE).is_file()
-    said, what = "is valid" if there else "is not there, and need not be", preferences.FILE
+    said, what = "is valid" if there else "not found (optional)", preferences.FILE
     try:
         address = preferences.load(root).storage.raw
         yield Finding(what, True, said)
@@ -179,7 +179,7 @@ def _waiting(root: Path, webhook: str | None) -> Iterator[Finding]:
             said = f"tried {seen.attempts} times, again at {again}: {seen.said}"
             yield Finding(campaign.name, False, said, needed=False)
         elif webhook and seen.settled and seen.verdict != seen.told:
-            said = f"the webhook did not take that it is {seen.verdict}; see [notify]"
+            said = f"the webhook did not accept the message that it is {seen.verdict}; see [notify]"
             yield Finding(campaign.name, False, said, needed=False)
 
 
@@ -197,4 +197,4 @@ def _server(root: Path) -> Finding:
         log = root / service.HOME / "server.log"
         said = f"does not answer; a running `serve` starts it again, and {log} may say why"
         return Finding("Prefect server", False, said)
-    return Finding("Prefect server", True, "not running, and need not", needed=False)
+    return Finding("Prefect server", True, "not running (not required)", needed=False)

@@ -31,7 +31,7 @@ def toml(said: Experience) -> str:
 
 
 def _lines(said: Experience) -> Iterator[str]:
-    yield f"# Learnt from {said.campaigns} campaigns of {said.robots} robots by `pipeline priors`."
+    yield f"# From {said.campaigns} campaigns of {said.robots} robots by `pipeline priors`."
     if not said.learnt:
         yield (
             f"# Too few to learn how common causes are ({ROBOTS} robots and {CAMPAIGNS} campaigns "

@@ -197,7 +197,7 @@ def _looked(child: _Child, tell: Tell) -> None:
     try:
         child.look(tell)
     except Exception as problem:  # a full disk, no more processes: the next look may do better
-        tell(f"{child.what} cannot be looked after ({problem}); tried again.")
+        tell(f"{child.what} cannot be supervised ({problem}); tried again.")
         time.sleep(_LOOK_S)
 
 

@@ -1,4 +1,4 @@
-"""What a plan can detect: which causes it would notice and separate from every rival, by size.
+"""What a plan can detect: which causes it would detect and separate from every rival, by size.
 
 The columns of a cause are its derivative in the forward model, whitened by the plan's own scatter.
 A cause is noticed when what the joint springs cannot explain of it stands out of the scatter, and

@@ -179,15 +179,16 @@ def unpulled_lines(proposal: Proposal) -> list[str]:
     if (found := proposal.unpulled) is None:
         return []
     few = "1 pose" if len(found.q) == 1 else f"{len(found.q)} poses"
-    return [f"{few} more, read without a pull, for the robot's table: {worth_unpulled(found)}"]
+    return [f"{few} more, unloaded, to identify the DH parameters: {worth_unpulled(found)}"]
 
 
 def worth_unpulled(found: Unpulled) -> str:
     """What poses without a pull are worth, and how near that is to the best."""
     return (
-        f"its entries are then known to {percent(found.figure)} of their uncertainty as delivered "
-        f"(geometric mean), and to {percent(found.without)} from the pulled poses alone; of "
-        f"{found.offered} poses on offer no choice is below {percent(found.bound)}"
+        f"with them the standard uncertainty of the DH parameters is {percent(found.figure)} of "
+        f"its prior value (geometric mean), and from the loaded poses alone "
+        f"{percent(found.without)}; no choice among the {found.offered} candidate poses is below "
+        f"{percent(found.bound)}"
     )
 
 

@@ -103,4 +103,4 @@ def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterat
             yield proposal
     if problem.spec.plan.unloaded:
         beside = unpulled(problem, proposal.measurement.q, for_table)
-        yield replace(proposal, unpulled=beside, done="poses without a pull")
+        yield replace(proposal, unpulled=beside, done="unloaded poses")

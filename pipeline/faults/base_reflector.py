@@ -88,10 +88,10 @@ def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Ar
 def _finding(name: str, size: float, sigmas: float, after: float, p: float) -> Mistake:
     return outlying(
         name,
-        f"the base reflector {name} stands {1e3 * size:.2f} mm from its place in "
+        f"the base reflector {name} is {1e3 * size:.2f} mm from its place in "
         f"[base_frame] in every round, {apart(sigmas)}, and the others agree "
         f"without it: its nominal coordinates are wrong, or it was moved before the first round",
-        f"computed again without {name}",
+        f"recomputed without {name}",
         before=sigmas,
         after=after,
         size=size,

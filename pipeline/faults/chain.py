@@ -383,7 +383,7 @@ def _finding(
     return outlying(
         f"{group}/{which}",
         f"in {group} ({', '.join(at)}) {told}",
-        f"computed again without the pull of {group}",
+        f"recomputed without the pull of {group}",
         before=off.sigmas,
         axes=off.axes,
         size=size,

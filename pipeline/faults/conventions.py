@@ -56,8 +56,8 @@ _LOGGED = (
 """Columns of the joint log by their ending: unit they are in, factor, and the sentence for it."""
 
 _DH_SAYS = {
-    "modified_dh": "the robot's table is one of modified DH parameters, read as standard ones",
-    "standard_dh": "the robot's table is one of standard DH parameters, read as modified ones",
+    "modified_dh": "the robot file has modified DH parameters, read as standard ones",
+    "standard_dh": "the robot file has standard DH parameters, read as modified ones",
 }
 
 
@@ -125,9 +125,9 @@ def _finding(h: Hypothesis, before: float, after: float) -> Mistake:
     return Mistake(
         name=h.name,
         where=h.where,
-        evidence=f"{h.says}: as given the unloaded reflectors stand {1e3 * before:.0f} mm from "
-        f"where the robot's table puts them, and {1e3 * after:.1f} mm with that put right",
-        correction=f"computed again as if {h.says}",
+        evidence=f"{h.says}: as given the unloaded reflectors are {1e3 * before:.0f} mm from "
+        f"where the robot file places them, and {1e3 * after:.1f} mm with that corrected",
+        correction=f"recomputed as if {h.says}",
         before=1e3 * before,
         after=1e3 * after,
         unit="mm",
@@ -239,7 +239,7 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
         yield Hypothesis(
             "sign_or_convention",
             f"{joint.name}_reversed",
-            f"in the joint log {joint.name} counts the other way round",
+            f"in the joint log {joint.name} has the opposite sign",
             partial(_logged, [column], -1.0),
             table=True,
         )
@@ -264,7 +264,7 @@ def _names(case: Case) -> Iterator[Hypothesis]:
         yield Hypothesis(
             "label_swap",
             f"{one}-{other}",
-            f"the base reflectors {one} and {other} carry each other's names",
+            f"the base reflectors {one} and {other} have each other's names",
             partial(_base_renamed, one=one, other=other),
             table=True,
         )
@@ -277,10 +277,10 @@ def _robots(robot: Robot) -> Iterator[tuple[str, str, Robot]]:
         if name == robot.name or not alike(robot, other):
             continue
         where = differing(robot, other)
-        wrong = f"the robot's table is wrong in {where}, as {name} shows"
+        wrong = f"the robot file is wrong in {where}, as {name} shows"
         yield where or name, wrong if where else f"the robot is {name}, not {robot.name}", other
     for where, other in variants(robot):
-        yield where, _DH_SAYS.get(where) or f"the robot's table is wrong in {where}", other
+        yield where, _DH_SAYS.get(where) or f"the robot file is wrong in {where}", other
 
 
 def scaled(factor: float) -> Callable[[Case], Case]:
@@ -330,14 +330,14 @@ def _from_controller(case: Case) -> Case:
 
 
 def renamed(case: Case, names: Strings | tuple[str, ...]) -> Case:
-    """Readings whose targets carry each other's names in every group."""
+    """Readings whose targets have each other's names in every group."""
     true = dict(zip(case.settings.measured, names, strict=True))
     rows = case.readings
     return replace(case, readings=rows.assign(target=[true.get(t, t) for t in rows["target"]]))
 
 
 def _base_renamed(case: Case, one: str, other: str) -> Case:
-    """Two base reflectors that carry each other's names in [base_frame]."""
+    """Two base reflectors that have each other's names in [base_frame]."""
     base = case.settings.base_frame
     base = base | {one: base[other], other: base[one]}
     return replace(case, settings=case.settings.model_copy(update={"base_frame": base}))
@@ -345,7 +345,7 @@ def _base_renamed(case: Case, one: str, other: str) -> Case:
 
 FAULT = Fault(
     "sign_or_convention",
-    "mixed-up sign or axis convention",
+    "wrong sign or axis convention",
     lambda asked: conventions(asked.case),
     in_files=True,
 )

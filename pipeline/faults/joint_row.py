@@ -236,10 +236,10 @@ def _finding(case: Case, read: _Stand, laid: _Laid, k: int) -> Mistake:
     return outlying(
         where,
         f"the row of pose {read.poses[k]} in the joint log ({row['file']}:{row['line']}) "
-        f"is not that of its readings{_same(case, row)}: the unloaded reflectors stand "
-        f"{_mm(size)} from where it puts them, those of the other poses "
+        f"does not match its readings{_same(case, row)}: the unloaded reflectors are "
+        f"{_mm(size)} from where it places them, those of the other poses "
         f"{_mm(others)}",
-        f"computed again without pose {read.poses[k]}",
+        f"recomputed without pose {read.poses[k]}",
         before=1e3 * size,
         after=1e3 * others,
         unit="mm",

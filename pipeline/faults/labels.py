@@ -96,9 +96,9 @@ def _finding(
     return Mistake(
         name="label_swap",
         where=group,
-        evidence=f"in {group} the names {said} ({', '.join(at)}) are exchanged: as given a "
-        f"reflector stands {before:.0f} mm from where it should be, where the other one is",
-        correction=f"computed again with {said} of {group} exchanged",
+        evidence=f"in {group} the names {said} ({', '.join(at)}) are exchanged: as recorded, a "
+        f"reflector is {before:.0f} mm from its expected position, at that of the other one",
+        correction=f"recomputed with {said} of {group} exchanged",
         before=before,
         after=after,
         unit="mm",
@@ -179,7 +179,7 @@ def _chain(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
             evidence=f"in {group} the names {near} and {far} ({', '.join(at)}) are exchanged: "
             f"{near} is {1e3 * a:.0f} mm from the load point and {far} {1e3 * b:.0f} mm, against "
             "all others",
-            correction=f"computed again with {near} and {far} of {group} exchanged",
+            correction=f"recomputed with {near} and {far} of {group} exchanged",
             before=1e3 * a,
             after=1e3 * b,
             unit="mm",

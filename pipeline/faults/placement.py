@@ -45,9 +45,9 @@ def placement(case: Case) -> list[Mistake]:
         Mistake(
             name="sign_or_convention",
             where="base_frame",
-            evidence=f"{says}: brought there, the unloaded reflectors stand {1e3 * free:.1f} mm "
-            "from where the robot's table puts them",
-            correction="computed again with the readings brought there"
+            evidence=f"{says}: after transforming them, the unloaded reflectors are "
+            f"{1e3 * free:.1f} mm from where the robot file places them",
+            correction="recomputed with the readings transformed into it"
             + ("" if base else "; fill in [base_frame]"),
             before=1e3 * before,
             after=1e3 * free,
@@ -75,7 +75,7 @@ def _placed(turn: Array, shift: Array, case: Case) -> Case:
 
 FAULT = Fault(
     "sign_or_convention",
-    "mixed-up sign or axis convention",
+    "wrong sign or axis convention",
     lambda asked: placement(asked.case),
     in_files=True,
 )

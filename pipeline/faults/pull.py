@@ -50,11 +50,11 @@ def reversed_pull(case: Case, estimate: Estimate) -> list[Mistake]:
             where="pull_reversed",
             evidence=f"the pull is reversed: {negative} of {known.sum()} clear compliances are "
             f"negative, the robot would move against the force{seen}",
-            correction="computed again with weights pulling the other way in F_b"
+            correction="recomputed with weights pulling the other way in F_b"
             if _hangs(case)
-            else f"computed again with {names} exchanged"
+            else f"recomputed with {names} exchanged"
             if case.settings.displacements is None
-            else "computed again with all forces turned round",
+            else "recomputed with all forces reversed",
             before=float(against),
             after=1 - float(against),
             unit="1",
@@ -132,7 +132,7 @@ def force_unit(case: Case, estimate: Estimate) -> list[Mistake]:
             evidence=f"the numbers of the scale {said}: all stiffnesses come out "
             f"{np.exp(abs(given.g)):.2g} times too {size} "
             f"against the robot's nominal ones, and {unit} is {FORCE[unit]:.4g} N",
-            correction=f"computed again with all forces times {factor:.4g}",
+            correction=f"recomputed with all forces times {factor:.4g}",
             before=float(np.exp(-given.g)),
             after=float(np.exp(-right[best].g)),
             unit="1",
@@ -162,7 +162,7 @@ def _times(forces: pa.Table, factor: float) -> pa.Table:
 
 REVERSED = Fault(
     "sign_or_convention",
-    "mixed-up sign or axis convention",
+    "wrong sign or axis convention",
     lambda asked: reversed_pull(asked.case, asked.estimate),
     in_forces=True,
 )

@@ -276,7 +276,7 @@ def bad_reading(
         where,
         f"the reading {where} ({row['file']}:{row['line']}) is {length(size)} off "
         f"from where {others} put it, {apart(sigmas)}",
-        f"computed again without {where}",
+        f"recomputed without {where}",
         before=sigmas,
         size=size,
         p_value=p,

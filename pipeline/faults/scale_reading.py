@@ -172,7 +172,7 @@ def _finding(
         f"the reading {where} (line {row['line']}) says {said}{given / one:.6g} {unit}, and "
         f"all other pulls agree with {fits / one:.6g} +- {normal**-0.5 / one:.2g} {unit}, "
         f"{sigmas:.0f} standard deviations away",
-        "computed again without this pull",
+        "recomputed without this pull",
         before=sigmas,
         size=abs(given - fits) / one,
         size_unit=unit,

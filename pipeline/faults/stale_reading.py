@@ -19,7 +19,7 @@ def stale(case: Case) -> list[Mistake]:
         outlying(
             f"{one.group}/{one.target}",
             f"the reading {one.group}/{one.target} ({one.file}:{one.line}) repeats that of "
-            f"{one.of} before it to the last digit: it was not taken anew",
+            f"{one.of} before it to the last digit: it was not measured again",
             "computed without this pull, whose direction is unknown",
             before=0.0,
             unit="mm",

@@ -72,7 +72,7 @@ def _finding(
         name,
         f"the target {name} was read {told}, and the distances between the others are right: its "
         f"place in [tool] is wrong by {1e3 * size:.0f} mm",
-        f"computed again with {name} at [{where}] m, where the readings put it",
+        f"recomputed with {name} at [{where}] m, where the readings put it",
         before=1e3 * float(np.abs(seen - stated)[pairs].max()),
         unit="mm",
         size=size,

@@ -82,7 +82,7 @@ def above(text: Text, header: int, delimiter: str, numbers: Sequence[int]) -> li
         delimiter: What separates cells.
         numbers: Places of cells that hold a number in every row; remarks have none there.
     """
-    reason = "the row stands above the header; move it below"
+    reason = "the row is above the header; move it below"
     rows = ((n, cells_or_none(line, delimiter) or []) for n, line in text.lines(1, header - 1))
     return [
         (number, reason)

@@ -121,7 +121,7 @@ def typed(file: Titled, wanted: Sequence[Quantity], said: LogForm, where: str | 
         early = tuple((name, line, reason) for line, reason in file.above)
         log = replace(log, rejected=early + log.rejected)
         if not len(log.line) + len(log.rejected):
-            raise InputError("there is no row in it, nothing but a header", "export it again")
+            raise InputError("there is no row in it, only a header", "export it again")
     return _possible(log, [q.stem for q in wanted if q.units])
 
 
@@ -135,7 +135,7 @@ def known_columns(said: LogForm, where: str, quantities: Sequence[Quantity]) -> 
     for title, ours in said.columns.items():
         if ours.lower() not in {name.lower() for name in names}:
             raise InputError(
-                f'[{where}.columns] calls "{title}" {ours}, which is no column of ours',
+                f'[{where}.columns] calls "{title}" {ours}, which is no known column',
                 f"did you mean {near[0]}?"
                 if (near := get_close_matches(ours, names, 1))
                 else f"there are {listed(names, most=40)}",

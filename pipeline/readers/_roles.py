@@ -132,7 +132,7 @@ def _one_target(table: Table, sets: Sequence[Triple]) -> None:
         told = all(names) and not any(is_quantity(one) or is_number(one) for one in names)
         if len({*names}) > 1 and told:
             raise InputError(
-                f"each row holds x, y, z of several targets ({listed(dict.fromkeys(names))})",
+                f"each row contains x, y, z of several targets ({listed(dict.fromkeys(names))})",
                 "write a row for each target, with its name: time,target,x_mm,y_mm,z_mm",
                 line=table.sheet.header,
             )

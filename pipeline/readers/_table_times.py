@@ -66,7 +66,7 @@ def _no_times_elsewhere(cells: Sequence[str], header: Header) -> None:
     for column, cell in zip(header.columns, cells, strict=False):
         if not column.role and _time.form_of(cell):
             raise InputError(
-                f'column "{shown(column.title)}" holds times, but is not called time',
+                f'column "{shown(column.title)}" contains times, but is not called time',
                 "call it time, or say what it is in [tracker.mapping] of campaign.toml",
             )
 

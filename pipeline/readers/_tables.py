@@ -193,7 +193,7 @@ def _below_nominal(table: Rows, text: Text, header: Header) -> Rows:
     above = np.searchsorted(starts, table.line) - 1
     measured = np.array([k < 0 or said[k] == "measured" for k in above.tolist()], dtype=bool)
     known = tuple((n, why) for n, why in table.rejected if n not in marks)
-    reason = "it stands below a line of nominal points; remove that line if it was measured"
+    reason = "it is below a line of nominal points; remove that line if it was measured"
     return replace(table, rejected=known).only(measured, reason)
 
 

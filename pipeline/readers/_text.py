@@ -138,7 +138,7 @@ def refuse_other_programs(name: str, begin: bytes) -> None:
         raise InputError(_ZERO, "export it as text", file=name)
 
 
-_ZERO = "the file is not text (it holds zero bytes)"
+_ZERO = "the file is not text (it contains zero bytes)"
 
 
 def _as_utf8(data: bytes) -> tuple[bytes, str]:

@@ -97,7 +97,7 @@ def _assigned(export: Export, names: _Names, name: str) -> Export:
     if export.rows != len(names):
         raise InputError(
             f"the export has {export.rows} rows but {name} assigns {len(names)}, "
-            "so nobody knows which is which",
+            "so that the rows cannot be matched",
             f"make {name} say what every row of the export is",
             file=export.file,
         )

@@ -120,9 +120,7 @@ class Inspection:
     def _times(self) -> str:
         if self.time_first:
             return f"{self.time_first} to {self.time_last}"
-        return (
-            f"none; {self.untimed} holds no times that can be trusted" if self.untimed else "none"
-        )
+        return f"none; {self.untimed} contains no reliable times" if self.untimed else "none"
 
 
 def _faces_in_words(faces: dict[str, Any]) -> str:
@@ -144,7 +142,7 @@ _WHY = {
     "stated": "as stated",
     "empty": "empty",
     "untold": "",
-    "untimed": "holds no times that can be trusted",
+    "untimed": "contains no reliable times",
 }
 """What says what a column is, in words."""
 

@@ -182,7 +182,7 @@ def _resting(log: Log) -> Bools:
         return zero
     for k in np.flatnonzero(zero & pose.duplicated(keep="last").to_numpy())[:1]:
         raise InputError(
-            "without a column repeat nobody knows whether this row of force 0 is the unloaded "
+            "without a column repeat it is ambiguous whether this row of force 0 is the unloaded "
             "state or a pull, and which pulls the rows after it are",
             "correct or remove the row, or add the column repeat with 0 for the unloaded state",
             file=log.file,
@@ -203,7 +203,7 @@ def _counted(log: Log, resting: Bools) -> Log:
     if log.rejected and pose.duplicated().any() and "group" not in log.word:
         _, line, reason = log.rejected[0]
         raise InputError(
-            f"without a column repeat nobody knows which pulls the rows after this one are: "
+            f"without a column repeat it is ambiguous which pulls the rows after this one are: "
             f"{reason.partition('; ')[0]}",
             "correct the row, or add the column repeat",
             file=log.file,

@@ -302,7 +302,8 @@ def _whole_points(table: Table, reading: Reading, draft: _Draft) -> None:
     names = {cell.lower() for cell in table.content[place].cells} if place is not None else set()
     if len(names) > 1 and names <= {*"xyz"}:
         raise InputError(
-            f"each row holds one axis of a point ({listed(sorted(names))}), not x, y and z of one",
+            f"each row contains one coordinate of a point ({listed(sorted(names))}), not x, y and "
+            f"z of one",
             "export one row for each point",
             line=draft.line,
         )

@@ -412,7 +412,7 @@ def once(shots: Shots, width: int) -> Shots:
 
 @dataclass(frozen=True)
 class Stale:
-    """A reading that repeats the one before it to the last digit: it was not taken anew.
+    """A reading that repeats the one before it to the last digit: it was not measured again.
 
     Attributes:
         group: Its group.

@@ -254,7 +254,7 @@ def _some_reading(exports: Mapping[str, Export]) -> None:
         if unread := _shots.unread(exports):
             raise _nothing_left(unread)
         raise InputError(
-            "there is no reading in it, nothing but a header",
+            "there is no reading in it, only a header",
             "export the readings, or correct files in [tracker]",
             file=next(iter(exports)),
         )

@@ -244,13 +244,14 @@ def in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) -> 
     if not len(pull):
         raise InputError(
             f"no pull has all targets of a measured pose ({listed(effector.targets)})",
-            'export them all, or say measures = "points" in [instrument]',
+            'export them all, or set measures = "points" in [instrument]',
             file="campaign.toml",
         )
     if said.sigma_rad is not None and not data.noise_stated:
         raise InputError(
-            "[instrument] states sigma_rad, and nothing the noise of the positions beside it",
-            "state [tracker] sigma_m, too, or leave sigma_rad out and let the data tell both",
+            "[instrument] states sigma_rad but no noise of the positions",
+            "state [tracker] sigma_m, too, or leave sigma_rad out so that both are estimated from "
+            "the data",
             file="campaign.toml",
         )
     here = configure(robot, data.pulls.q[pull])

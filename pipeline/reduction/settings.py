@@ -329,7 +329,7 @@ class Instrument(Strict):
     def a_rotation_is_of_poses(self) -> Instrument:
         """Points do not turn."""
         if self.sigma_rad is not None and self.measures == "points":
-            raise ValueError('sigma_rad is that of a pose: say measures = "poses"')
+            raise ValueError('sigma_rad is that of a pose: set measures = "poses"')
         return self
 
 
@@ -420,10 +420,10 @@ class Settings(Surrounded):
             )
         if self.positions is not None and (*ways[:2], self.scale) != (None, None, None):
             raise ValueError(
-                "has [positions] beside [tracker], [scale] or [displacements]; keep one way in"
+                "has [positions] beside [tracker], [scale] or [displacements]; keep one of them"
             )
         if self.displacements is not None and (self.tracker is not None or self.scale is not None):
-            raise ValueError("has [displacements] beside [tracker] or [scale]; keep one way in")
+            raise ValueError("has [displacements] beside [tracker] or [scale]; keep one of them")
         return self
 
     @model_validator(mode="after")
@@ -450,7 +450,7 @@ class Settings(Surrounded):
             )
         if self.test_pose is None and self.tolerance.path is None:
             raise ValueError(
-                "has [tolerance] and says not where: give [test_pose], or path in [tolerance]"
+                "has [tolerance] but no place to apply it: give [test_pose], or path in [tolerance]"
             )
         return self
 
@@ -477,7 +477,7 @@ class Settings(Surrounded):
         for part, names in parts.items():
             for name in names:
                 if seen.setdefault(name, part) != part:
-                    raise ValueError(f'"{name}" stands in {seen[name]} and in {part}; rename one')
+                    raise ValueError(f'"{name}" is in {seen[name]} and in {part}; rename one')
             if twice := sorted({name for name in names if names.count(name) > 1}):
                 raise ValueError(f"{part} has {listed(twice)} twice; name each reflector once")
         return self

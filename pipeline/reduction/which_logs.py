@@ -187,5 +187,5 @@ def _readable(read: Callable[[LogForm], Log], form: LogForm) -> bool:
     try:
         read(form)
     except InputError as problem:
-        return "nothing but a header" in problem.thing
+        return "only a header" in problem.thing
     return True

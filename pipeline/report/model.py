@@ -79,7 +79,7 @@ def compose(
         first=(*_first(answer), *([Item("Wear", wear)] if wear else [])),
         sections=present(sections),
         judged=_judged(answer),
-        elsewhere="The same stands in index.html and report.pdf, the numbers in result.json.",
+        elsewhere="The same report is in index.html and report.pdf, the numbers in result.json.",
         run_time=None if run_time_s is None else f"{run_time_s:.1f} s",
     )
 

@@ -168,8 +168,11 @@ def _robot(
     if sum(map(trusted, answers)) < 2:
         return (Text("Fewer than two campaigns whose readings a model explains: no comparison."),)
     found = trends(answers)
+    called = {joint.name: joint.called for one in answers for joint in one.stiffness}
     surely = [
-        Text(f"{t.name} changed by more than chance explains.", "finding") for t in found if t.sure
+        Text(f"{called.get(t.name, t.name)} changed by more than chance explains.", "finding")
+        for t in found
+        if t.sure
     ]
     names = changed_of(answers, None)
     return (*surely, _trend_table(place, found), _history_figure(place, name, answers, names))
@@ -258,7 +261,8 @@ def comparison(
         robots: Whose they are, where that is not the same.
     """
     found = changes(before, after, independent=covariances is not None)
-    surely = [c.name for c in found if c.sure]
+    called = {joint.name: joint.called for joint in after}
+    surely = [called[c.name] for c in found if c.sure]
     if covariances is None:
         verdict, tone, told = "Not tested", "neutral", not_tested
     elif surely:

@@ -100,7 +100,7 @@ def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
             ]
         ),
         run_time=f"{seconds:.1f} s",
-        elsewhere=f"The same stands in sheet.html and sheet.pdf, the numbers in design.json, the "
+        elsewhere=f"The same sheet is in sheet.html and sheet.pdf, the numbers in design.json, the "
         f"plan in data/plans/{name}.toml.",
     )
 
@@ -133,7 +133,8 @@ def _visibility(sights: list[Sight]) -> str:
     noticed = sum(sight.detected_from <= 1 for sight in sights)
     named = sum(sight.named_from <= 1 for sight in sights)
     return (
-        f"Of {len(sights)} causes that the model may lack, each of its usual size, it would notice "
+        f"Of {len(sights)} causes that the model may lack, each of its typical magnitude, it "
+        f"would detect "
         f"{noticed} and name {named}."
     )
 
@@ -243,15 +244,15 @@ def _reading_only(proposal: Proposal) -> Section | None:
     ]
     return section_of(
         "unpulled",
-        "Poses without a pull",
+        "Unloaded poses",
         [
             Text(
-                f"Take the chain off and read every reflector {often} at these poses. They tell of "
-                f"the robot's table, not of stiffness: {worth_unpulled(found)}."
+                f"Remove the chain and measure every reflector {often} at these poses. They "
+                f"identify the DH parameters, not the stiffnesses: {worth_unpulled(found)}."
             ),
             table_of(
                 "unpulled",
-                "Drive to and read",
+                "Poses to measure",
                 columns,
                 range(len(q)),
                 "Rail in m, the others in degrees." if robot.prismatic.any() else "In degrees.",
@@ -379,7 +380,7 @@ def _seeing(sights: list[Sight], axes: words.Axes) -> Section | None:
     ]
     table = table_of(
         "sights",
-        "Smallest sizes, in multiples of the usual size",
+        "Smallest sizes, in multiples of the typical magnitude",
         columns,
         sorted(sights, key=lambda sight: sight.named_from),
         "Noticed: in 80 % of the cases at 1 % false alarms for all causes together. Named: 4.6 "
@@ -395,33 +396,33 @@ _LEAST = 10
 
 
 def _controlling(problem: Problem, controls: Sequence[Control]) -> Section | None:
-    """Which readings nobody controls: those to take twice."""
+    """Uncontrolled observations and those of least redundancy: to be taken twice."""
     if not controls:
         return None
     joints = problem.robot.joints
     columns: list[Cells[Control]] = [
         said("Reading", _reading),
         number("Redundancy", lambda one: one.r, roughly),
-        said("Smallest visible error", lambda one: words.size(one.visible, _UNIT[one.source])),
+        said("Minimal detectable bias", lambda one: words.size(one.visible, _UNIT[one.source])),
         number("Moves by [σ]", lambda one: one.moves, roughly),
         said("Which", lambda one: f"k_{joints[one.most - 1].name}"),
     ]
     worst = max(controls, key=lambda one: one.moves)
     told = (
         f"An error that would go unnoticed does most harm in the {_reading(worst)}: up to "
-        f"{words.size(worst.visible, _UNIT[worst.source])} of it stays unseen and moves "
+        f"{words.size(worst.visible, _UNIT[worst.source])} of it remains undetected and shifts "
         f"k_{joints[worst.most - 1].name} by {plain(worst.moves, 2)} standard uncertainties."
     )
     if not np.isfinite(worst.moves):
-        told = f"Nothing controls the {_reading(worst)}: take it twice."
+        told = f"The {_reading(worst)} is an uncontrolled observation: take it twice."
     note = (
-        "Redundancy is the part of an error that the residuals show, 0 to 1. The smallest visible "
-        "error is found in 80 % of the cases at 0.1 % false alarms; the last two columns say what "
-        "it would move most. Readings of chain and base are no part of a plan."
+        "Redundancy is the part of an error that the residuals show, 0 to 1. The minimal "
+        "detectable bias is found in 80 % of the cases at 0.1 % false alarms; the last two "
+        "columns say what it would move most. Readings of chain and base are no part of a plan."
     )
-    title = "The readings that the others control least"
+    title = "Readings of least redundancy"
     table = table_of("control", title, columns, controls[:_LEAST], note)
-    return section_of("control", "Which readings nobody controls", [Text(told), table])
+    return section_of("control", "Uncontrolled observations", [Text(told), table])
 
 
 _UNIT = {"tracker": "m", "zero": "m", "force_reading": "N"}

@@ -57,7 +57,7 @@ VERDICTS = {
 }
 
 _OUT = ("Deflection out of tolerance", "bad")
-_OPEN = ("Deflection neither in nor out of tolerance for certain", "attention")
+_OPEN = ("Conformity with the tolerance undecided", "attention")
 
 JUDGED = {
     (Decision.PASS, False): ("Deflection within tolerance", "good"),

@@ -279,7 +279,7 @@ _RELIABILITY = {
     "axis": ("axis", None),
     "r": ("redundancy [1]", 1.0),
     "w": ("standardised residual [1]", 1.0),
-    "smallest_visible": ("smallest detectable error", 1.0),
+    "smallest_visible": ("minimal detectable bias", 1.0),
     "unit": ("unit", None),
     "moves_sigmas": ("moves [standard uncertainties]", 1.0),
     "moves_most": ("of", None),

@@ -152,7 +152,7 @@ def _read(notes: Notebook, hit: int, at: Array) -> Notebook:
 def _label_swap(
     notes: Notebook, where: str, size: Array, rng: np.random.Generator
 ) -> tuple[Notebook, str]:
-    """Two targets of one group carry each other's names."""
+    """Two targets of one group have each other's names."""
     groups = notes.readings.group
     of_pose = sorted({g for g in groups if g.endswith(("loaded", "unloaded"))})
     group = _known(where, of_pose) if where else str(rng.choice(of_pose))

@@ -183,7 +183,9 @@ class Campaign:
             InputError: Missing, unreadable, too large, outside the folder, or still growing.
         """
         if not is_printable(name):
-            raise InputError("its name holds signs that cannot be shown", "rename it", file=name)
+            raise InputError(
+                "its name contains characters that cannot be displayed", "rename it", file=name
+            )
         path, home = self.folder / name, os.path.realpath(self.folder)
         if not Path(os.path.realpath(path)).is_relative_to(home):
             raise InputError(
@@ -241,7 +243,9 @@ class Campaign:
         try:
             lock.acquire(timeout=0)
         except Timeout:
-            sys.stderr.write(f"{self.name}: another run holds this campaign; waiting for it.\n")
+            sys.stderr.write(
+                f"{self.name}: another run is processing this campaign; waiting for it.\n"
+            )
             lock.acquire()
             return True
         return False
@@ -254,7 +258,7 @@ class Campaign:
         other = self.root / source
         if os.path.isfile(other / "campaign.toml") and other.resolve() != self.folder.resolve():
             raise InputError(
-                f"{self.reports} holds the results of another folder named {self.name}, {other}",
+                f"{self.reports} contains the results of another folder named {self.name}, {other}",
                 "rename one of the two folders",
             )
 
@@ -474,9 +478,9 @@ _LONGEST = 120
 def unfit(name: str) -> str | None:
     """Why a folder of this name can be no campaign; None where it can."""
     if not is_printable(name):
-        return "the name of its folder holds signs that cannot be shown"
+        return "the name of its folder contains characters that cannot be displayed"
     if not name.strip() or name[0] == "." or "/" in name or "\\" in name:
-        return "the name of its folder is empty, begins with a dot or holds a slash"
+        return "the name of its folder is empty, begins with a dot or contains a slash"
     if len(os.fsencode(name)) > _LONGEST:
         return f"the name of its folder has more than {_LONGEST} bytes"
     return "the name of its folder is one of our own files" if _OURS.fullmatch(name) else None
@@ -503,7 +507,7 @@ def _within(folder: Path, deepest: int) -> Iterator[str]:
             raise InputError(thing, "check its permissions", file=inner or folder.name) from problem
         seen += len(entries)
         if seen >= _MOST_ENTRIES:
-            thing = f"the folder holds more than {_MOST_ENTRIES} files"
+            thing = f"the folder contains more than {_MOST_ENTRIES} files"
             raise InputError(thing, "keep only those of the campaign", file="campaign.toml")
         for entry in entries:
             if not entry.is_dir(follow_symlinks=False):

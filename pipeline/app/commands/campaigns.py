@@ -169,9 +169,7 @@ def _asked(said: Proposal, robot: str | None) -> Known:
     if "mass" in said.unsure:
         mass_sigma_kg = _size("Standard uncertainty of one weight [kg]", MASS, "kg")
     warm = (
-        _number("Temperature of rail and base [degC]", "Enter: nobody knows")
-        if said.exports
-        else None
+        _number("Temperature of rail and base [degC]", "Enter: not known") if said.exports else None
     )
     frames = [("the flange frame", ["load_point", *said.measured]), ("F_b", said.base)]
     asked = [(name, frame) for frame, names in frames for name in names if said.measured]

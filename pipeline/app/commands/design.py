@@ -27,7 +27,8 @@ def design(
     poses: Annotated[int | None, Option(help="Number of poses m_0.")] = None,
     readings: Annotated[int | None, Option(help="Total number of pulls n.")] = None,
     unloaded: Annotated[
-        int | None, Option(help="Further poses, read without a pull, for the robot's table.")
+        int | None,
+        Option(help="Number of additional unloaded poses, to identify the DH parameters."),
     ] = None,
     step: Steps = None,
     anchor: Annotated[

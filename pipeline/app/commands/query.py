@@ -62,7 +62,7 @@ def _format(form: str | None, output: Path | None, known: tuple[str, ...]) -> st
 @app.command(short_help="Estimate from all campaigns how common and how large causes are.")
 def priors(
     robot: Annotated[
-        str, Option(help="Name of the built-in robot whose causes are asked for.")
+        str, Option(help="Name of the built-in robot whose causes are listed.")
     ] = "kr500_rail",
     root: Root = Path(),
 ) -> None:

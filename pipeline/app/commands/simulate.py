@@ -47,7 +47,7 @@ def simulate(
         list[str] | None,
         Option(
             help="Hidden cause, NAME[:where][=size], with the size in SI units or as a multiple of "
-            "its usual size, such as 2x; repeat the option for more."
+            "its typical magnitude, such as 2x; repeat the option for more."
         ),
     ] = None,
     dialect: Annotated[str | None, Option(help="Format of the tracker export.")] = None,
@@ -142,7 +142,7 @@ def effects(
     robot: Annotated[str, Option(help="Name of a built-in robot, or a robot file.")] = "kr500_rail",
     as_json: AsJson = False,
 ) -> None:
-    """List the causes of misfit that the diagnosis knows, with usual sizes and signatures."""
+    """List the causes of misfit that the diagnosis knows, with magnitudes and signatures."""
     from pipeline.machine.effects import listing
     from pipeline.machine.robot import load
 

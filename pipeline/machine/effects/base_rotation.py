@@ -28,7 +28,8 @@ _SAID: dict[str, Any] = {
     "place": "metrology",
     "shows_unloaded": True,
     "parameters": tuple(Parameter(f"e_{axis}", "rad", 2e-3, -0.1, 0.1) for axis in "xyz"),
-    "signature": "displacements and forces are turned together against the robot; lengths stay",
+    "signature": "displacements and forces are rotated together against the robot; lengths do not "
+    "change",
     "needs": "more base reflectors, or the unloaded absolute positions with the tool's coordinates "
     "known",
     "source": "e x dp - A(e x f) x; 2 mrad with base reflectors whose nominal coordinates are poor",

@@ -58,7 +58,7 @@ def _effect(robot: Robot, where: str, short: str, near: int, far: int, form: str
             Parameter(f"c_{short}_out_of_plane", "rad/(N m)", c / 5, 0.0, 5 * c),
         ),
         signature=f"everything behind the {where.replace('_', ' ')} turns about its middle; "
-        "a near twin of the tilt of the joint it hangs on",
+        "hardly distinguishable from the tilt of the joint that carries it",
         needs="reflectors at the elbow",
         source="beam theory; 2e7 to 4e7 N m/rad per axis is an estimate",
         carrier=(near,) * (4 if beam else 2),

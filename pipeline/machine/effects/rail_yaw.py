@@ -10,5 +10,5 @@ effects = spring(
     noun="yaw of the carriage",
     parameter=Parameter("c_yaw", "rad/(N m)", 7e-09, 0.0, 5e-07),
     screw=partial(rotation, axis=UP),
-    signature="cannot be told from the compliance of joint 2, whose axis it shares",
+    signature="cannot be distinguished from the compliance of joint 2, whose axis it shares",
 )

@@ -44,8 +44,8 @@ def _effect(letter: Letter, value: float, axis: str | None) -> Table:
         where=letter.joint,
         shows_unloaded=True,
         parameters=(Parameter(f"{symbol}_{letter.joint}", letter.unit, _TYPICAL, -_MOST, _MOST),),
-        signature=f"the unloaded reflectors stand off as {symbol} of joint {letter.joint} in the "
-        "robot's table would move them; the displacements hardly show it",
+        signature=f"the unloaded reflectors are off by as much as the DH parameter {symbol} of "
+        f"joint {letter.joint} would move them; the displacements hardly show it",
         needs="the unloaded absolute positions, in F_b, with the tool's coordinates known",
         source="derivative of Eqs. (2), (4) by the entry; Hayati and Mirmirani, J. Robotic Systems "
         "2 (1985), for parallel axes",

@@ -145,7 +145,7 @@ def _assumed(tree: Tree, whole: Chain, rows: list[dict[str, Any]]) -> Iterator[s
     if turning:
         yield f"the URDF gives no range for {listed(turning)}"
     if beside := _beside(tree, whole):
-        yield f"what hangs on {listed(beside)}, beside the chain, is left out"
+        yield f"the links attached to {listed(beside)}, outside the chain, are left out"
 
 
 def _beside(tree: Tree, whole: Chain) -> list[str]:

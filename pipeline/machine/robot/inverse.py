@@ -168,7 +168,7 @@ class Arm(Locked):
         turned = f"{np.rad2deg(np.linalg.norm(turn) / _ARM_M):.1f} deg"
         return (
             f"the robot cannot reach it: the nearest it comes is {away} and {turned} away",
-            "correct the target, or the frames it stands in",
+            "correct the target, or the frames in which it is given",
         )
 
     def _outside(self, found: Array, start: Array, ranges: Sequence[Range]) -> tuple[str, str]:
@@ -177,14 +177,14 @@ class Arm(Locked):
         if ranges and any(self._turned(q, start, none) is not None for q in found):
             return (
                 "no arm configuration that reaches it is the one it states",
-                "correct it, the frames it stands in or [controller] of the robot file",
+                "correct it, the frames in which it is given or [controller] of the robot file",
             )
         nearest = min(found, key=lambda q: self._beyond(q)[1])
         joint, beyond = self._beyond(nearest)
         name = self.robot.joints[joint].name
         return (
             f"it is reached only with joint {name} {np.rad2deg(beyond):.1f} deg beyond its limit",
-            "correct the target, or the frames it stands in",
+            "correct the target, or the frames in which it is given",
         )
 
     def _beyond(self, q: Array) -> tuple[int, float]:
@@ -206,7 +206,7 @@ def _distinct(found: Sequence[Array]) -> list[Array]:
 
 def _several(count: int) -> tuple[str, str]:
     return (
-        f"{count} arm configurations reach it and nothing says which is meant",
+        f"{count} arm configurations reach it and none is specified",
         "give the joint values before it with --start",
     )
 

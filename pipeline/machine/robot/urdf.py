@@ -106,7 +106,7 @@ def read(text: str, file: str) -> Tree:
     links = tuple(_word(link, "name", "a link", file) for link in root.findall("link"))
     twice = [name for name, n in Counter(joint.child for joint in joints).items() if n > 1]
     if twice:
-        thing = f"link {twice[0]} hangs on several joints, a serial arm has one for each link"
+        thing = f"link {twice[0]} has several parent joints, and a link of a serial arm has one"
         raise InputError(thing, "remove the others, if the arm is one without them", file=file)
     bodies = dict(zip(links, (_body(one, file) for one in root.findall("link")), strict=True))
     return Tree(
@@ -126,7 +126,7 @@ def _root(text: str, file: str) -> ET.Element:
         ) from problem
     if any("xacro" in str(element.tag) for element in root.iter()):
         way_out = "expand it first (`xacro FILE.xacro > FILE.urdf`)"
-        raise InputError("holds xacro, which is no URDF yet", way_out, file=file)
+        raise InputError("contains xacro, which must be expanded to URDF first", way_out, file=file)
     if root.tag != "robot":
         thing = f"begins with <{root.tag}>, a URDF with <robot>"
         raise InputError(thing, "give the URDF of the robot", file=file)

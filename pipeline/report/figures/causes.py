@@ -170,7 +170,7 @@ def _write_separability(answer: Answer, tables: Tables) -> Figure | None:
     return Figure(
         "separability",
         "Which causes these readings can distinguish",
-        f"{said} Compared are the causes that at their usual size are at least {DETECTED:g} "
+        f"{said} Compared are the causes that at their typical magnitude are at least {DETECTED:g} "
         f"standard deviations above the scatter, so that they are almost certainly detected. Each "
         f"square is one pair. Pale: this campaign distinguishes the two. Dark: it does not, and "
         f"the pair needs another pose or another sensor. Above {APART} standard deviations the "

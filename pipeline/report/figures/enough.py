@@ -65,8 +65,9 @@ def _write_enough(answer: Answer, tables: Tables) -> Figure | None:
     widest = str(now.idxmax())
     said = (
         f"With all {int(curves.index[-2])} poses {widest} is the least certain, "
-        f"{percent(now[widest])}; half of them would have given {_known(half[widest])}, and all of "
-        f"them once more would give {_known(twice[widest])}."
+        f"{percent(now[widest])}; half of them would have given {_known(half[widest])}, and "
+        f"measuring all "
+        f"of them once more would give {_known(twice[widest])}."
     )
     return Figure(
         "enough",

@@ -51,7 +51,7 @@ def _draw_steps(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
             lambda share, mm: f"{plain(share)} % of the targets within {plain(mm, 2)} mm",
             color=colour,
         )
-    cumulative_axes(axes, "Distance from the prediction [mm]", "Left-out targets within [%]")
+    cumulative_axes(axes, "Distance from the prediction [mm]", "Held-out targets within [%]")
     return tips
 
 
@@ -62,10 +62,10 @@ def _write_steps(answer: Answer, tables: Tables) -> Figure:
     )
     return Figure(
         "position_steps",
-        "What each part of the model is worth",
+        "What each part of the model contributes",
         f"{said} Every tenth pose was left out and predicted from the others; the further left a "
         "curve, the better.",
-        f"Cumulative curves of the distance of left-out targets from their prediction. {said}",
+        f"Cumulative curves of the distance of held-out targets from their prediction. {said}",
     )
 
 
@@ -126,7 +126,7 @@ def _write_curves(answer: Answer, tables: Tables) -> Figure:
     said = "" if largest is None or largest.law is None else f"{largest.law.text.capitalize()}. "
     return Figure(
         "curves",
-        "What joints turn more than their encoders say",
+        "Transmission error of each joint",
         f"{said}Each dot is the mean of poses with neighbouring joint values, all else as "
         "identified, with its standard uncertainty. The band has two standard uncertainties; where "
         "no pose was measured it is as wide as the curves are high.",

@@ -123,7 +123,7 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
         f"{said} Each point is the motion, or the parameter, estimated from one pull alone with "
         "everything else as identified. Points that bend away from the law indicate a cause of "
         "another form.",
-        f"What each pull says of {len(told)} laws, over what they depend on. {said}",
+        f"Estimates from each pull of {len(told)} laws, over the variable of each law. {said}",
     )
 
 

@@ -128,7 +128,7 @@ def _write_pose_rms(answer: Answer, tables: Tables) -> Figure:
     )
     left_out = poses["left_out"].dropna()
     if len(left_out):
-        said += f" Left out of the estimate, the worst is missed by {plain(left_out.max())} mm."
+        said += f" In cross-validation the largest error of a pose is {plain(left_out.max())} mm."
     return Figure(
         "pose-rms",
         "Residual of each pose",
@@ -194,7 +194,7 @@ def _write_whitened(answer: Answer, tables: Tables) -> Figure | None:
         "whitened",
         "Residuals in standard deviations",
         f"{said} Bars that follow the curve are noise as assumed; wide shoulders are a missing "
-        f"effect or a noise stated too small.",
+        f"effect or noise that is stated too small.",
         f"Histogram of weighted residuals with the normal curve. {said}",
     )
 

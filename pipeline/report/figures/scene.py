@@ -294,7 +294,7 @@ def _did(vectors: pd.DataFrame, answer: Answer) -> str:
     if vectors.empty:
         return "No reflector was read."
     words = (
-        ("Off the nominal robot by", "off the identified one by")
+        ("Largest deviation from the nominal robot", "from the identified one")
         if answer.of_positions
         else ("Largest deflection", "largest residual")
     )
@@ -348,7 +348,7 @@ def _along(answer: Answer) -> str:
 
 def _of_all(poses: pd.DataFrame) -> str:
     """How the poses were chosen, where not all are drawn."""
-    return "" if len(poses) < MOST else ", those with the largest residuals and an even choice"
+    return "" if len(poses) < MOST else ", those with the largest residuals and an even selection"
 
 
 SCENE = Plot("scene", ("scene", "poses", "vectors"), _write, _draw, _live)

@@ -29,7 +29,8 @@ def _poses(answer: Answer, tables: Tables) -> Table | None:
         number("Pulls", lambda one: one.pulls, str),
         number("Force [N]", lambda one: one.force_n),
     ]
-    names = ("Off the nominal robot", "Off the identified one") if answer.of_positions else (
+    off = ("Deviation from the nominal robot", "Deviation from the identified robot")
+    names = off if answer.of_positions else (
         "Deflection", "Residual"
     )  # fmt: skip
     columns: list[Cells[Any]] = [
@@ -38,7 +39,7 @@ def _poses(answer: Answer, tables: Tables) -> Table | None:
         *(() if answer.of_positions else loads),
         *(_millimetres(name, k, did) for k, name in enumerate(names)),
     ]
-    note = "Of each pose the largest force, and the reflector with the largest value."
+    note = "Largest force of each pose, and the largest value of its reflectors."
     rows = each_row(tables["poses"])
     return table_of("poses", "The poses of the picture", columns, rows, note)
 

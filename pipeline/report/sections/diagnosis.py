@@ -105,7 +105,7 @@ def _unnamed_sentence(other: Unnamed, axes: words.Axes) -> str:
         said.append(f"The probability that it is none of the known causes is {chance}{looks}.")
     if other.as_good:
         alike = listed([_as_good(one) for one in other.as_good[:_ALIKE]])
-        said.append(f"Laws outside the catalogue that predict as well in its place: {alike}.")
+        said.append(f"Laws outside the catalogue that predict equally well in its place: {alike}.")
     return " ".join(said)
 
 
@@ -113,7 +113,7 @@ def _as_good(one: AsGood) -> str:
     low, high = map(percent, one.ci95)
     return (
         f"{words.placed(one)} (cross-validation error {percent(one.reduction)} less, {low} to "
-        f"{high}; at {plain(one.times_typical, 2)} times a usual size)"
+        f"{high}; at {plain(one.times_typical, 2)} times the typical magnitude)"
     )
 
 
@@ -141,7 +141,7 @@ def _gain_sentences(what: str, one: Cause) -> str:
     """What a cause is worth, or all of them: `what` is in the model, or put right."""
     if one.gain is None:
         return ""
-    how = f"{what} put right" if one.evidence else f"{what} in the model"
+    how = f"{what} corrected" if one.evidence else f"{what} in the model"
     return " ".join((*_error_falls(how, one.gain), *_test_pose_changes(one.gain)))
 
 

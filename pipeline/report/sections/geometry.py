@@ -20,7 +20,7 @@ _NAMES = {
 
 
 def geometry(answer: Answer, tables: Tables) -> Section | None:
-    """What each part of the model is worth."""
+    """What each part of the model contributes."""
     blocks = [
         _steps(answer),
         *figures(("position_steps",), answer, tables),
@@ -54,17 +54,17 @@ def letters(answer: Answer) -> Section | None:
 
 def _steps(answer: Answer) -> Table | None:
     columns: list[Cells[PositionStep]] = [
-        said("The model holds", lambda one: one.model),
-        number("Every tenth pose left out [mm]", lambda one: one.between_mm, roughly),
-        number("A tenth of joint space left out [mm]", lambda one: one.space_mm, roughly),
-        number("One series left out [mm]", lambda one: one.series_mm, roughly),
+        said("The model includes", lambda one: one.model),
+        number("Every tenth pose held out [mm]", lambda one: one.between_mm, roughly),
+        number("A tenth of joint space held out [mm]", lambda one: one.space_mm, roughly),
+        number("One series held out [mm]", lambda one: one.series_mm, roughly),
     ]
     return table_of(
         "position_steps",
-        "Mean distance of left-out targets from their prediction",
+        "Mean distance of held-out targets from their prediction",
         columns,
         answer.position_steps,
-        "Each model holds what stands above it, too.",
+        "Each model includes the parts in the rows above it.",
     )
 
 
@@ -98,20 +98,20 @@ def _letters(answer: Answer) -> Table | None:
     columns: list[Cells[Letter]] = [
         said("Joint", lambda one: one.where),
         said("Parameter", lambda one: _NAMES.get(one.name, one.name)),
-        number("As delivered [mm or deg]", lambda one: _scaled(one, one.nominal), plain),
+        number("Nominal [mm or deg]", lambda one: _scaled(one, one.nominal), plain),
         measured(
-            "Identified minus delivered [mm or mrad]",
+            "Identified minus nominal [mm or mrad]",
             lambda one: (1e3 * (one.value - one.nominal), 1e3 * one.std),
         ),
         said("Determined", lambda one: "yes" if one.identifiable else "no"),
     ]
     return table_of(
         "letters",
-        "Geometric parameters as delivered and as identified",
+        "Geometric parameters, nominal and identified",
         columns,
         answer.geometry,
         "A parameter that is not determined moves the targets as others do, or hardly at all; it "
-        "keeps the uncertainty of a table as delivered.",
+        "keeps the prior uncertainty of the nominal DH parameters.",
     )
 
 
@@ -119,13 +119,13 @@ def _together(answer: Answer) -> Table | None:
     columns: list[Cells[TableCombination]] = [
         said("Combination", _sum),
         measured(
-            "Identified minus delivered [mm or mrad]",
+            "Identified minus nominal [mm or mrad]",
             lambda one: (1e3 * one.value, 1e3 * one.std),
         ),
     ]
     return table_of(
         "letter_combinations",
-        "Parameters that only together are determined",
+        "Parameters that are determined only in combination",
         columns,
         answer.geometry_combinations,
         "These move the targets as one, as offsets along parallel axes do. Enter what is found in "

@@ -76,7 +76,9 @@ def _counts(found: Identity) -> str:
     if found.force_n is None:
         return f"{found.poses} poses"
     least, most = (plain(force) for force in found.force_n)
-    beside = f"; {_counted(found.unloaded_only)} read without a pull" if found.unloaded_only else ""
+    beside = (
+        f"; {_counted(found.unloaded_only)} measured unloaded only" if found.unloaded_only else ""
+    )
     return f"{found.poses} poses, {found.pulls} pulls of {least} N to {most} N{beside}"
 
 

@@ -8,8 +8,8 @@ from pipeline.report.columns import Cells, number, said, table_of
 from pipeline.report.record import Section, Table, Text, section_of
 
 _LEFT_OUT = (
-    " and is left out of c = B x; where the noise is stated or found in repeats, the "
-    "uncertainties hold it."
+    " and is left out of c = B x; where the noise is stated or estimated from repeats, the "
+    "uncertainties include it."
 )
 
 _METHOD = (
@@ -23,12 +23,16 @@ _METHOD = (
 )
 
 OF_POSITIONS = (
-    "Readings of the targets are explained by the robot's table, its tool, one frame of the "
-    "instrument per series, springs of the joints under the weight of the arm, and laws by which "
-    "joints turn more than their encoders say; all are estimated at once by generalised least "
-    "squares about the robot where it stands. Beside the noise of the instrument each joint has an "
-    "error at each pose that no model holds; both are found by restricted maximum likelihood. "
-    "Lengths and angles of the table are expected to be off by what is found over all of them."
+    "Readings of the targets are explained by the robot's DH parameters, its tool, one frame of "
+    "the "
+    "instrument per series, springs of the joints under the weight of the arm, and laws of the "
+    "transmission errors of the joints; all are estimated at once by generalised least "
+    "squares about the robot where it stands. In addition to the noise of the instrument each "
+    "joint "
+    "has an error at each pose that no model describes; both are found by restricted maximum "
+    "likelihood. "
+    "The prior standard deviations of its lengths and of its angles are estimated from all of "
+    "them together."
 )
 """How absolute positions are explained."""
 
@@ -63,7 +67,10 @@ def _told(answer: Answer) -> str:
         else "The geometry is that of the unloaded robot.",
     ]
     if answer.recommended.model != Which.JOINT_SPRINGS:
-        told.append("Beside the springs the model holds what was identified, c = B x + Z z.")
+        told.append(
+            "In addition to the joint springs the model includes what was identified, "
+            "c = B x + Z z."
+        )
     size = plain(answer.fit.second_order_rms_mm, 2)
     told.append(f"The second order in the load amounts to {size} mm rms")
     return " ".join(told) + ("." if deformed else _LEFT_OUT)

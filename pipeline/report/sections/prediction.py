@@ -44,9 +44,9 @@ def _asked(pose: TestPose | None) -> Text | None:
     if pose is None:
         return None
     return Text(
-        f"At the load point, where the force acts: {expanded(pose)}. U holds the uncertainty of "
-        "the model, and is never below twice the error at poses that were left out of the "
-        "estimate, noise of the readings included."
+        f"At the load point, where the force acts: {expanded(pose)}. U includes the uncertainty of "
+        "the model and is never less than twice the cross-validation error, which includes the "
+        "noise of the readings."
     )
 
 

@@ -112,8 +112,11 @@ def _noise_table(found: Sequence[NoiseComponent]) -> Table | None:
         measured("Estimated over stated", lambda one: (one.found_over_stated, one.std)),
         number("p-value", lambda one: one.p_value, p_value),
     ]
-    note = "Found from repeats, zeros read again and the effector's own triangle; 1 is as stated."
-    title = "Noise in the readings beside the stated noise"
+    note = (
+        "Estimated from repeated readings, repeated zeros and the distances between the "
+        "effector's reflectors; 1 means as stated."
+    )
+    title = "Estimated and stated noise of the readings"
     return table_of("noise", title, columns, found, note)
 
 
@@ -186,7 +189,10 @@ def _harm(single: pd.DataFrame) -> Text | None:
     who = f"{row.reading}{f' along {row.axis}' if known(row.axis) else ''}"
     size = words.size(row.smallest_visible, row.unit)
     if not known(row.moves_sigmas):
-        return Text(f"No other reading checks {who}: any error of it shifts {row.moves_most}.")
+        return Text(
+            f"{who} is an uncontrolled observation: no other reading checks it, and any error in "
+            f"it shifts {row.moves_most}."
+        )
     return Text(
         f"An undetected error does most harm in {who}: up to {size} of it may remain undetected "
         f"and shift {row.moves_most} by {plain(row.moves_sigmas, 2)} standard uncertainties."
@@ -200,14 +206,14 @@ def _least(single: pd.DataFrame) -> Table | None:
         said("Along", lambda row: row.axis),
         number("Redundancy", lambda row: row.r, roughly),
         number("w", lambda row: row.w, roughly),
-        said("Smallest detectable error", lambda row: words.size(row.smallest_visible, row.unit)),
+        said("Minimal detectable bias", lambda row: words.size(row.smallest_visible, row.unit)),
         number("Shifts by [σ]", lambda row: row.moves_sigmas, roughly),
         said("Which", lambda row: row.moves_most),
     ]
     rows = each_row(single.nsmallest(_LEAST, "r"))
     note = (
-        "Redundancy is the part of an error that the residuals show, 0 to 1. The smallest "
-        "detectable error is found in 80 % of the cases at 0.1 % false alarms; the last two "
+        "Redundancy is the part of an error that the residuals show, 0 to 1. The minimal "
+        "detectable bias is found in 80 % of the cases at 0.1 % false alarms; the last two "
         "columns say what one so large moves most, in standard uncertainties. All readings "
         'are in results.xlsx, sheet "reliability".'
     )
@@ -223,7 +229,7 @@ def rejected(answer: Answer) -> Section | None:
         said("Reason", lambda row: row.reason),
     ]
     more = len(given) - _MOST_ROWS
-    note = f"{more} more stand in result.json." if more > 0 else ""
+    note = f"{more} more are in result.json." if more > 0 else ""
     table = table_of("rejected", "Left out and why", columns, given[:_MOST_ROWS], note)
     return section_of("rejected", "Rejected rows", [Text(_left_out(len(given))), table])
 

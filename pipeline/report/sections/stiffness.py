@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from pipeline.answer import remarks
 from pipeline.answer.contract import Answer, Believed, Combination, Fit, Stiffness, Weighed
@@ -42,12 +42,13 @@ def stiffness(answer: Answer, previous: Answer | None, wear: str | None = None) 
     changed (`wear`): days differ by more than a campaign's own uncertainty.
     """
     since, before = _since(answer, previous), previous.campaign if previous else ""
+    called = {joint.name: joint.called for joint in answer.stiffness}
     return section_of(
         "stiffness",
         "Joint stiffnesses",
         [
             *(Text(finding, "finding") for finding in _findings(answer)),
-            *(_changed(change, before) for change in since if change.sure and wear is None),
+            *(_changed(change, before, called) for change in since if change.sure and wear is None),
             _stiffness_table(answer, since, before),
             _combinations_table(answer.combinations),
             _hypotheses_table(answer.recommended.hypotheses),
@@ -75,9 +76,10 @@ def _findings(answer: Answer) -> Iterator[str]:
             yield joint.finding
 
 
-def _changed(change: Change, campaign: str) -> Text:
+def _changed(change: Change, campaign: str, called: Mapping[str, str]) -> Text:
     return Text(
-        f"{change.name} changed by {bracketed(change.percent, change.percent_std)} % "
+        f"{called[change.name]} changed by "
+        f"{bracketed(change.percent, change.percent_std)} % "
         f"since {campaign}, more than chance explains.",
         "finding",
     )

@@ -46,16 +46,14 @@ def _settles(poses: Sequence[NextPose]) -> str:
     """That the poses will not settle it, where they will not."""
     most = max((one.sigmas_after or 0.0 for one in poses), default=0.0)
     return (
-        "" if most >= APART else f"These poses will not settle it: they reach {roughly(most)} σ. "
+        "" if most >= APART else f"These poses will not be enough: they reach {roughly(most)} σ. "
     )
 
 
 def _fits(cell: Cell | None) -> str:
     """What the poses were checked for, and what they were not."""
     if cell is None:
-        return (
-            "Whether beams arrive and nothing touches is not checked: campaign.toml has no [cell]."
-        )
+        return "Lines of sight and collisions are not checked: campaign.toml has no [cell]."
     kept = f"They keep {', '.join(cell.kept)}." if cell.kept else ""
     left = f"Not checked: {'; '.join(cell.not_checked)}." if cell.not_checked else ""
     return f"{kept} {left}".strip()
@@ -109,21 +107,21 @@ def _never(spots: Sequence[BlindSpot]) -> Table | None:
     columns: list[Cells[_Group]] = [
         *_who(),
         said("Why", lambda group: "; ".join(dict.fromkeys(spot.why for spot in group))),
-        said("What would show it", lambda group: group[0].needs),
+        said("What would reveal it", lambda group: group[0].needs),
     ]
-    title = "Effects that these readings do not show at any size"
+    title = "Effects that these readings cannot detect at any magnitude"
     return table_of("blind-spots-never", title, columns, _alike(spots))
 
 
 def _small(spots: Sequence[BlindSpot]) -> Table | None:
     columns: list[Cells[_Group]] = [
         *_who(),
-        _sizes("Usual size", lambda spot: spot.typical),
-        _sizes("Smallest detectable size", lambda spot: spot.smallest_visible),
-        said("What would show it", lambda group: group[0].needs),
+        _sizes("Typical magnitude", lambda spot: spot.typical),
+        _sizes("Minimal detectable magnitude", lambda spot: spot.smallest_visible),
+        said("What would reveal it", lambda group: group[0].needs),
     ]
-    title = "Effects that these readings show only beyond their usual size"
-    note = "An effect of the smallest detectable size is detected in 80 % of the cases."
+    title = "Effects that these readings detect only above their typical magnitude"
+    note = "An effect of the minimal detectable magnitude is detected in 80 % of the cases."
     return table_of("blind-spots", title, columns, _alike(spots), note)
 
 
