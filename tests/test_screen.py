@@ -232,6 +232,7 @@ def test_a_doubted_reading_is_tested_by_the_noise_beside_the_accepted_model(
     @dataclass(frozen=True)
     class Tails:
         sure: float
+        likely_heavy: bool = False
 
         def mistaken(self, square, axes):
             return self.sure
@@ -251,6 +252,7 @@ def test_a_doubted_reading_is_tested_by_the_noise_beside_the_accepted_model(
     assert (judged is screened) is (beside == 0.5)
     assert judged.case.wrong == (("a1",) if beside == 0.5 else ())
     assert confirm(replace(screened, doubted=()), Tails(beside), (), None).findings == ()
+    assert confirm(screened, Tails(0.99, likely_heavy=True), (), None) is screened
 
 
 def test_a_screening_computes_what_is_asked_once(monkeypatch):

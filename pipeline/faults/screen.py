@@ -148,7 +148,8 @@ def confirm(
     """Leave out doubted readings that are none of the noise, as seen beside the accepted model.
 
     The counterpart of `acquit`: far more is left there to see the noise in. Each is tested anew,
-    beside the joint springs and the causes.
+    beside the joint springs and the causes, but where the tails are heavy: then the farthest
+    reading of a thousand is as far by chance.
 
     Args:
         screened: What was found in the campaign.
@@ -159,6 +160,8 @@ def confirm(
     Returns:
         `screened` itself where every doubted reading stays.
     """
+    if found.likely_heavy:
+        return screened
     case, findings = screened.case, list(screened.findings)
     cell, start = case.cell, case.robot.nominal_compliance
     if causes and extended is not None:
