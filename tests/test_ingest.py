@@ -311,9 +311,9 @@ def test_a_log_with_its_header_only_is_named(log):
         (
             "[scale]",
             '[naming]\nchain = ["P1", "P2"]\n[scale]',
-            '"P1" stands in naming.measured and',
+            '"P1" is in naming.measured and',
         ),
-        ("B1 =", "P3 =", r'"P3" stands in naming.measured and in \[base_frame\]'),
+        ("B1 =", "P3 =", r'"P3" is in naming.measured and in \[base_frame\]'),
     ],
 )
 def test_settings_say_what_no_hall_has(old, new, said):

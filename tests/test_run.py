@@ -305,7 +305,7 @@ def test_a_base_reflector_off_by_centimetres_is_told():
     bad = told(files | {"campaign.toml": toml})
 
     assert good.findings == tuple(e.finding for e in good.stiffness if e.finding)
-    assert "B2 stands 30.0" in bad.verdict_sentence[0]
+    assert "B2 is 30.0" in bad.verdict_sentence[0]
     assert not any("[base_frame]" in finding for finding in bad.findings)
     assert bad.registration.max_mm < 0.2
     assert bad.registration.rotation_std_rad[2] > good.registration.rotation_std_rad[2]
