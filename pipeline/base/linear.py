@@ -317,3 +317,12 @@ def principal(X: Array) -> tuple[Array, Array, Array]:
 def extent(points: Array) -> Array:
     """Lengths of the three main axes of a set of points (n, 3), the longest first."""
     return np.asarray(np.linalg.svd(points - points.mean(axis=0), compute_uv=False))
+
+
+def turning(levers: Array) -> Array:
+    """Matrices that take a small turn w [rad] to the shift w x lever, (..., 3, 3) of (..., 3)."""
+    x, y, z = np.moveaxis(levers, -1, 0)
+    out = np.zeros((*levers.shape, 3))
+    out[..., 0, 1], out[..., 1, 2], out[..., 2, 0] = z, x, y
+    out[..., 0, 2], out[..., 1, 0], out[..., 2, 1] = -y, -z, -x
+    return out

@@ -99,8 +99,7 @@ def _every(case: Case, found: Found) -> tuple[Effect, ...]:
     """All laws, with the odds of what has no name shared among them."""
     model, robot = found.first.model, case.cell.robot
     loaded = load(model.cell, case.data.pulls, model.values)
-    odds = NAMELESS * len(nameless(robot))
-    return tuple(replace(one, odds=odds * one.odds) for one in unlisted.effects(robot, loaded))
+    return unlisted.effects(robot, loaded, NAMELESS * len(nameless(robot)))
 
 
 def _searched(
@@ -200,7 +199,7 @@ def _likely(
         of = Counter(one.label for one in out)
         room = 0 < of[laws[i].label] < _FORMS or (laws[i].label not in of and len(of) < _MOST)
         if able[i] and evidence[i] > best - _WITHIN and room:
-            out[laws[i]] = float(chance[i])
+            out[unlisted.worded(case.cell.robot, laws[i])] = float(chance[i])
     return out
 
 

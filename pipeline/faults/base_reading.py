@@ -188,7 +188,7 @@ def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
     white = covariance.alike(C, lambda own: linear.whitening(R @ own @ R.T * scale**2))
     off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)
     lever = table[XYZ].to_numpy(float) - off - registration.centre  # of the nominal places
-    turns = np.swapaxes(np.cross(np.eye(3)[None], lever[:, None, :]), 1, 2)
+    turns = linear.turning(lever)
     rigid = white @ np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
     y = (white @ off[..., None])[..., 0]
     yield _Readings(rigid, y, white, 0.0)

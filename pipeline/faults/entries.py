@@ -402,6 +402,6 @@ class _Rows(Locked):
 
 def _screw(lever: Array, rows: Bools) -> Array:
     """Columns of a shift and of a turn with these levers [m], zero in other rows, (3 n, 6)."""
-    turn = np.stack([np.cross(axis, lever) for axis in np.eye(3)], axis=-1)
+    turn = linear.turning(lever)
     both = np.concatenate([np.tile(np.eye(3), (len(lever), 1, 1)), turn], axis=-1)
     return np.asarray(np.where(rows[:, None, None], both, 0.0).reshape(-1, 6))

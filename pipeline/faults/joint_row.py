@@ -174,7 +174,7 @@ def _linear(read: _Stand, R: Array, t: Array, off: Array) -> tuple[Array, Array,
     at = (read.table + np.einsum("nij,nj->ni", read.axes, off[read.target])) @ R.T + t
     X = np.zeros((len(at), 3, 6 + off.size))
     lever = at - at[read.zero].mean(axis=0)
-    X[:, :, :3] = np.swapaxes(np.cross(np.eye(3)[None], lever[:, None, :]), 1, 2)
+    X[:, :, :3] = linear.turning(lever)
     X[:, :, 3:6] = np.eye(3)
     turned = R @ read.axes
     for k in range(len(off)):

@@ -94,7 +94,7 @@ def _shifts(read: pd.DataFrame, zero: tuple[Array, Array], scale: float) -> Besi
     """A shift of each target [m], tracker's frame, beside six rigid motions of all."""
     at, C = zero
     lever = at - at.mean(axis=0)
-    turns = np.swapaxes(np.cross(np.eye(3)[None], lever[:, None, :]), 1, 2)
+    turns = linear.turning(lever)
     rigid = np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
     white = linear.whitening((C + covariance.weighing(read)) * scale**2)
     y = np.einsum("tij,tj->ti", white, read[XYZ].to_numpy(float) - at)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import astuple, dataclass, replace
+from dataclasses import dataclass, replace
 from typing import Literal, cast, get_args
 
 Kind = Literal["periodic", "smooth", "step", "coupling"]
@@ -46,7 +46,8 @@ class Law:
     @property
     def form(self) -> str:
         """The law as a word for a file; `parse` reads it."""
-        own = " ".join(str(part) for part in astuple(replace(self, more=None))[1:-1])
+        what = f"{self.part} {self.kind} {self.variable} {self.source}"
+        own = f"{what} {self.order} {self.low} {self.high} {self.at} {self.beyond}"
         return own if self.more is None else f"{own}{_AND}{self.more.form}"
 
     @property

@@ -342,8 +342,5 @@ def _gauss_newton(
 
 def _motions(lever: Array) -> Array:
     """How points with these levers [m] move per turn [rad] and shift [m], shape (m, 3, 6)."""
-    D = np.zeros((len(lever), 3, 6))
-    for axis in range(3):
-        D[:, :, axis] = np.cross(np.eye(3)[axis], lever)
-    D[:, :, 3:] = np.eye(3)
-    return D
+    shifts = np.broadcast_to(np.eye(3), (len(lever), 3, 3))
+    return np.concatenate([linear.turning(lever), shifts], axis=2)

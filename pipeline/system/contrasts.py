@@ -225,7 +225,7 @@ def _rigid(cell: Cell, axes: Array, target: Ints) -> Array:
     tool = cell.tool.points - cell.tool.points.mean(axis=0)
     levers = np.einsum("rij,rj->ri", axes, tool[target])
     modes[:, :, :3] = np.eye(3)
-    modes[:, :, 3:] = np.swapaxes(np.cross(np.eye(3)[None], levers[:, None, :]), 1, 2)
+    modes[:, :, 3:] = linear.turning(levers)
     return modes
 
 

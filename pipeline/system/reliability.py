@@ -201,7 +201,7 @@ def _in_registration(
         C = np.broadcast_to(np.eye(3), C.shape)
     factor, white = (covariance.alike(C, make) for make in (covariance.factors, linear.whitening))
     lever = table[XYZ].to_numpy() - registration.centre
-    turns = np.swapaxes(np.cross(np.eye(3)[None], lever[:, None, :]), 1, 2)
+    turns = linear.turning(lever)
     moves = np.concatenate([turns, np.broadcast_to(np.eye(3), turns.shape)], axis=2)
     inverse = linear.pseudoinverse((white @ moves).reshape(-1, 6))
     y = (white @ table[["dx_m", "dy_m", "dz_m"]].to_numpy()[..., None]).ravel()

@@ -73,17 +73,17 @@ _MOST = 20.0
 """Bounds of an amplitude, in typical sizes."""
 
 
-def effects(robot: Robot, loaded: Loaded) -> tuple[Effect, ...]:
-    """Every law that these pulls could show, each with its share of odds that add up to one.
+def effects(robot: Robot, loaded: Loaded, odds: float = 1.0) -> tuple[Effect, ...]:
+    """Every law that these pulls could show, each with its share of the odds that one is there.
 
-    All families of laws are alike beforehand, and so are the members of a family.
+    All families of laws are alike beforehand, and so are the members of a family. They are
+    hundreds, of which few are ever shown: `worded` gives those their names.
     """
     laws = list(_laws(robot, loaded))
-    members, names = Counter(law.family for law in laws), axes.alone(robot)
-    each = (_called(_effect(robot, law), names) for law in laws)
+    members = Counter(law.family for law in laws)
+    of_family = odds / len(members)
     return tuple(
-        replace(one, odds=1.0 / (members[law.family] * len(members)))
-        for one, law in zip(each, laws, strict=True)
+        replace(_effect(robot, law), odds=of_family / members[law.family]) for law in laws
     )
 
 
@@ -100,12 +100,9 @@ def extensions(robot: Robot, loaded: Loaded, one: Effect) -> tuple[Effect, ...]:
         return ()
     others = [other for other in _laws(robot, loaded) if other.of == law.of and _adds(law, other)]
     kinds = [_harmonic(law, other) for other in others]
-    counts, names = Counter(kinds), axes.alone(robot)
+    counts = Counter(kinds)
     return tuple(
-        replace(
-            _called(_effect(robot, _with(law, other)), names),
-            odds=one.odds / len(counts) / counts[kind],
-        )
+        replace(_effect(robot, _with(law, other)), odds=one.odds / len(counts) / counts[kind])
         for other, kind in zip(others, kinds, strict=True)
     )
 
@@ -143,19 +140,20 @@ def named(robot: Robot, label: str, form: str) -> Effect | None:
 
 def effect(robot: Robot, law: Law) -> Effect:
     """The law as an effect; its parameters are amplitudes, zero where it is absent."""
-    return _called(_effect(robot, law), axes.alone(robot))
+    return worded(robot, _effect(robot, law))
 
 
-def _called(made: Effect, names: Sequence[str | None]) -> Effect:
-    """The same with the controller's names of its joints."""
+def worded(robot: Robot, made: Effect) -> Effect:
+    """The effect of a law with its words, by the controller's names of the joints."""
     assert made.law is not None
+    names = axes.alone(robot)
     told = noun(made.law, names)
     axis = names[made.where - 1] if isinstance(made.where, int) else None
     return replace(made, noun=told, signature=told, axis=axis)
 
 
 def _effect(robot: Robot, law: Law) -> Effect:
-    """The same without the controller's names of its joints."""
+    """The same without words."""
     if law.beyond:
         return _beyond(robot, law)
     if law.where == "scale":
