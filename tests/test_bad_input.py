@@ -116,7 +116,13 @@ MENDED = {"metres as mm"}
 """What only a wrong unit explains: refused as given, with the corrected result beside it."""
 
 
-@pytest.mark.parametrize("name", CASES)
+LIKE_ANOTHER = {"comma", "text for a number", "load without pose", "duplicate reading"}
+"""Each is kept out by the same hand as another case, and takes a whole answer to see."""
+
+
+@pytest.mark.parametrize(
+    "name", [pytest.param(n, marks=[pytest.mark.slow] * (n in LIKE_ANOTHER)) for n in CASES]
+)
 def test_bad_input_is_named_and_refused(name, tmp_path, capsys, request):
     """Exit 5, every word an engineer needs, no traceback; good rows are kept where that is safe."""
     if name != DRAWN:

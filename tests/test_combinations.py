@@ -160,6 +160,7 @@ def whitened(raw, kept):
     return both[:, :-1], both[:, -1]
 
 
+@pytest.mark.sampled(3)
 @pytest.mark.parametrize("world", list(WORLDS))
 def test_what_is_known_is_what_numpy_finds(world, told):
     """Values, uncertainties and the directions that no data tell: least squares by numpy."""

@@ -22,7 +22,7 @@ def answer_to(name, seed):
     return asked(run._files(cell, world, record, factor)).answer
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     "world",
     [

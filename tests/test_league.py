@@ -133,14 +133,15 @@ def test_a_secret_is_named(sizes):
     assert one.confident, one
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "name",
     [
-        pytest.param("rail_joint_rocks", marks=pytest.mark.slow),
+        "rail_joint_rocks",
         "loose_nest",
-        pytest.param("shoulder_elbow_coupling", marks=pytest.mark.slow),
-        pytest.param("hertzian_rollers", marks=pytest.mark.slow),
-        pytest.param("clamp_turns", marks=pytest.mark.slow),
+        "shoulder_elbow_coupling",
+        "hertzian_rollers",
+        "clamp_turns",
     ],
 )
 def test_what_nobody_knows_is_not_given_a_name(name):
@@ -151,9 +152,8 @@ def test_what_nobody_knows_is_not_given_a_name(name):
     assert not one.confident
 
 
-@pytest.mark.parametrize(
-    "name", [pytest.param("joint_tilt_6", marks=pytest.mark.slow), "tool_flex"]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["joint_tilt_6", "tool_flex"])
 def test_twins_stay_undecided(name):
     """A twin is found, and both are stated."""
     one = judged(42, **{name: 2.5})
@@ -222,6 +222,7 @@ def test_through_real_files_what_nobody_knows_gets_no_name(blind):
     assert not one.confident
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("league")
 def test_the_files_in_memory_and_the_command_give_one_answer(blind):
     """What the league plays in memory is what the command says, to the last digit."""

@@ -32,7 +32,11 @@ def case():
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("world", "name"),
-    [("student3", "heavy_tails"), ("bursts", "heavy_tails"), ("wander10", "tracker_wander")],
+    [
+        ("student3", "heavy_tails"),
+        ("wander10", "tracker_wander"),
+        pytest.param("bursts", "heavy_tails", marks=pytest.mark.slow),
+    ],
 )
 def test_noise_of_another_family_is_named_and_accuses_nobody(world, name):
     """Readings of a machine that shares no formula with the package: adequate, and what it is."""

@@ -53,8 +53,9 @@ class Law:
     @property
     def shapes(self) -> tuple[Law, ...]:
         """Each of its shapes as a law by itself."""
-        rest = () if self.more is None else self.more.shapes
-        return (replace(self, more=None), *rest)
+        if self.more is None:
+            return (self,)
+        return (replace(self, more=None), *self.more.shapes)
 
     @property
     def of(self) -> tuple[object, ...]:

@@ -82,9 +82,7 @@ def effects(robot: Robot, loaded: Loaded, odds: float = 1.0) -> tuple[Effect, ..
     laws = list(_laws(robot, loaded))
     members = Counter(law.family for law in laws)
     of_family = odds / len(members)
-    return tuple(
-        replace(_effect(robot, law), odds=of_family / members[law.family]) for law in laws
-    )
+    return tuple(replace(_effect(robot, law), odds=of_family / members[law.family]) for law in laws)
 
 
 def extensions(robot: Robot, loaded: Loaded, one: Effect) -> tuple[Effect, ...]:
