@@ -21,15 +21,17 @@ from bench.league import contest
 from bench.league.figures import confusion_matrix
 from bench.league.hidden import SECRETS
 from bench.league.hidden_effect import NOMINAL, setup, straight
-from bench.league.judge import REFUSED, Score, Size, Stated, score
+from bench.league.judge import REFUSED, Score, Size, Stated, foretold, score
 from bench.league.machine import Machine, Spring
 from bench.league.page import page
-from bench.league.play import Rules, drawn, play
+from bench.league.play import Rules, at_further_poses, drawn, play
 from bench.league.run import KINDS, League, Played, answer_of, fixtures, played
 from bench.league.table import ece, interval, rows
 from pipeline.base.errors import InputError
 from pipeline.base.executor import Here, Processes
 from pipeline.diagnosis.isolability import Twins, twins
+from pipeline.machine.cell import Tool, paper_cell, predict
+from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import configure, load
 
 KR500 = load("kr500_rail")
@@ -92,6 +94,35 @@ def test_a_machine_rests_where_the_springs_balance_the_pull():
 
     np.testing.assert_allclose(at[0], rest, atol=2e-8)
     assert np.linalg.norm(at[0] - configure(KR500, q).points(load_point[None])[0, 0]) > 1e-3
+
+
+def test_what_is_to_be_foretold_is_what_the_machine_does():
+    """Further poses of a game: the deformed equilibrium of the package, to 1 um."""
+    rules = Rules(poses=2, tool_m=0.0)
+    plan = drawn(KR500, np.random.default_rng(4), rules)
+    seed = (4, 2)
+    truth = play(KR500, plan, [], np.random.default_rng(seed), rules).truth
+    asked = at_further_poses(KR500, plan, [], seed, rules)
+    tool = Tool(plan.tool[0], np.array(["P"], dtype=object), plan.tool[:1])
+    cell = replace(paper_cell(KR500, tool), equilibrium="deformed")
+
+    pulls = Pulls.at(asked.q, asked.force)
+    bent = predict(cell, pulls, 1 / np.array(truth["stiffness"])).displacement[:, 0]
+
+    assert np.abs(asked.moved).max() > 1e-3
+    np.testing.assert_allclose(asked.moved, bent, atol=1e-6)
+
+
+def test_a_cause_acts_at_further_poses_too():
+    """Lost motion of joint 2 at the size that is hidden, and what falsifies the scale does not."""
+    plan = drawn(KR500, np.random.default_rng(4), Rules(poses=2))
+
+    def moved(*secrets):
+        hidden = [(SECRETS[name], 20.0) for name in secrets]
+        return at_further_poses(KR500, plan, hidden, (4, 2), Rules(poses=2)).moved
+
+    assert np.abs(moved("joint_lost_motion:2") - moved()).max() > 1e-5
+    np.testing.assert_array_equal(moved("scale_zero"), moved())
 
 
 def test_secrets_at_work_together_share_no_spring():
@@ -386,6 +417,17 @@ def answer(verdict, *causes, next_poses=()):
             "noise_floor_mm": 0.03,
         },
         "joint_springs": {"validation": {"held_out_rms_mm": 0.2}},
+        "stiffness": [
+            {"name": "k_r1", "joint": 1, "value": 8e7, "identifiable": True, "ci95": [7e7, None]},
+            {
+                "name": "k_theta2",
+                "joint": 2,
+                "value": 4e6,
+                "identifiable": True,
+                "ci95": [3e6, 5e6],
+            },
+            {"name": "k_theta3", "joint": 3, "value": None, "identifiable": False, "ci95": None},
+        ],
     }
 
 
@@ -395,7 +437,25 @@ def truth(*labels, place="rail", **amplitudes):
         {"label": label, "place": place, "known": True, "size": 1.0, "amplitudes": amplitudes}
         for label in labels
     ]
-    return {"secrets": secrets}
+    return {"secrets": secrets, "stiffness": [9e9, 5.1e6, 1e6]}
+
+
+def test_stiffnesses_are_judged_where_they_are_determined():
+    """An interval without upper limit holds whatever is above its lower one."""
+    springs = score(truth(), answer("adequate"), PAIR).springs
+
+    assert [(one.name, one.covered) for one in springs] == [("k_r1", True), ("k_theta2", False)]
+
+
+def test_a_prediction_is_judged_axis_by_axis():
+    """Two standard uncertainties off is outside, and what is not determined is no prediction."""
+    true, std = np.zeros((2, 3)), np.full((2, 3), 1e-6)
+    std[1, 2] = np.inf
+    said = np.array([[1.9e-6, -2.0e-6, 0.0], [0.0, 2.0e-6, 1.0]])
+
+    judged = foretold(true, said, std)
+
+    assert [one.covered for one in judged] == [True, False, True, True, False]
 
 
 PAIR = Twins((), (("tool_flex", "joint_tilt:7"),), ())

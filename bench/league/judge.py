@@ -6,12 +6,18 @@ from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
+
+from pipeline.base.arrays import Array
 from pipeline.diagnosis.isolability import Twins
 
 Json = Mapping[str, Any]
 
 SCATTER = ("tracker_noise", "force_noise", "heavy_tails", "tracker_wander")
 """Causes that say how much the readings scatter, not what moves them."""
+
+HALF_WIDTH = 1.959964
+"""Of a 95 % interval, in standard uncertainties."""
 
 LISTED = 0.01
 """A rival less probable than this is not counted as one."""
@@ -34,24 +40,25 @@ class Stated:
 
 @dataclass(frozen=True)
 class Size:
-    """A true amplitude beside the one of the answer.
+    """A true value, such as an amplitude, beside the interval of the answer.
 
     Attributes:
         name: Of the parameter.
         true: Planted, SI.
-        low: Lower end of the 95 % interval.
+        low: Lower end of the 95 % interval; None is no limit.
         high: Upper end.
     """
 
     name: str
     true: float
-    low: float
-    high: float
+    low: float | None
+    high: float | None
 
     @property
     def covered(self) -> bool:
         """Whether the interval holds the truth."""
-        return self.low <= self.true <= self.high
+        above = self.low is None or self.low <= self.true
+        return above and (self.high is None or self.true <= self.high)
 
 
 @dataclass(frozen=True)
@@ -94,6 +101,8 @@ class Score:
         apart: Sigmas that the proposed poses promise between the pair they separate worst; None
             where nothing is proposed.
         law: Of a secret that is a law no catalogue has.
+        springs: Stiffnesses that the answer determines.
+        deflections: Of the load point under further forces, axis by axis.
     """
 
     verdict: str
@@ -109,6 +118,8 @@ class Score:
     remainder: float | None
     apart: float | None
     law: Found | None = None
+    springs: tuple[Size, ...] = ()
+    deflections: tuple[Size, ...] = ()
 
     @property
     def detected(self) -> bool:
@@ -172,6 +183,7 @@ def score(truth: Json, answer: Json | None, known: Twins) -> Score:
         remainder=diagnosis["detection"]["remainder_over_scatter"],
         apart=_apart(diagnosis["next_poses"]),
         law=_law(secrets, causes, places, diagnosis["noise_floor_mm"]),
+        springs=tuple(_springs(answer, truth["stiffness"])),
     )
 
 
@@ -248,6 +260,25 @@ def _sizes(cause: Json, secrets: list[Json]) -> list[Size]:
         for said in cause["parameters"]
         if said["name"] in true and None not in said["ci95"]
     ]
+
+
+def _springs(answer: Json, true: list[float]) -> list[Size]:
+    return [
+        Size(row["name"], true[row["joint"] - 1], *row["ci95"])
+        for row in answer["stiffness"]
+        if row["identifiable"] and row["value"] is not None
+    ]
+
+
+def foretold(true: Array, stated: Array, std: Array) -> tuple[Size, ...]:
+    """True displacements beside the stated ones and their standard uncertainties, (k, 3) [m]."""
+    half = HALF_WIDTH * std
+    rows = zip(true.ravel(), (stated - half).ravel(), (stated + half).ravel(), strict=True)
+    return tuple(
+        Size(f"deflection.{'xyz'[k % 3]}", *map(float, row))
+        for k, row in enumerate(rows)
+        if np.isfinite(row[1])
+    )
 
 
 def _apart(proposals: list[Json]) -> float | None:

@@ -136,14 +136,9 @@ def play(
     """
     rules = rules or Rules()
     for_truth, for_noise, for_secrets = rng.spawn(3)
-    course = _course(plan, rules, for_secrets)
-    own = 1 / NOMINAL * for_truth.uniform(1 - rules.spread, 1 + rules.spread, robot.n)
-    stiffness = own if stiffness is None else stiffness
-    one = setup(robot, stiffness)
-    one.tracker_scale = plan.scatter
-    true_tool = plan.tool + rules.tool_m * for_truth.standard_normal(plan.tool.shape)
-    sizes = [secret.plant(one, size, course) or {} for secret, size in secrets]
-    files = _measure(one, course, true_tool, plan, for_noise, rules, name)
+    made = _made(robot, plan, secrets, (for_truth, for_secrets), rules, stiffness)
+    one, course, sizes = made.one, made.course, made.sizes
+    files = _measure(one, course, made.tool, plan, for_noise, rules, name)
     truth: dict[str, Any] = {
         "secrets": [
             {
@@ -156,10 +151,97 @@ def play(
             }
             for (s, size), true in zip(secrets, sizes, strict=True)
         ],
-        "stiffness": stiffness.tolist(),
+        "stiffness": made.stiffness.tolist(),
         "tracker_scale": one.tracker_scale,
     }
     return Game(files, truth, course)
+
+
+@dataclass(frozen=True, eq=False)
+class _Made:
+    """A machine, how it is measured, its true tool (1 + t, 3) [m] and the secrets' amplitudes."""
+
+    one: Setup
+    stiffness: Array
+    course: Course
+    tool: Array
+    sizes: list[dict[str, float]]
+
+
+def _made(
+    robot: Robot,
+    plan: Plan,
+    secrets: Sequence[tuple[Secret, float]],
+    sources: tuple[np.random.Generator, np.random.Generator],
+    rules: Rules,
+    stiffness: Array | None = None,
+) -> _Made:
+    """Set the machine of a game up; sources of what it is and of what it hides."""
+    for_truth, for_secrets = sources
+    course = _course(plan, rules, for_secrets)
+    own = 1 / NOMINAL * for_truth.uniform(1 - rules.spread, 1 + rules.spread, robot.n)
+    stiffness = own if stiffness is None else stiffness
+    one = setup(robot, stiffness)
+    one.tracker_scale = plan.scatter
+    tool = plan.tool + rules.tool_m * for_truth.standard_normal(plan.tool.shape)
+    sizes = [secret.plant(one, size, course) or {} for secret, size in secrets]
+    return _Made(one, stiffness, course, tool, sizes)
+
+
+@dataclass(frozen=True, eq=False)
+class Further(Locked):
+    """Forces at poses that the campaign does not hold, and what they do.
+
+    Attributes:
+        q: Joint values, shape (k, n).
+        force: At the nominal load point, F_b, shape (k, 3) [N].
+        moved: That point under the force minus without, F_b, shape (k, 3) [m].
+    """
+
+    q: Array
+    force: Array
+    moved: Array
+
+
+def at_further_poses(
+    robot: Robot,
+    plan: Plan,
+    secrets: Sequence[tuple[Secret, float]],
+    seed: Sequence[int],
+    rules: Rules,
+    count: int = 3,
+) -> Further:
+    """What the machine of a game does under the largest force at further poses.
+
+    The force is known and acts at the nominal load point: what falsifies scale, chain and readings
+    has no part in it. The pose was entered from the other end of the rail, and the force is the
+    first there, so that a machine with memory starts from rest.
+
+    Args:
+        robot: The KR500 on its rail.
+        plan: Where and with what.
+        secrets: What it hides. Of those that draw something for each pose of a campaign this is
+            another machine.
+        seed: Of the game.
+        rules: How it is measured.
+        count: Number of further poses.
+    """
+    rng = np.random.default_rng([*seed, 2])
+    anchors = default_anchors(robot)
+    which = rng.integers(len(anchors), size=count)
+    q = draw_poses(robot, plan.tool, anchors, which, rng)
+    for pose, anchor in zip(q, anchors[which], strict=True):
+        plan = plan.further(pose, anchor, 1.0)
+    for_truth, _, for_secrets = np.random.default_rng(seed).spawn(3)
+    made = _made(robot, plan, secrets, (for_truth, for_secrets), rules)
+    course, machine = made.course, made.one.machine
+    here = course.q + made.one.joint_shift
+    none = np.zeros((len(here), 3))
+    rest, at = machine.settle(here, plan.tool[:1], plan.tool[0], none)
+    force = rules.force_n * pull_to(plan.anchor[course.pose])(at)
+    loaded, _ = machine.settle(here, plan.tool[:1], plan.tool[0], force)
+    asked = (course.pose >= len(plan.q) - count) & (course.repeat == 0)
+    return Further(course.q[asked], force[asked], (loaded - rest)[asked, 0])
 
 
 def _course(plan: Plan, rules: Rules, rng: np.random.Generator) -> Course:

@@ -14,9 +14,9 @@ from scipy import special
 from bench.league.hidden import SECRETS
 from bench.league.hidden_effect import Secret
 from bench.league.in_catalogue import KNOWN
-from bench.league.judge import Score, score
+from bench.league.judge import Score, foretold, score
 from bench.league.outside_catalogue import STRANGE
-from bench.league.play import Plan, Rules, drawn, play
+from bench.league.play import Plan, Rules, at_further_poses, drawn, play
 from pipeline.base.errors import PipelineError
 from pipeline.diagnosis.blindspots import needed, smallest_visible
 from pipeline.diagnosis.diagnose import case_of
@@ -24,8 +24,9 @@ from pipeline.diagnosis.isolability import twins
 from pipeline.diagnosis.separability import identifiable
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot, load
+from pipeline.prediction.model import Model
 from pipeline.reduction.bring import Step, bring, conformed, plain
-from pipeline.run import answered, ingested
+from pipeline.run import Answered, answered, ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.detect import threshold
 from pipeline.system.estimate import identify, left_out
@@ -258,6 +259,11 @@ def _followed(
     secrets = [(SECRETS[name], size) for name, size in zip(fixture.secrets, sizes, strict=True)]
     asked = list(followed(robot, plan, secrets, fixture.seed, league.rules, most))
     scores = tuple(score(one.truth, one.answer, twins(robot)) for one in asked)
+    if fixture.kind != "strange" and asked[0].model is not None:
+        truth = at_further_poses(robot, plan, secrets, fixture.seed, league.rules)
+        found = asked[0].model.at_load_point(truth.q, truth.force)
+        said = foretold(truth.moved, found.displacement, found.std)
+        scores = (replace(scores[0], deflections=said), *scores[1:])
     return scores, (asked[0].seconds, asked[0].diagnosing)
 
 
@@ -268,12 +274,14 @@ class Asked:
     Attributes:
         truth: As `play` seals it.
         answer: result.json; None where the pipeline refused the campaign.
+        model: The identified robot; None as before.
         seconds: Of a processor, from files to the answer.
         diagnosing: Part of them that the diagnosis took.
     """
 
     truth: dict[str, Any]
     answer: dict[str, Any] | None
+    model: Model | None
     seconds: float
     diagnosing: float
 
@@ -301,9 +309,11 @@ def followed(
     for further in range(most + 1):
         game = play(robot, plan, secrets, np.random.default_rng(seed), rules)
         began, clock = time.process_time(), Clock()
-        answer = answer_of(game.files, clock)
+        found = _answered(game.files, clock)
         seconds = time.process_time() - began
-        yield Asked(game.truth, answer, seconds, clock.seconds.get("diagnose", 0.0))
+        answer = found and found.answer.as_json()
+        model = found and found.model
+        yield Asked(game.truth, answer, model, seconds, clock.seconds.get("diagnose", 0.0))
         said: dict[str, Any] = answer["diagnosis"] if answer else {"verdict": "refused"}
         if further == most or said["verdict"] != "ambiguous" or not said["next_poses"]:
             return
@@ -354,8 +364,13 @@ class Clock:
 
 def answer_of(files: Mapping[str, bytes], step: Step = plain) -> dict[str, Any] | None:
     """What `pipeline run` says of these files, writing nothing; None if it refuses them."""
+    found = _answered(files, step)
+    return found and found.answer.as_json()
+
+
+def _answered(files: Mapping[str, bytes], step: Step) -> Answered | None:
     try:
-        return answered("game", in_memory(files), step=step).answer.as_json()
+        return answered("game", in_memory(files), step=step)
     except PipelineError:
         return None
 

@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterable, Sequence
 import numpy as np
 from scipy import stats
 
-from bench.league.judge import UNLISTED, Score, Stated
+from bench.league.judge import UNLISTED, Score, Size, Stated
 from bench.league.run import MOST, NEVER, STEPS, Played
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.facts import APART
@@ -106,6 +106,7 @@ def rows(games: Sequence[Played]) -> list[tuple[str, str, str]]:
             ),
             "93-97 %",
         ),
+        *_intervals([*clean, *known]),
         (
             "gain interval above zero where the true gain is above 5 %",
             share(s.gain is not None and s.gain[1] > 0 for s in better),
@@ -165,6 +166,27 @@ def settled(game: Played, most: int) -> bool:
 def rivalled(score: Score) -> bool:
     """Whether a name is open because of a rival, not because of what it gains."""
     return any(said.probability < CERTAIN for said in score.stated if _is_named(said, score))
+
+
+def _intervals(games: Sequence[Played]) -> list[tuple[str, str, str]]:
+    """Stiffnesses and predictions, whatever the verdict; exact twins of stiffnesses apart."""
+    what = "stiffness of the recommended model: 95 % interval covers the truth"
+    how = "deflection of the load point under 3 kN at poses that were not measured: the same"
+    of = {
+        what: lambda g: g.score.springs,
+        how: lambda g: g.score.deflections,
+    }
+    out = []
+    for name, sizes in of.items():
+        out.append((f"{name}, known causes and none", _held(games, sizes), "95 +- 1.5 %"))
+        for verdict in ("adequate", "explained", "ambiguous", "unexplained"):
+            mine = [g for g in games if g.score.verdict == verdict]
+            out.append((f"... `{verdict}`", _held(mine, sizes), ""))
+    return out
+
+
+def _held(games: Sequence[Played], sizes: Callable[[Played], Sequence[Size]]) -> str:
+    return share(size.covered for g in games for size in sizes(g))
 
 
 def _laws(
