@@ -301,7 +301,8 @@ def _on_cause(
     said = answer["diagnosis"]
     left = [cause for cause in said["causes"] if cause["name"] not in world.allowed]
     answer = {**answer, "diagnosis": {**said, "causes": left}}
-    score = league.score({"secrets": list(cell.amplitudes)}, answer, twins(cell.robot))
+    truth = {"secrets": list(cell.amplitudes), "stiffness": cell.stiffness.tolist()}
+    score = league.score(truth, answer, twins(cell.robot))
     secret, size = hidden
     right = score.right or any(secret.label in cause["twins"] for cause in left)
     return replace(game, cause=secret.label, size=size, named=right, sizes=score.sizes)
