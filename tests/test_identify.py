@@ -8,7 +8,8 @@ from linear_campaign import FREE, case_of, left, made, suspect
 from scipy import integrate, stats
 
 from pipeline.diagnosis import identify
-from pipeline.diagnosis.identify import NAMELESS, by_label, search
+from pipeline.diagnosis.identify import by_label, search
+from pipeline.machine.effects.nameless import NAMELESS
 
 SUSPECTS = (
     suspect("a", FREE),

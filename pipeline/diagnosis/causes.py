@@ -12,12 +12,12 @@ from pipeline.diagnosis.amplitude import averaged
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.facts import Amplitude, AsGood, Cause, Drift, Gain, Named, Standing
 from pipeline.diagnosis.hypotheses import accepted
-from pipeline.diagnosis.identify import NAMELESS, WORTH, Case, Found
+from pipeline.diagnosis.identify import WORTH, Case, Found
 from pipeline.diagnosis.improvement import as_good
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Noise, Pulls
-from pipeline.machine.effects.nameless import mounting
+from pipeline.machine.effects.nameless import NAMELESS, mounting
 from pipeline.machine.effects.unlisted import height, undecided
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system import alarms

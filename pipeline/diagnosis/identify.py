@@ -13,6 +13,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.diagnosis.facts import ROUGH
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect
+from pipeline.machine.effects.nameless import NAMELESS
 from pipeline.machine.room import Room
 from pipeline.reduction.measured import Measured
 from pipeline.system.detect import Lack, Threshold, lack_of_fit, threshold
@@ -31,10 +32,6 @@ WORTH = 3.0
 _BETTER = 0.1
 """A cause takes another's place when its log evidence is larger by this: the likelier one leads,
 and twins, which differ by rounding, stay."""
-
-NAMELESS = 0.25
-"""Odds of one thing without a name against one cause of the catalogue, before the data speak: about
-one fault in five is none of the catalogue."""
 
 _FURTHER = 0.1
 """A suspect that was not worth naming contradicts the model only this far below the threshold:

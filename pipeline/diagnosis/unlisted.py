@@ -24,12 +24,12 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.bootstrap import interval
-from pipeline.diagnosis.identify import NAMELESS, WORTH, Case, Found, extends, given, search
+from pipeline.diagnosis.identify import WORTH, Case, Found, extends, given, search
 from pipeline.diagnosis.verdict import CERTAIN
 from pipeline.machine.cell import load
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects import unlisted
-from pipeline.machine.effects.nameless import nameless
+from pipeline.machine.effects.nameless import NAMELESS, nameless
 from pipeline.system.beside import Base
 from pipeline.system.detect import threshold
 from pipeline.system.evidence import Scores

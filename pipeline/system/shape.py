@@ -86,7 +86,8 @@ class Shape(Locked):
     @property
     def wanders(self) -> bool:
         """Whether a wander is carried and beyond chance."""
-        return self.weighed and self.wander.p_value < alarms.COMPONENT
+        likely = self.wander.probability > LIKELY
+        return self.weighed and likely and self.wander.p_value < alarms.COMPONENT
 
     def on(self, data: Measured) -> Measured:
         """The measurements with all of it in their covariances."""

@@ -20,6 +20,7 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
+from pipeline.machine.effects.nameless import NAMELESS
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.assemble import by_axis
@@ -37,6 +38,9 @@ _TINY = 1e-300
 
 _NONE = 0.5
 """Probability of no wander before the data."""
+
+_BEFORE = np.log(np.append(_NONE, np.full(len(SIZES), (1 - _NONE) / len(SIZES))) / len(TIMES_S))
+"""That of no wander and of each size, at one correlation time; its logarithm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,8 +143,9 @@ def wander(data: Measured, beyond: Beyond, told: bool = True, moves: Array | Non
     N = X' D X + prior, g = X' D y, D = diag(1 / (1 + a^2 w)). p is that of the likelihood ratio
     with two degrees of freedom, half of it as the size is at its bound under the null.
 
-    What wanders along one axis only is no instrument, and none is found; nor is it where joints
-    that are `restless` are likelier, all sizes and times together.
+    What wanders along one axis only is no instrument, and none is found. Joints that are `restless`
+    compete with it, all sizes and times together, at the odds of what has no name: what is theirs
+    of the probability is taken from the wander's.
 
     Args:
         data: The measurements.
@@ -162,9 +167,8 @@ def wander(data: Measured, beyond: Beyond, told: bool = True, moves: Array | Non
     best = int(np.argmax(weight[:, 1:].max(axis=1)))
     if p < alarms.COMPONENT and _along_one_axis(beyond, by_row[best], a[weight[best].argmax()]):
         return nothing
-    probability = float(weight[:, 1:].sum())
-    if moves is not None and probability > _NONE and _rather_joints(data, beyond, moves, losses):
-        return nothing
+    if moves is not None and weight[:, 1:].sum() > _NONE:
+        weight = weight * _not_joints(data, beyond, moves, losses)
     of_time = weight @ a**2
     mean = float((weight * a).sum())
     return Wander(
@@ -176,7 +180,7 @@ def wander(data: Measured, beyond: Beyond, told: bool = True, moves: Array | Non
         std=unit * float(np.sqrt(max((weight * a**2).sum() - mean**2, 0.0))),
         time_s=TIMES_S[best],
         p_value=p,
-        probability=probability,
+        probability=float(weight[:, 1:].sum()),
         process=unit**2 * of_time / np.array([size for _, size in kernels]),
         unit=unit,
     )
@@ -189,16 +193,17 @@ def _likely(losses: Array) -> tuple[Array, float]:
         losses: -2 L of each time and of no wander and `SIZES`, shape (times, 1 + sizes).
     """
     ratio = np.maximum(losses[:, 0, None] - losses, -700.0)  # 2 (L_a - L_0)
-    before = np.log(np.append(_NONE, np.full(len(SIZES), (1 - _NONE) / len(SIZES))) / len(TIMES_S))
-    weight = np.asarray(special.softmax(0.5 * ratio + before))
+    weight = np.asarray(special.softmax(0.5 * ratio + _BEFORE))
     return weight, 0.5 * float(special.chdtrc(2, max(float(ratio.max()), 0.0)))
 
 
-def _rather_joints(data: Measured, beyond: Beyond, moves: Array, losses: Array) -> bool:
-    """Whether joints that are `restless` are likelier than a wander, sizes and times together."""
+def _not_joints(data: Measured, beyond: Beyond, moves: Array, losses: Array) -> float:
+    """Probability of a wander or of nothing against joints that are `restless`."""
     others = [_unit(data) * restless(data, moves, time_s) for time_s in TIMES_S]
     theirs = np.array([_losses(beyond, one, np.asarray(SIZES)) for one in others])
-    return bool(special.logsumexp(-0.5 * theirs) > special.logsumexp(-0.5 * losses[:, 1:]))
+    ours = special.logsumexp(_BEFORE - 0.5 * losses)
+    joints = special.logsumexp(_BEFORE[1:] - 0.5 * theirs) + np.log(NAMELESS)
+    return float(special.expit(ours - joints))
 
 
 def _along_one_axis(beyond: Beyond, factor: Array, size: float) -> bool:

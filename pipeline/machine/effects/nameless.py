@@ -61,6 +61,10 @@ from pipeline.machine.effects.tracker_drift import HOUR_S
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import translation_along
 
+NAMELESS = 0.25
+"""Odds of one thing without a name against one cause of the catalogue, before the data speak: about
+one fault in five is none of the catalogue."""
+
 _BEARING = 5e-9
 """Typical compliance of a bearing along an axis [m/N], that of loaded guide rollers."""
 
