@@ -399,8 +399,7 @@ def _noise_likely(right: Fitted, said: Diagnosis) -> bool:
     Beside all that a machine could do, which leaves little to see it in; where no cause was found,
     also beside a stiffness of its own for each pose.
     """
-    causes = said.seen.model.accepted
-    return right.shape.likely or (not causes and _beside(right, said, loose=True).likely)
+    return right.shape.likely or _beside(right, said, loose=True).likely
 
 
 def _beside(right: Fitted, said: Diagnosis, loose: bool = False) -> Shape:
