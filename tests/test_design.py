@@ -503,9 +503,8 @@ def test_what_cannot_be_is_refused_in_one_sentence(changes, words):
     assert "\n" not in str(refusal.value)
 
 
-@pytest.mark.parametrize(
-    "kind", ["D", *(pytest.param(kind, marks=pytest.mark.slow) for kind in ("A", "E", "workspace"))]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("kind", ["D", "A", "E", "workspace"])
 def test_other_criteria_are_certified_too(kind):
     """Each criterion finds a plan near its own bound."""
     made = problem_of("paper_reference", {"criterion": {"kind": kind}, "plan": {"poses": 4}})
@@ -597,6 +596,7 @@ def test_a_problem_file_and_its_mistakes(tmp_path):
         problem_of("nowhere", {})
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("design")
 def test_the_certificate_gets_better_and_stays_below_the_continuous_design(reference, proposal):
     """Bounds rise, continuous designs fall, and they meet within a thousandth or so."""

@@ -146,6 +146,7 @@ def test_what_is_stated_of_a_stiffness_holds_with_the_twin_too():
             assert all(f"tilt of the bearing in joint {k}" in one.finding for k in (5, 6))
 
 
+@pytest.mark.slow
 def test_what_comes_nearest_predicts_better_and_is_not_believed():
     """The carriage walks off for good, which no law does: whatever is listed is improbable.
 

@@ -64,6 +64,7 @@ def test_which_of_two_targets_moved_is_not_guessed(case):
     assert not {place for _, place in named(bad)} & {f"{GROUP}/{first}", f"{GROUP}/{second}"}
 
 
+@pytest.mark.slow
 def test_good_readings_of_a_lost_pull_are_left_alone():
     """Ten draws of the noise with a bad chain reading each: nothing else is accused."""
     for seed in range(20, 30):

@@ -65,6 +65,7 @@ def test_a_number_by_a_thousand_is_found(files, plan, file, column, row, cause):
     assert all(0.3 < one.value / one.nominal < 3 for one in known)
 
 
+@pytest.mark.slow
 def test_millimetres_read_as_metres_end_in_a_report(files):
     """The commonest blunder of all: a finding, a verdict, page and PDF."""
     raw = files[id(UNSTATED)]

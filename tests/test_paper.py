@@ -120,6 +120,7 @@ def test_the_minimum_of_fig_6_is_where_the_curve_is_lowest():
     assert (one.paper, one.ours, one.better) == (5.04, 2.0, 3.0)
 
 
+@pytest.mark.slow
 def test_the_command_prints_every_entry(capsys, monkeypatch, tmp_path):
     """Both robots, paper, ours and ratio, assumptions and misprints; page and PDF are written."""
     small = paper.Effort(first=0, rounds=1, poses=48, settled=6, exchanged=1)

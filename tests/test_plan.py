@@ -235,6 +235,7 @@ def test_twins_are_one_cause_and_what_the_springs_hide_is_never_named(proposal):
     assert found["scale_gain"].needs
 
 
+@pytest.mark.slow
 def test_an_exchange_names_more_within_what_is_allowed(proposal):
     """Poses, loads and approaches change, the readings and the criterion stay in bounds."""
     made = changed(

@@ -181,6 +181,7 @@ def test_a_pull_through_the_axis_of_joint_7_is_told_by_name():
     assert values == pytest.approx(TABLE_III[:6], rel=1e-9)
 
 
+@pytest.mark.slow
 def test_a_negative_compliance_is_a_finding_and_no_stiffness():
     """Rail displacements of the wrong sign: k_r1 has no value, the sentence says why."""
     files = dict(simulate(exact()).files)

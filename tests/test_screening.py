@@ -71,6 +71,7 @@ def test_a_blunder_is_named_with_its_place(blunder):
     assert [(f.name, f.where) for f in found] == [(truth["name"], truth["where"])]
 
 
+@pytest.mark.slow
 def test_a_shift_that_is_half_unseen_is_not_stated_larger_than_it_was():
     """Two reflectors leave a turn of the effector about their line to the bad reading.
 

@@ -58,6 +58,7 @@ def test_a_wrong_joint_zero_is_named_with_its_size():
     assert not any(s.name == "joint_offset" and s.where == 3 for s in found.blind_spots)
 
 
+@pytest.mark.slow
 def test_two_wrong_zeros_are_both_named():
     """Joints 3 and 5 at once, nothing else; the springs fit better where it really stands."""
     whole = answer(logged(theta3_deg=-0.2, theta5_deg=0.4))

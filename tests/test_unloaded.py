@@ -264,6 +264,7 @@ def test_offsets_along_parallel_axes_are_one():
     assert not same(zeros, sums, at["link_offset:2"], at["joint_offset:7"])
 
 
+@pytest.mark.slow
 def test_estimates_scatter_as_stated():
     """A table rough by 0.3 mm and mrad, joints that err: thirty robots, every entry."""
     rng, pulls = np.random.default_rng(10), []
@@ -361,6 +362,7 @@ def test_a_pose_without_pull_whose_reflectors_kept_no_distance_is_left_out(off_m
     assert zeros.poses == POSES - len(left)
 
 
+@pytest.mark.slow
 def test_sound_poses_without_pull_are_rarely_left_out():
     """300 poses in 100 campaigns; one in a thousand campaigns loses a pose by chance."""
     assert sum(len(of(without_pulls(read(s), [5, 9, 14])).misshapen) for s in range(100)) <= 1

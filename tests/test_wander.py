@@ -202,6 +202,7 @@ def test_where_joints_explain_it_as_well_the_wander_keeps_its_share(monkeypatch)
     assert beside.size**2 == pytest.approx(0.8 * alone.size**2)
 
 
+@pytest.mark.slow
 def test_restless_joints_are_what_is_drawn_of_them():
     """Their covariance within a pose, in the mean square of all rows, is that of 3000 walks."""
     data, moves, rng = measured(), sprung(np.random.default_rng(1)), np.random.default_rng(2)

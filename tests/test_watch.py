@@ -286,6 +286,7 @@ def test_watch_runs_what_arrives_until_ctrl_c(tmp_path):
     assert err.startswith("Interrupted")
 
 
+@pytest.mark.slow
 def test_a_finished_run_is_not_repeated_when_its_memory_was_lost(tmp_path):
     """Killed between run and memory: the next look recognises the result and computes nothing."""
     arrive(tmp_path, "a")
