@@ -60,14 +60,14 @@ END
     assert said("p.src", text, ("p.dat", dat)) == [
         (2, "LIN_REL moves by a distance"),
         (3, "XP1:{X 1,Y 2} is computed at run time"),
-        (4, "the point of line 4 has no Y, Z, A, B, C of its own"),
-        (5, "the point of line 5 is computed at run time"),
+        (4, "the target in line 4 has no Y, Z, A, B, C of its own"),
+        (5, "the target in line 5 is computed at run time"),
         (6, "XP2 is not in this program"),
         (10, f"{{{POSE}}} moves the workpiece at a fixed tool"),
     ]
     assert said("p.dat", dat, ("p.src", text)) == [(2, "XP3 is changed at run time on line 13")]
     assert [line for _, line, *_ in targets("p.src", text)] == [12]
-    with pytest.raises(InputError, match=r"p\.dat:2: no target of it can be corrected: XP3 is"):
+    with pytest.raises(InputError, match=r"p\.dat:2: none of its targets can be corrected: XP3 is"):
         read("p.dat", dat.partition("DECL POS")[0].encode(), ("p.src", text.encode()))
 
 
@@ -217,7 +217,7 @@ end
     assert said("p.script", text) == [
         (4, "c is changed at run time on line 5"),
         (8, "b is computed at run time"),
-        (10, "the point of line 10 is computed at run time"),
+        (10, "the target in line 10 is computed at run time"),
         (12, "speedl has a speed and no target"),
     ]
     assert [one[:2] for one in targets("p.script", text)] == [
@@ -353,16 +353,18 @@ def test_what_nothing_says_is_asked(kuka):
     without_rail = text.partition(",E1")[0] + "}\n"
 
     for given, wrong in (
-        ({"start": START}, r"p.src:1: the point of line 1: nothing says where its tool is; "
+        ({"start": START}, r"p.src:1: the target in line 1: its tool is not defined; "
          r"give it as --tool X,Y,Z,A,B,C\."),
-        ({"start": START, "tool": NO_TOOL["tool"]}, r"its frame is; give it as --base X,Y"),
+        ({"start": START, "tool": NO_TOOL["tool"]}, r"its frame is not defined; .* --base X,Y"),
         (NO_TOOL, r"2 arm configurations reach it.*--start"),
     ):  # fmt: skip
         with pytest.raises(Refused, match=wrong):
             kuka(text, **given)
-    with pytest.raises(Refused, match=r"p.src:2: .* where tool 4 is; give it as --tool 4=X,Y"):
+    with pytest.raises(
+        Refused, match=r"p.src:2: .* tool 4 is not defined; give it as --tool 4=X,Y"
+    ):
         kuka(numbered, start=START, base=NO_TOOL["base"])
-    with pytest.raises(Refused, match=r"nothing says where E1 stands"):
+    with pytest.raises(Refused, match=r"the position of E1 is not stated"):
         kuka(without_rail, **NO_TOOL)
     with pytest.raises(UsageError, match="--force FX,FY,FZ"):
         kuka(text, force=None)
@@ -399,7 +401,7 @@ def test_a_stretched_arm_is_refused_where_it_is_a_pose_and_told_where_it_is_axes
     with pytest.raises(Refused, match=r"p.src:1: .*the robot is at a singularity.* 0\.02\d mm"):
         kuka(pose_at(kuka.bending, q), **given)
     _, remarks = kuka(joints, **given)
-    assert any("p.src:1: the point of line 1: the robot is at a singularity" in r for r in remarks)
+    assert any("p.src:1: the target in line 1: the robot is at a singularity" in r for r in remarks)
 
 
 def test_a_level_wrist_is_corrected_without_a_swing(kuka):
@@ -467,7 +469,7 @@ def test_the_other_file_of_a_program_is_read_and_named(kuka):
 
     assert both.startswith("LIN XP1\nLIN {X ")
     assert "q.dat has targets of this program, too: correct it as well." in remarks
-    with pytest.raises(InputError, match=r"q\.src: has no motion.*; correct q\.dat"):
+    with pytest.raises(InputError, match=r"q\.src: contains no motion.*; correct q\.dat"):
         kuka("LIN XP1\n", file="q.src", **given)
 
 
@@ -485,10 +487,10 @@ def test_digits_that_are_too_few_are_said(kuka):
     ("file", "data", "wrong"),
     [
         ("p.src", "LIN {X 1}".encode("utf-16"), ": is UTF-16 or no text"),
-        ("p.src", b"DEF p()\nEND\n", ": has no motion to a point with coordinates"),
-        ("p.script", b"movel(p[0,0,0,0,0,0)", ":1: no target of it can be corrected"),
-        ("p.mod", b"MoveL [[0,0,0],[0,0,0", ": has no motion to a point with coordinates"),
-        ("p.ls", b"/POS\nP[1]{", ": has no motion to a point with coordinates"),
+        ("p.src", b"DEF p()\nEND\n", ": contains no motion to a target with coordinates"),
+        ("p.script", b"movel(p[0,0,0,0,0,0)", ":1: none of its targets can be corrected"),
+        ("p.mod", b"MoveL [[0,0,0],[0,0,0", ": contains no motion to a target with coordinates"),
+        ("p.ls", b"/POS\nP[1]{", ": contains no motion to a target with coordinates"),
     ],
 )
 def test_what_is_no_program_is_refused(file, data, wrong):
@@ -555,7 +557,7 @@ def test_a_target_at_its_limit_is_refused_where_it_would_leave_it(kuka):
             refused.append(str(wrong))
 
     (said,) = refused
-    assert "p.src:1: the point of line 1: corrected, joint theta3 is 0." in said
+    assert "p.src:1: the target in line 1: corrected, joint theta3 is 0." in said
 
 
 def test_joints_near_a_pose_say_which_arm_is_meant(tmp_path):

@@ -33,7 +33,12 @@ PIPELINE = [sys.executable, "-m", "pipeline"]
         (["init", "a", "--plan", "p.toml", "--robot", "r"], 2, "the plan names its robot"),
         (["init"], 2, "the campaign has no name: write 'pipeline init NAME'."),
         (["serve", "--cron", "now"], 2, '--cron: "now" is no cron line, such as "0 6 * * 1-5".'),
-        (["watch", "--interval", "1"], 2, "--interval: 1.0 should be greater than or equal to 5."),
+        (["watch", "--interval", "1"], 2, "--interval: 1.0 should be at least 5."),
+        (
+            ["simulate", "--name", "a/b"],
+            5,
+            'name: "a/b" is not a name of letters, digits, dots, hyphens and underscores;',
+        ),
         (["watch", "--root", "/nowhere"], 2, "there is no folder /nowhere: correct --root."),
         (
             ["simulate", "--effect", "joint_tlt:4"],

@@ -149,9 +149,18 @@ def _wrong(first: ErrorDetails) -> str:
         return "unknown key"
     if kind in _FORMS:
         return f"should be {_FORMS[kind]}"
+    if kind == "string_pattern_mismatch":
+        return f'"{printable(first["input"], _VALUE)}" {_of_letters(first["ctx"]["pattern"])}'
     if kind in ("too_short", "too_long"):
         return _wrong_length(first["ctx"])
     return _wrong_value(first.get("input"), first["msg"])
+
+
+def _of_letters(pattern: str) -> str:
+    """What a name may hold, by the pattern that it has to match."""
+    if "_.-" in pattern:
+        return "is not a name of letters, digits, dots, hyphens and underscores"
+    return "is not a name of letters and digits that begins with a letter"
 
 
 def _wrong_length(limits: Mapping[str, Any]) -> str:
@@ -165,7 +174,13 @@ def _wrong_value(value: object, said: str) -> str:
     if not isinstance(value, str | int | float) or not said.startswith("Input should be "):
         return said
     shown = f'"{printable(value, _VALUE)}"' if isinstance(value, str) else value
-    return f"{shown} should be {said.removeprefix('Input should be ')}"
+    bound = said.removeprefix("Input should be ")
+    for long, short in _BOUNDS.items():
+        bound = bound.replace(long, short)
+    return f"{shown} should be {bound}"
+
+
+_BOUNDS = {"greater than or equal to": "at least", "less than or equal to": "at most"}
 
 
 _FORMS = {

@@ -163,7 +163,7 @@ class _Aiming:
         which = f"{word} {name}" if name else f"its {word}"
         equals = f"{name}=" if name and " " not in name else ""
         way_out = f"give it as {option} {equals}{self.notation.letters}"
-        return wrong(target, f"nothing says where {which} is", way_out)
+        return wrong(target, f"{which} is not defined", way_out)
 
     def _rail(self, target: Target) -> None:
         """Put the sliding joints where the target has them, or leave them where they are."""
@@ -178,8 +178,8 @@ class _Aiming:
         if not self.rail_known:
             raise wrong(
                 target,
-                f"nothing says where {listed(np.array(self.axes.names)[slides])} stands",
-                "write it to the target, or give the axes before it with --start",
+                f"the position of {listed(np.array(self.axes.names)[slides])} is not stated",
+                "add it to the target, or give the axes before it with --start",
             )
         self._within(target, self.q, only=self.robot.prismatic)
 

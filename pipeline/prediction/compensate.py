@@ -135,7 +135,7 @@ def read(name: str, data: bytes, robot: Robot, constant: Array | None = None) ->
     Raises:
         InputError: Any row or column is not as it should be: a path with a hole is no path.
     """
-    log = whole(logs.joints(name, data, robot))
+    log = whole(logs.joints(name, data, robot, section=None))
     own = {f"{joint.name}_{unit}" for joint in robot.joints for unit in ("m", "mm", "deg", "rad")}
     return Path(
         pose=log.number["pose"].astype(np.int64),

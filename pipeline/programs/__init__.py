@@ -47,9 +47,9 @@ def _nothing(program: Program, other: str | None) -> InputError:
     """Why there is nothing to correct in a file."""
     elsewhere = f"correct {other}, which has targets" if program.targets and other else None
     if not program.left:
-        thing = "has no motion to a point with coordinates"
-        return InputError(thing, elsewhere or "give a file that has some", file=program.file)
+        thing = "contains no motion to a target with coordinates"
+        return InputError(thing, elsewhere or "give a program that has one", file=program.file)
     first = program.left[0]
-    thing = f"no target of it can be corrected: {first.why}"
-    way_out = elsewhere or "write coordinates in its place"
+    thing = f"none of its targets can be corrected: {first.why}"
+    way_out = elsewhere or "write coordinates instead"
     return InputError(thing, way_out, file=program.file, line=first.line)

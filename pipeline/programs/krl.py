@@ -307,7 +307,7 @@ def _use(found: _Reading, source: Source, start: int, word: str, by_axes: bool) 
     if word.startswith("{"):
         inline = _aggregate(source, start, word)
         points: Sequence[_Aggregate] = [] if inline is None else [inline]
-        name = f"the point of line {source.line(start)}"
+        name = f"the target in line {source.line(start)}"
     else:
         points, name = _named(found, word), word
     if not points:

@@ -253,7 +253,7 @@ def _use(found: _Reading, entry: Entry, frames: tuple[str, str], checked: bool) 
     text = _SWITCHES.sub("", entry.text)
     if text.startswith("["):
         inline = Entry(entry.start, entry.start + len(text), text)
-        name = f"the point of line {found.source.line(entry.start)}"
+        name = f"the target in line {found.source.line(entry.start)}"
         points: Sequence[Target | str] = list(_points(found, name, [inline]))
     elif named := _POINT.match(text):
         points = _named(found, named[1].lower(), named[2])

@@ -139,7 +139,7 @@ def _use(found: _Reading, entry: Entry) -> str | None:
     entry, near = _inside(found, _without(entry, _ARGUMENT))
     points: Sequence[Target | str]
     if entry.text.startswith("[") or re.match(r"p\s*\[", entry.text):
-        points = list(_points(found, f"the point of line {found.source.line(entry.start)}", entry))
+        points = list(_points(found, f"the target in line {found.source.line(entry.start)}", entry))
     elif named := _NAMED.match(entry.text):
         points = _named(found, named[1], named[2])
     else:

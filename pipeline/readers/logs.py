@@ -229,7 +229,9 @@ def _one_load(log: Log) -> Log:
     return log.only(count[count <= 1] == 1, "has no force, mass or payload; fill one of them in")
 
 
-def joints(name: str, data: bytes, robot: Robot, said: LogForm = OURS) -> Log:
+def joints(
+    name: str, data: bytes, robot: Robot, said: LogForm = OURS, section: str | None = "joints"
+) -> Log:
     """The controller's joint log, by the names of the robot's joints or of its controller's axes.
 
     Args:
@@ -237,6 +239,7 @@ def joints(name: str, data: bytes, robot: Robot, said: LogForm = OURS) -> Log:
         data: Its content.
         robot: Whose joints they are.
         said: [joints] of campaign.toml.
+        section: Where campaign.toml may rename its columns; None for a file of no campaign.
 
     Returns:
         The log with its poses and a number for each joint of the robot [m] or [rad]; where it has
@@ -257,7 +260,7 @@ def joints(name: str, data: bytes, robot: Robot, said: LogForm = OURS) -> Log:
     repeat = replace(_REPEAT, needed=False)
     others = [approach, repeat, *torques]
     known_columns(said, "joints", [POSE, _TIME, *own, *axes, *others])
-    log = whole_numbers(typed(file, [POSE, *wanted, *others], said, "joints"))
+    log = whole_numbers(typed(file, [POSE, *wanted, *others], said, section))
     reason = "approach is neither 1 nor -1; correct it or leave it empty"
     log = log.where("approach", lambda way: np.isin(way, [1, -1, 0]) | np.isnan(way), reason)
     log = once(log, ["pose", *({"repeat"} & {*log.number})])
