@@ -375,8 +375,8 @@ def test_a_wrong_payload_is_due_where_the_torques_show_it():
 
     assert power == pytest.approx(0.80, abs=1e-3)
     said = dict(zip(titles, row, strict=True))
-    assert said["wrong payload told, clearly visible"].startswith("50.0 % (1 of 2;")
-    assert said["wrong payload told, others"].startswith("0.0 % (0 of 1;")
+    assert said["wrong payload reported, clearly visible"].startswith("50.0 % (1 of 2;")
+    assert said["wrong payload reported, others"].startswith("0.0 % (0 of 1;")
     assert said["any doubt"].startswith("75.0 % (3 of 4;")
     assert "accused" not in said
 
