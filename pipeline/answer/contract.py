@@ -198,7 +198,12 @@ class Stiffness(Fact):
     @property
     def called(self) -> str:
         """`A1 (k_theta2)`, as controller and result.json name it; `k_theta2` without an axis."""
-        return self.name if self.axis is None else f"{self.axis} ({self.name})"
+        return called(self.name, self.axis)
+
+
+def called(name: str, axis: str | None) -> str:
+    """`A1 (k_theta2)`, as controller and result.json name a stiffness; its name without an axis."""
+    return name if axis is None else f"{axis} ({name})"
 
 
 class Combination(Fact):
@@ -392,9 +397,12 @@ class Unnamed(Fact):
 class Gain(Fact):
     """What the causes are worth at poses that were left out."""
 
-    held_out_rms_before_mm: Number
+    held_out_rms_before_mm: Number = Field(
+        description="without the causes, weighted as with them; joint_springs.validation is "
+        "weighted by their own noise"
+    )
     held_out_rms_after_mm: Number
-    reduction: Number = Field(description="fraction by which the error falls")
+    reduction: Number = Field(description="fraction by which the error falls at one weighting")
     ci95: Interval | None
     of: Predicted | None = None
     test_pose_change_mm: Number

@@ -146,23 +146,24 @@ def _gain_sentences(what: str, one: Cause) -> str:
 
 
 def _error_falls(how: str, gain: Gain) -> Iterator[str]:
+    """By which share the error falls, and to what; without the share, from what.
+
+    The joint springs' own error stands beside the verdict, weighted by their own noise; the share
+    compares both models at one weighting, and the two values before differ in the third digit.
+    """
     before, after = gain.held_out_rms_before_mm, gain.held_out_rms_after_mm
     if before is None or after is None or after >= before:
         return
     of = " of the unloaded positions" if gain.of is Predicted.UNLOADED_POSITIONS else ""
-    yield (
-        f"With {how} the cross-validation error{of} falls from {plain(before)} mm to "
-        f"{plain(after)} mm{_share(gain)}."
-    )
+    falls = f"from {plain(before)} mm" if gain.reduction is None else _share(gain)
+    yield f"With {how} the cross-validation error{of} falls {falls} to {plain(after)} mm."
 
 
 def _share(gain: Gain) -> str:
     """The fraction by which the error falls, with its interval where that is known."""
-    if gain.reduction is None:
-        return ""
     low, high = gain.ci95 or (None, None)
-    sure = "" if low is None else f", 95 % interval {percent(low)} to {percent(high)}"
-    return f" ({percent(gain.reduction)} less{sure})"
+    sure = "" if low is None else f" (95 % interval {percent(low)} to {percent(high)})"
+    return f"by {percent(gain.reduction)}{sure}"
 
 
 def _test_pose_changes(gain: Gain) -> Iterator[str]:
