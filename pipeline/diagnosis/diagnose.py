@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,7 +17,7 @@ from pipeline.diagnosis.hypotheses import hypotheses
 from pipeline.diagnosis.identify import Case, Found, by_label, search
 from pipeline.diagnosis.improvement import alone, gain
 from pipeline.diagnosis.isolability import Twins, twins
-from pipeline.diagnosis.separability import separation
+from pipeline.diagnosis.separability import separation, separation_found
 from pipeline.diagnosis.suspect_statistics import clues, misfits
 from pipeline.diagnosis.undecided import next_poses
 from pipeline.diagnosis.unlisted import beyond
@@ -123,6 +124,7 @@ def diagnose(
         equilibrium=case.cell.equilibrium,
         apart=separation(found.first.M, found.first.base, found.first.at[main]),
         apart_labels=tuple(by_label(case.suspects)),
+        apart_found=_apart_found(case, found, main, facts.helps),
         hypotheses=sets,
         **_left_out(found, worth, facts.helps),
         noise_floor_m=rms(found.first.spread),
@@ -130,6 +132,18 @@ def diagnose(
         settled=found.explains or not found.detected,
         stood_off_m=(stood.miss_m, stood.left_m),
     )
+
+
+def _apart_found(case: Case, found: Found, main: Sequence[int], helps: bool) -> Array:
+    """`Diagnosis.apart_found`, by the first form of each cause."""
+    labels = [case.suspects[i].label for i in main]
+    out = np.full((len(main), len(main)), np.nan)
+    accepted = [i for i in found.accepted if helps and case.suspects[i].label in labels]
+    apart = separation_found(found.wide, accepted, main)
+    for one, row in zip(accepted, apart, strict=True):
+        place = labels.index(case.suspects[one].label)
+        out[place], out[:, place] = row, row
+    return out
 
 
 def _misfit(estimate: Estimate, spread: Scatter) -> tuple[float | None, float]:

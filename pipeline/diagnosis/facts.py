@@ -469,6 +469,8 @@ class Diagnosis(Locked):
         equilibrium: `deformed` where the second order in the load fits better.
         apart: Sigmas between suspects at typical size as this campaign sees them, (n, n).
         apart_labels: Labels of its rows.
+        apart_found: The same between an identified cause and the others, at the sizes found here,
+            NaN elsewhere, (n, n).
         hypotheses: Springs estimated together with the identified causes, then with each likely
             set of causes in their place; empty where nothing changes the springs.
         left_out_before_m: Cross-validation residuals of the joint springs [m], shape (M,).
@@ -496,6 +498,7 @@ class Diagnosis(Locked):
     equilibrium: str
     apart: Array
     apart_labels: tuple[str, ...]
+    apart_found: Array
     hypotheses: tuple[Hypothesis, ...]
     left_out_before_m: Array
     left_out_after_m: Array

@@ -20,12 +20,12 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.diagnosis.facts import APART, Proposal
 from pipeline.diagnosis.identify import Case
+from pipeline.diagnosis.separability import left_by, sizes
 from pipeline.machine.cell import sensitivity
 from pipeline.machine.effect import Effect, Pulls
 from pipeline.machine.poses import default_anchors, draw_poses, try_poses
 from pipeline.machine.robot import configure
 from pipeline.system.elimination import eliminate
-from pipeline.system.evidence import WIDTHS
 from pipeline.system.whitened import Whitened
 
 _SETTLED = 0.002
@@ -241,7 +241,7 @@ class _Contest(Locked):
             M=view.M[np.ix_(columns, columns)],
             pairs=tuple(pairs),
             weight=np.array(weight),
-            size=tuple(_sizes(view, one) for one in questions),
+            size=tuple(sizes(view, one.who, one.rest) for one in questions),
         )
 
     @property
@@ -273,7 +273,7 @@ class _Contest(Locked):
             S, size = left[number], self.size[number]
             one, other = (self.at[self.questions[number].who[k]] for k in (a, b))
             there = [
-                _left(S, true, size[k], rest)
+                left_by(S, true, size[k], rest)
                 for true, k, rest in ((one, a, other), (other, b, one))
                 if len(true)
             ]
@@ -310,26 +310,3 @@ class _Contest(Locked):
         inverse = view.white.inverse[blocks.index[mine[0]]][np.ix_(place, place)]
         X = inverse @ X / view.noise
         return np.asarray(np.swapaxes(X, 1, 2) @ X)
-
-
-def _sizes(view: Whitened, one: Question) -> tuple[Array, ...]:
-    """What each who could act in a place would be, fitted without the others."""
-    S = eliminate(view.M, np.concatenate([np.arange(view.first), view.columns(one.rest)]))
-    mine = (view.columns([] if i is None else [i]) for i in one.who)
-    return tuple(_fitted(S, own, S[own, -1]) for own in mine)
-
-
-def _left(S: Array, true: Ints, size: Array, other: Ints) -> Array:
-    """Sigmas of what `true` leaves when `other` is fitted, sums of squares S beside the rest."""
-    whole = np.einsum("i,...ij,j->...", size, S[..., true[:, None], true], size)
-    if not len(other):
-        return np.asarray(np.sqrt(np.maximum(whole, 0.0)))
-    h = S[..., other[:, None], true] @ size
-    taken = np.einsum("...i,...i->...", h, _fitted(S, other, h))
-    return np.asarray(np.sqrt(np.maximum(whole - taken, 0.0)))
-
-
-def _fitted(S: Array, own: Ints, h: Array) -> Array:
-    """Sizes (G + I / w^2)^-1 h of some columns, held to those that the evidence holds possible."""
-    G = S[..., own[:, None], own] + np.eye(len(own)) / WIDTHS.max() ** 2
-    return linear.solve(G, h)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from pipeline.base import linear
@@ -9,6 +11,8 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.diagnosis.facts import APART, DETECTED
 from pipeline.diagnosis.isolability import Twins
 from pipeline.system.beside import left_beside
+from pipeline.system.elimination import eliminate
+from pipeline.system.evidence import WIDTHS
 from pipeline.system.whitened import Whitened
 
 
@@ -61,3 +65,61 @@ def identifiable(view: Whitened, known: Twins) -> dict[str, float]:
         least = min(apart[a, others].min(), apart[a, a] * APART / DETECTED)
         out[label] = max(out.get(label, 0.0), APART / least if least > 1e-9 else np.inf)
     return out
+
+
+def separation_found(view: Whitened, accepted: Sequence[int], among: Sequence[int]) -> Array:
+    """Sigmas between accepted causes and others, each as large as these readings have it, (a, n).
+
+    Of a pair the smaller of what either, fitted in the place of the accepted one, leaves when the
+    other is fitted instead (`left_by`): what separates the two in this campaign, where `separation`
+    has typical sizes. NaN for a cause and itself.
+
+    Args:
+        view: The campaign whitened at the accepted causes.
+        accepted: These causes.
+        among: The others, shape (n,).
+    """
+    out = np.full((len(accepted), len(among)), np.nan)
+    for place, one in enumerate(accepted):
+        for k, other in enumerate(among):
+            if view.suspects[one].label != view.suspects[other].label:
+                rest = [i for i in accepted if i not in (one, other)]
+                out[place, k] = _either(view, one, other, rest)
+    return out
+
+
+def _either(view: Whitened, one: int, other: int, rest: Sequence[int]) -> float:
+    """Sigmas between two causes at their fitted sizes, some others in the model."""
+    S = eliminate(view.M, np.concatenate([np.arange(view.first), view.columns(rest)]))
+    a, b = (view.columns([i]) for i in (one, other))
+    z, w = sizes(view, (one, other), rest)
+    return float(min(left_by(S, a, z, b), left_by(S, b, w, a)))
+
+
+def sizes(view: Whitened, who: Sequence[int | None], rest: Sequence[int]) -> tuple[Array, ...]:
+    """What each who could act in a place would be, fitted without the others, in typical sizes.
+
+    Args:
+        view: The campaign.
+        who: Suspects; None for none.
+        rest: Causes that are in the model whoever it is.
+    """
+    S = eliminate(view.M, np.concatenate([np.arange(view.first), view.columns(rest)]))
+    mine = (view.columns([] if i is None else [i]) for i in who)
+    return tuple(_fitted(S, own, S[own, -1]) for own in mine)
+
+
+def left_by(S: Array, true: Ints, size: Array, other: Ints) -> Array:
+    """Sigmas of what `true` leaves when `other` is fitted, sums of squares S beside the rest."""
+    whole = np.einsum("i,...ij,j->...", size, S[..., true[:, None], true], size)
+    if not len(other):
+        return np.asarray(np.sqrt(np.maximum(whole, 0.0)))
+    h = S[..., other[:, None], true] @ size
+    taken = np.einsum("...i,...i->...", h, _fitted(S, other, h))
+    return np.asarray(np.sqrt(np.maximum(whole - taken, 0.0)))
+
+
+def _fitted(S: Array, own: Ints, h: Array) -> Array:
+    """Sizes (G + I / w^2)^-1 h of some columns, held to those that the evidence holds possible."""
+    G = S[..., own[:, None], own] + np.eye(len(own)) / WIDTHS.max() ** 2
+    return linear.solve(G, h)
