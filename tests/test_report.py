@@ -384,7 +384,7 @@ def test_an_identified_cause_is_compared_as_large_as_it_was_found(sample):
     page = render(answer, told)["index.html"].decode()
 
     assert "3 could not be" in caption
-    assert "at the magnitudes that these readings give" in caption
+    assert "at the magnitude that these readings give" in caption
     tips = re.findall(r'data-tip="([^"]* or [^"]* σ[^"]*)"', page)
     assert sorted(tips) == [
         "tilt of the bearing in joint 2 or roll of the carriage about the rail: 0.80 σ",

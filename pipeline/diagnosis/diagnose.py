@@ -19,7 +19,7 @@ from pipeline.diagnosis.improvement import alone, gain
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.separability import separation, separation_found
 from pipeline.diagnosis.suspect_statistics import clues, misfits
-from pipeline.diagnosis.undecided import next_poses
+from pipeline.diagnosis.undecided import LEAST, next_poses
 from pipeline.diagnosis.unlisted import beyond
 from pipeline.diagnosis.unloaded_geometry import as_stiff, corrected, standing
 from pipeline.machine.cell import Cell
@@ -138,11 +138,16 @@ def _apart_found(case: Case, found: Found, main: Sequence[int], helps: bool) -> 
     """`Diagnosis.apart_found`, by the first form of each cause."""
     labels = [case.suspects[i].label for i in main]
     out = np.full((len(main), len(main)), np.nan)
-    accepted = [i for i in found.accepted if helps and case.suspects[i].label in labels]
-    apart = separation_found(found.wide, accepted, main)
+    accepted = found.accepted if helps else ()
+    possible = [
+        {one.label: one.suspect for one in reversed(rivals) if one.probability > LEAST}
+        for rivals in found.rivals[: len(accepted)]
+    ]
+    apart = separation_found(found.wide, accepted, main, possible)
     for one, row in zip(accepted, apart, strict=True):
-        place = labels.index(case.suspects[one].label)
-        out[place], out[:, place] = row, row
+        if case.suspects[one].label in labels:
+            place = labels.index(case.suspects[one].label)
+            out[place], out[:, place] = row, row
     return out
 
 

@@ -469,7 +469,7 @@ class Diagnosis(Locked):
         equilibrium: `deformed` where the second order in the load fits better.
         apart: Sigmas between suspects at typical size as this campaign sees them, (n, n).
         apart_labels: Labels of its rows.
-        apart_found: The same between an identified cause and the others, at the sizes found here,
+        apart_found: The same between an identified cause, as large as found here, and the others,
             NaN elsewhere, (n, n).
         hypotheses: Springs estimated together with the identified causes, then with each likely
             set of causes in their place; empty where nothing changes the springs.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 
@@ -67,33 +67,46 @@ def identifiable(view: Whitened, known: Twins) -> dict[str, float]:
     return out
 
 
-def separation_found(view: Whitened, accepted: Sequence[int], among: Sequence[int]) -> Array:
-    """Sigmas between accepted causes and others, each as large as these readings have it, (a, n).
+def separation_found(
+    view: Whitened,
+    accepted: Sequence[int],
+    among: Sequence[int],
+    possible: Sequence[Mapping[str, int]],
+) -> Array:
+    """Sigmas between accepted causes and others, as large as these readings have them, (a, n).
 
-    Of a pair the smaller of what either, fitted in the place of the accepted one, leaves when the
-    other is fitted instead (`left_by`): what separates the two in this campaign, where `separation`
-    has typical sizes. NaN for a cause and itself.
+    What an accepted cause at its fitted size leaves when the other is fitted in its place
+    (`left_by`); of one that is possible there the smaller of both ways. One that is not is fitted
+    at next to nothing and would leave as much. `separation` has typical sizes. NaN for a cause and
+    itself.
 
     Args:
         view: The campaign whitened at the accepted causes.
         accepted: These causes.
         among: The others, shape (n,).
+        possible: For each accepted one what may act in its place: suspect by label, in the form
+            that fits best.
     """
     out = np.full((len(accepted), len(among)), np.nan)
     for place, one in enumerate(accepted):
         for k, other in enumerate(among):
-            if view.suspects[one].label != view.suspects[other].label:
+            label = view.suspects[other].label
+            if label != view.suspects[one].label:
+                rival = possible[place].get(label)
                 rest = [i for i in accepted if i not in (one, other)]
-                out[place, k] = _either(view, one, other, rest)
+                left = _left_either_way(view, one, other if rival is None else rival, rest)
+                out[place, k] = left[0] if rival is None else min(left)
     return out
 
 
-def _either(view: Whitened, one: int, other: int, rest: Sequence[int]) -> float:
-    """Sigmas between two causes at their fitted sizes, some others in the model."""
+def _left_either_way(
+    view: Whitened, one: int, other: int, rest: Sequence[int]
+) -> tuple[float, float]:
+    """What each of two causes, as fitted, leaves for the other; some more are in the model."""
     S = eliminate(view.M, np.concatenate([np.arange(view.first), view.columns(rest)]))
     a, b = (view.columns([i]) for i in (one, other))
     z, w = sizes(view, (one, other), rest)
-    return float(min(left_by(S, a, z, b), left_by(S, b, w, a)))
+    return float(left_by(S, a, z, b)), float(left_by(S, b, w, a))
 
 
 def sizes(view: Whitened, who: Sequence[int | None], rest: Sequence[int]) -> tuple[Array, ...]:

@@ -13,7 +13,7 @@ from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.nextpose import Candidates, Question, candidates, propose
 from pipeline.diagnosis.verdict import CERTAIN
 
-_LEAST = 0.02
+LEAST = 0.02
 """Rivals less probable than this are ignored."""
 
 _MOST = 4
@@ -76,7 +76,7 @@ def _standing_there(
     odds: dict[int | None, float] = {found.accepted[place]: sum(mine)}
     if cause.probability < CERTAIN:
         others = [r for r in found.rivals[place] if r.label not in one]
-        odds |= {r.suspect: r.probability for r in others[:_MOST] if r.probability > _LEAST}
+        odds |= {r.suspect: r.probability for r in others[:_MOST] if r.probability > LEAST}
     if found.strange and found.strange[place].probability > 1 - CERTAIN:
         strange = found.strange[place]
         odds = {who: (1 - strange.probability) * odd for who, odd in odds.items()}

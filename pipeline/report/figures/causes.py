@@ -175,8 +175,8 @@ def _magnitudes(apart: pd.DataFrame) -> str:
     if not apart.attrs["found"]:
         return "All are compared at their typical magnitudes."
     return (
-        "Framed: pairs with an identified cause, both at the magnitudes that these readings give, "
-        "as in the verdict; all others at typical magnitudes, and so not what the verdict rests on."
+        "Framed: pairs with an identified cause, at the magnitude that these readings give, as in "
+        "the verdict; all others at typical magnitudes."
     )
 
 
@@ -200,9 +200,9 @@ def _write_separability(answer: Answer, tables: Tables) -> Figure | None:
         "Which causes these readings can distinguish",
         f"{said} {_magnitudes(apart)} Compared are the causes that at their typical magnitude are "
         f"at least {DETECTED:g} standard deviations above the scatter, so that they are almost "
-        f"certainly detected. Each square is one pair. Pale: this campaign distinguishes the two. Dark: it does not, and "
-        f"the pair needs another pose or another sensor. Above {APART} standard deviations the "
-        f"right one is chosen in 95 % of the cases.",
+        f"certainly detected. Each square is one pair. Pale: this campaign distinguishes the two. "
+        f"Dark: it does not, and the pair needs another pose or another sensor. Above {APART} "
+        f"standard deviations the right one is chosen in 95 % of the cases.",
         f"Triangular map of the distances between {len(apart)} causes. {said}",
     )
 
