@@ -136,7 +136,7 @@ def weak(among, count, share):
 
 def number(among, proposal):
     """Which candidate a proposal is."""
-    return int(among.pulls.pose[(among.pulls.q == proposal.q).all(axis=1)][0])
+    return int(among.pulls.pose[(among.pulls.q == proposal.at.q).all(axis=1)][0])
 
 
 def question(view, *labels, odds=None):

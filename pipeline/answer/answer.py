@@ -7,7 +7,7 @@ from pipeline.answer.combinations import combination_entries, told
 from pipeline.answer.common_factor import common_factor, told_factor
 from pipeline.answer.contract import Answer
 from pipeline.answer.contradicted import entry_findings
-from pipeline.answer.diagnosis import diagnosis_entry, noise_entry, placed
+from pipeline.answer.diagnosis import best_pose, diagnosis_entry, noise_entry, placed
 from pipeline.answer.findings import Findings
 from pipeline.answer.geometry import (
     estimated_combinations,
@@ -69,7 +69,8 @@ def answer(found: Findings) -> Answer:
     said += [*stated, *filter(None, map(enormous, found.diagnosis.causes))]
     payloads = payload_entries(given.case)
     together = combination_entries(found.told.values)
-    diagnosis = diagnosis_entry(found)
+    best = best_pose(found.diagnosis, raw.robot, values.stiffness)
+    diagnosis = diagnosis_entry(found).model_copy(update={"best_pose": best})
     pose = pose_entry(raw.robot, where, found.judged)
     tolerance = tolerance_entry(raw.settings.tolerance, where, found.judged)
     told_first = Stated(values, springs, together, diagnosis, pose, tolerance, stated)

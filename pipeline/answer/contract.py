@@ -522,21 +522,41 @@ class AxisValue(Fact):
     unit: Literal["m", "deg"]
 
 
-class NextPose(Fact):
-    """A pose that would decide what is open, pulled in the usual load steps up to `force_n`."""
+class ToMeasure(Fact):
+    """A pose to measure, pulled in the usual load steps up to `force_n`."""
 
-    separates: tuple[str, ...] = Field(description="the two that stay closest with it")
     q: tuple[float, ...]
     q_unit: tuple[Literal["m", "deg"], ...]
-    anchor_m: tuple[float, float, float]
-    force_n: float
+    anchor_m: tuple[float, float, float] = Field(description="where to attach the chain, F_b")
+    direction: tuple[float, float, float] = Field(
+        description="of the force on the robot, of length 1, F_b"
+    )
+    force_n: float = Field(description="of the largest load step")
+    steps: int = Field(description="load steps")
     approach: Number = Field(description="which way the carriage comes; null without a rail")
-    sigmas_before: Number
-    sigmas_after: Number
-    pose: int = Field(description="its number")
     axes: tuple[AxisValue, ...] = Field(
         default=(), exclude_if=_nothing, description="where the controller's axes stand there"
     )
+
+
+class NextPose(ToMeasure):
+    """A pose that would decide what is open."""
+
+    separates: tuple[str, ...] = Field(description="the two that stay closest with it")
+    sigmas_before: Number
+    sigmas_after: Number
+    pose: int = Field(description="its number")
+
+
+class BestPose(ToMeasure):
+    """The pose that would determine a joint best."""
+
+    name: str = Field(description="of its stiffness: k_r1, k_theta2, ...")
+    relative_std_before: Number = Field(
+        description="of the stiffness; of its typical compliance where it has no value"
+    )
+    relative_std_after: Number = Field(description="the same with this pose, as expected")
+    determines: bool = Field(description="whether the joint then has a value")
 
 
 class Cell(Fact):
@@ -611,6 +631,12 @@ class Diagnosis(Fact):
     )
     blind_spots: tuple[BlindSpot, ...]
     next_poses: tuple[NextPose, ...]
+    best_pose: BestPose | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="for the joint that is known worst, where no cause is in question; absent "
+        "without",
+    )
     next_poses_in: Cell | None = Field(
         default=None,
         exclude_if=_nothing,

@@ -19,7 +19,7 @@ from pipeline.diagnosis.improvement import alone, gain
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.separability import separation, separation_found
 from pipeline.diagnosis.suspect_statistics import clues, misfits
-from pipeline.diagnosis.undecided import LEAST, next_poses
+from pipeline.diagnosis.undecided import LEAST, determining, next_poses
 from pipeline.diagnosis.unlisted import beyond
 from pipeline.diagnosis.unloaded_geometry import as_stiff, corrected, standing
 from pipeline.machine.cell import Cell
@@ -107,12 +107,15 @@ def diagnose(
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
     main = [forms[0] for forms in by_label(case.suspects).values()]
+    single = _alone(found, worth, rng)
+    proposed = next_poses(case, found, causes, worth, known, rng)
     return Diagnosis(
         facts=facts,
         causes=facts.moved + drifts + held,
-        alone=_alone(found, worth, rng),
+        alone=single,
         blind_spots=_blind_spots(whole, found, facts, known),
-        next_poses=next_poses(case, found, causes, worth, known, rng),
+        next_poses=proposed,
+        determining=() if proposed else determining(case, found, rng.spawn(1)[0]),
         refused=found.refused,
         clues=clues(found),
         threshold=found.threshold.p,

@@ -18,7 +18,7 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
-from pipeline.diagnosis.facts import APART, Proposal
+from pipeline.diagnosis.facts import APART, Determining, Pose, Proposal
 from pipeline.diagnosis.identify import Case
 from pipeline.diagnosis.separability import left_by, sizes
 from pipeline.machine.cell import sensitivity
@@ -35,6 +35,9 @@ _CANDIDATES = 240
 
 _LIGHT = 0.25
 """Weak pulls, of the largest: proposed as well where the campaign's steps are all large."""
+
+_OPEN = 1e2
+"""Prior standard uncertainty of every parameter, in typical sizes: none, but for rounding [1]."""
 
 _SPRINGS = "joint_springs"
 """What a cause is compared with when nothing else could replace it."""
@@ -66,6 +69,23 @@ class Candidates(Locked):
 
     pulls: Pulls
     anchor: Array
+
+    @property
+    def steps(self) -> int:
+        """Load steps of each pose."""
+        return len(self.pulls.pose) // len(self.anchor)
+
+    def pose(self, number: int) -> Pose:
+        """One of them."""
+        first, k = number * self.steps, self.steps
+        force = self.pulls.force[first : first + k]
+        return Pose(
+            q=self.pulls.q[first],
+            anchor=self.anchor[number],
+            force=force[np.argmax(np.linalg.norm(force, axis=1))],
+            steps=k,
+            approach=float(self.pulls.approach[first]),
+        )
 
 
 def candidates(case: Case, rng: np.random.Generator) -> Candidates:
@@ -132,8 +152,7 @@ def propose(
     contest = _Contest.of(view, questions)
     more = contest.products(view, among)
     open_pairs = np.ones(len(contest.pairs), dtype=bool)
-    k = len(among.pulls.pose) // len(among.anchor)
-    stand = np.unique(among.pulls.q[::k], axis=0, return_inverse=True)[1].reshape(-1)
+    stand = np.unique(among.pulls.q[:: among.steps], axis=0, return_inverse=True)[1].reshape(-1)
     for _ in range(2):
         chosen, apart = _series(contest, more, stand, open_pairs, most)
         helped = apart[-1] >= 1.05 * apart[0] + 0.05
@@ -148,18 +167,38 @@ def propose(
         out.append(
             Proposal(
                 separates=contest.labels(view, closest),
-                q=among.pulls.q[best * k],
-                anchor=among.anchor[best],
-                force_n=float(
-                    np.linalg.norm(among.pulls.force[best * k : (best + 1) * k], axis=1).max()
-                ),
-                approach=float(among.pulls.approach[best * k]),
+                at=among.pose(best),
                 before=float(apart[0][closest]),
                 after=float(apart[count][closest]),
                 poses=count,
             )
         )
     return out
+
+
+def determine(view: Whitened, among: Candidates) -> tuple[Determining, ...]:
+    """For each joint the pose that makes its compliance most certain.
+
+    u_k^2 = [(N + N_pose + I / w^2)^-1]_kk, N the products of the whitened columns of springs,
+    common errors and accepted causes, in typical sizes, and w a prior that leaves open what nothing
+    determines.
+
+    Args:
+        view: The campaign from the model with all accepted causes.
+        among: Reachable poses.
+    """
+    accepted = [Question((one,), (1.0,), ()) for one in view.model.accepted]
+    contest = _Contest.of(view, accepted)
+    prior = np.eye(len(contest.M)) / _OPEN**2
+    now = contest.M + prior
+    each = np.concatenate([now[None], now + contest.products(view, among)])
+    inverse = np.diagonal(linear.regular_inverse(each), axis1=1, axis2=2)
+    before, after = np.sqrt(inverse[0]), np.sqrt(inverse[1:])
+    best = np.argmin(after, axis=0)
+    return tuple(
+        Determining(among.pose(int(best[k])), float(before[k]), float(after[best[k], k]))
+        for k in range(view.springs)
+    )
 
 
 def _series(
@@ -297,9 +336,10 @@ class _Contest(Locked):
         pulls, values, rows = among.pulls, view.model.values, view.rows
         m, t = len(among.anchor), len(flat.tool.read)
         B = sensitivity(flat, pulls, values, flat.effects[:1])
-        Z = sensitivity(flat, pulls, values, self.effects)
         whole = np.zeros((len(pulls.pose), t, 3, len(self.columns)))
-        whole[..., : view.springs], whole[..., view.first :] = B, Z
+        whole[..., : view.springs] = B
+        if self.effects:
+            whole[..., view.first :] = sensitivity(flat, pulls, values, self.effects)
         whole = whole.reshape(m, -1, *whole.shape[1:]) * view.typical[self.columns]
         usual = _fullest(view.seen.data.pulls.pose)
         mine = np.flatnonzero(np.isin(rows.pull, usual))

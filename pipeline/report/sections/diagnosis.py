@@ -22,8 +22,13 @@ from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
 from pipeline.report.columns import Cells, number, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import Block, Section, Table, Text, section_of
-from pipeline.report.sections.unseen import blind_spots, next_joint_values, next_poses
+from pipeline.report.record import Block, Section, Table, Text, present, section_of
+from pipeline.report.sections.unseen import (
+    best_pose,
+    blind_spots,
+    next_joint_values,
+    next_poses,
+)
 from pipeline.report.summaries import Tables
 
 _WORTH_SAYING = 0.01
@@ -53,7 +58,8 @@ def diagnosis(answer: Answer, tables: Tables) -> Section | None:
         Text(shared) if shared else None,
         *figures(("laws", "gain", "evidence", "separability"), answer, tables),
         next_poses(found.next_poses, found.next_poses_in, answer.axes),
-        next_joint_values(found.next_poses, answer.stiffness),
+        best_pose(found.best_pose, found.next_poses_in, answer.stiffness),
+        next_joint_values(found.next_poses or present([found.best_pose]), answer.stiffness),
         *blind_spots(found.blind_spots),
     ]
     return section_of("diagnosis", _TITLES[found.verdict], blocks)
