@@ -35,6 +35,7 @@ from pipeline.answer.inputs import (
 from pipeline.answer.judged import path_findings, pose_entry, tolerance_entry
 from pipeline.answer.overload import overload_entry, overloaded
 from pipeline.answer.overstated import overstated
+from pipeline.answer.pose_budget import pose_budget
 from pipeline.answer.recommended import Values
 from pipeline.answer.reliability import carried_entries, controlled_entries
 from pipeline.answer.remarks import contradicted
@@ -71,7 +72,8 @@ def answer(found: Findings) -> Answer:
     together = combination_entries(found.told.values)
     best = best_pose(found.diagnosis, raw.robot, values.stiffness)
     diagnosis = diagnosis_entry(found).model_copy(update={"best_pose": best})
-    pose = pose_entry(raw.robot, where, found.judged)
+    parts = pose_budget(found.told.values, found.told.model, where.q, where.force, found.judged.at)
+    pose = pose_entry(raw.robot, where, found.judged).model_copy(update={"budget": parts})
     tolerance = tolerance_entry(raw.settings.tolerance, where, found.judged)
     told_first = Stated(values, springs, together, diagnosis, pose, tolerance, stated)
     lines = first_screen(found, told_first)

@@ -886,6 +886,13 @@ class Tip(Fact):
         return None if self.std_mm is None else 2 * self.std_mm
 
 
+class PosePart(Fact):
+    """What one source of error adds to the uncertainty at the test pose."""
+
+    source: str = Field(description="as in the budget of a stiffness; held_out: left-out poses")
+    std_mm: float = Field(description="standard uncertainty along the deflection")
+
+
 class TestPose(Tip):
     """The pose that the user asked about."""
 
@@ -893,6 +900,11 @@ class TestPose(Tip):
 
     axes: tuple[AxisValue, ...]
     force_n: tuple[float, float, float] = Field(description="on the robot, F_b")
+    budget: tuple[PosePart, ...] = Field(
+        default=(),
+        exclude_if=_nothing,
+        description="where std_mm comes from, adding up in quadrature; absent where it is infinite",
+    )
     stated: bool = Field(description="false: the strongest pull stands in")
 
 

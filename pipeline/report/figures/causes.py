@@ -79,9 +79,16 @@ def _draw_separability(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         tips |= dots(axes, f"apart-{step}", columns[here], rows[here], said, label=label, **style)
     framed = np.flatnonzero(found[rows] | found[columns])
     if len(framed):
-        style = {"s": (0.9 * size) ** 2, "marker": "s", "facecolors": "none", "edgecolors": BLUE}
-        label = "magnitudes found"
-        axes.scatter(columns[framed], rows[framed], linewidths=1.2, label=label, **style)
+        axes.scatter(
+            columns[framed],
+            rows[framed],
+            s=(0.9 * size) ** 2,
+            marker="s",
+            facecolors="none",
+            edgecolors=BLUE,
+            linewidths=1.2,
+            label="magnitudes found",
+        )
     axes.set_yticks(range(1, n), names[1:], fontsize=8)
     axes.set_xticks(range(n - 1), names[:-1], fontsize=8, rotation=90)
     axes.set(xlim=(-0.6, n - 1.4), ylim=(n - 0.4, 0.4))
