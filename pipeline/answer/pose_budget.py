@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections import Counter
+from collections import defaultdict
 from dataclasses import replace
 
 import numpy as np
@@ -49,7 +49,7 @@ def pose_budget(
     if not (np.isfinite(u) and size > 0):
         return ()
     along, pull = at.moved[0] / size, Pulls.at(q, force)
-    found: Counter[str] = Counter()
+    found: defaultdict[str, float] = defaultdict(float)
     for one, handed in zip(values.hypotheses, model.hypotheses, strict=True):
         moved, more = _moved(handed, pull)
         found["which_cause"] += handed.weight * float(along @ (moved - at.moved[0])) ** 2
@@ -59,7 +59,7 @@ def pose_budget(
     found[HELD_OUT] = max(0.0, u**2 - sum(found.values()))
     return tuple(
         PosePart(source=source, std_mm=1e3 * float(np.sqrt(variance)))
-        for source, variance in found.most_common()
+        for source, variance in sorted(found.items(), key=lambda item: -item[1])
         if variance > _ROUNDING * u**2
     )
 
