@@ -19,6 +19,7 @@ from pipeline.answer.contract import (
     Stiffness,
     TestPose,
 )
+from pipeline.answer.pose_budget import HELD_OUT
 from pipeline.base.quantities import known, p_value, percent, plain, with_std
 from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
@@ -54,6 +55,11 @@ def budget(answer: Answer) -> Section | None:
     )
 
 
+_BEYOND = (
+    " The cross-validation error is larger than what the model states, and u is never below it: "
+    "what it has beyond the other lines is a line of its own."
+)
+
 _Line = tuple[str, float, float | None]
 """What a line of the budget is about, its size [mm], its share of the variance [%]."""
 
@@ -76,9 +82,8 @@ def _pose_table(pose: TestPose | None) -> Table | None:
         number("Share of variance [%]", lambda line: line[2], _percent),
     ]
     note = (
-        "Along the deflection of the load point; u is the root of the sum of the squares above it. "
-        "The last source is what left-out poses were missed by beyond what the model states; a "
-        "model that states more has no such line."
+        "Along the deflection of the load point; u is the root of the sum of the squares above it."
+        + _BEYOND * any(part.source == HELD_OUT for part in pose.budget)
     )
     title = "Uncertainty of the deflection at the test pose"
     return table_of("pose-budget", title, columns, lines, note)
@@ -98,7 +103,8 @@ def _budget_table(joints: Sequence[Stiffness]) -> Table | None:
     ]
     sources = dict.fromkeys(part.source for joint in joints for part in joint.budget)
     note = (
-        "Shares of the variance of each stiffness. A calibration of which campaign.toml states no "
+        "Shares of the variance of each stiffness; result.json has the standard uncertainties in "
+        "its unit. A calibration of which campaign.toml states no "
         "uncertainty has no line."
     )
     return table_of("budget", "Uncertainty of each stiffness", columns, sources, note)

@@ -22,7 +22,10 @@ from pipeline.report import words
 from pipeline.report.columns import Cells, number, roughly, said, table_of
 from pipeline.report.record import Block, Column, Table, Text, entry, present
 
-_ARRIVES = {1.0: "carriage arrives with r rising", -1.0: "carriage arrives with r falling"}
+_ARRIVES = {
+    1.0: "carriage arrives with its position rising",
+    -1.0: "carriage arrives with its position falling",
+}
 
 _WIDE = 300.0
 """Sizes that differ by more than this factor share no prefix of their unit."""
