@@ -453,6 +453,7 @@ SEPARABILITY = _promise(
     _text("cause", "cause at its typical size, name:where"),
     _text("rival", "cause fitted in its place; itself: the joint springs alone"),
     _number("sigmas", "1", "what is left of the cause then, in standard deviations"),
+    _number("sigmas_found", "1", "the same of an identified cause as large as it was found"),
 )
 """Which causes this campaign can tell apart."""
 

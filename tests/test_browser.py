@@ -125,6 +125,20 @@ def test_the_page_over_all_campaigns_is_as_good(opened, tmp_path, width, scheme)
     assert page.locator("#tip").inner_text().startswith("c0: k_r1 77.92")
 
 
+@pytest.mark.parametrize("width", [1440, 2560])
+def test_on_a_screen_no_table_or_figure_is_cut_off(opened, width):
+    """Where there is room beside it, nothing stands in a part of the page that is too narrow."""
+    page = opened(width)
+    cut = page.evaluate(
+        """() => [...document.querySelectorAll(".scroll")]
+            .filter((frame) => frame.scrollWidth > frame.clientWidth + 1)
+            .map((frame) => frame.parentElement.id)"""
+    )
+
+    assert page.locator("#table-blind-spots-never").count() == 1
+    assert cut == []
+
+
 def test_no_word_of_a_figure_is_cut(opened):
     """Every label of a figure stands inside it, but for the empty edge of its letters' boxes."""
     page = opened(1920)

@@ -179,7 +179,7 @@ def test_two_laws_of_a_gear_that_a_plan_hardly_tells_ask_for_a_pull():
     assert asked
     assert asked[-1].after > asked[0].before + 1.0
     said = entry(found, load("kr500_rail")).next_poses
-    assert [one.approach for one in said] == [one.approach for one in found.next_poses]
+    assert [one.approach for one in said] == [one.at.approach for one in found.next_poses]
     assert {abs(one.approach) for one in said} == {1.0}
 
 

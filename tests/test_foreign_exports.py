@@ -615,6 +615,10 @@ def test_a_foot_of_the_us_survey_is_no_international_one(unit):
         "N;E;H",
         "N [m];E [m];H [m]",
         "Hochwert;Rechtswert;Höhe",
+        "X (North);Y (East);Z (Height)",
+        "X/North [m];Y/East [m];Height [m]",
+        "North X;East Y;Height Z",
+        "X(N);Y(E);Z(H)",
     ],
 )
 def test_north_is_y_and_east_is_x(titles):
@@ -623,6 +627,23 @@ def test_north_is_y_and_east_is_x(titles):
     export = readers.read("t", data, Hints(unit="m"))
 
     np.testing.assert_allclose(export.position, [[2, 1, 3], [5.5, 4, 6]], atol=1e-12)
+
+
+@pytest.mark.parametrize("titles", ["X (East);Y (North);Z (Height)", "E;N;H"])
+def test_east_north_up_is_read_as_it_stands(titles):
+    """Also where a letter stands beside the direction, and agrees."""
+    data = rows(f"Group;Target;{titles}", "g;a;1.0;2.0;3.0", "g;b;4.0;5.5;6.0").encode()
+    export = readers.read("t", data, Hints(unit="m"))
+
+    np.testing.assert_allclose(export.position, [[1, 2, 3], [4, 5.5, 6]], atol=1e-12)
+
+
+def test_newtons_beside_x_are_no_north():
+    """Forces in N stand beside coordinates that keep their order."""
+    head = "Group;Target;X [m];Y [m];Z [m];Fx (N);Fy (N)"
+    export = readers.read("t", rows(head, "g;a;1.0;2.0;3.0;5;6").encode())
+
+    np.testing.assert_allclose(export.position, [[1, 2, 3]], atol=1e-12)
 
 
 def test_the_average_of_shots_that_are_there_counts_once():

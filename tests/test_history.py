@@ -248,6 +248,24 @@ def test_the_overview_lists_all_and_flags_the_one_that_changed():
     assert [f.name for f in report.figures] == ["history-1"]
 
 
+def test_the_overview_names_the_axes_of_the_controller():
+    """Trend, finding, caption and first screen say A1 where the robot file says it."""
+    results = [
+        one.model_copy(
+            update={"stiffness": tuple(j.model_copy(update={"axis": f"A{j.name[2:]}"})
+                                       for j in one.stiffness)}
+        )
+        for one in years(np.random.default_rng(1), 8e-9)
+    ]  # fmt: skip
+    report = overview(results)
+    finding, trend, figure = report.sections[1].blocks
+
+    assert "A0 (k_0) changed by more" in report.first[-1].text
+    assert finding.text.startswith("A0 (k_0) changed")
+    assert [row[0].text for row in trend.rows][:2] == ["A0 (k_0)", "A1 (k_1)"]
+    assert "Changed: A0 (k_0) in another colour" in figure.caption
+
+
 def test_the_overview_is_the_same_every_time():
     """The same results, in whatever order they are found, give the same bytes."""
     results = years(np.random.default_rng(1), 0.0)

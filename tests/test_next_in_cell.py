@@ -67,8 +67,10 @@ def proposals(asked, seed):
 def complaints(case, proposal):
     """What a proposed pose breaks as it is printed, by the independent check."""
     robot = case.cell.robot
-    q = from_log_units(robot, np.round(in_log_units(robot, proposal.q), 4))
-    return Checked(robot, CELL, TOOL).complaints(q, proposal.anchor.round(3), proposal.force_n)
+    q = from_log_units(robot, np.round(in_log_units(robot, proposal.at.q), 4))
+    return Checked(robot, CELL, TOOL).complaints(
+        q, proposal.at.anchor.round(3), proposal.at.force_n
+    )
 
 
 @pytest.mark.parametrize("draws", [1, pytest.param(24, marks=pytest.mark.slow)])

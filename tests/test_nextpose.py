@@ -13,6 +13,7 @@ from pipeline.diagnosis.nextpose import (
     _Contest,
     _series,
     candidates,
+    determine,
     propose,
 )
 from pipeline.machine.cell import paper_cell, predict
@@ -136,7 +137,7 @@ def weak(among, count, share):
 
 def number(among, proposal):
     """Which candidate a proposal is."""
-    return int(among.pulls.pose[(among.pulls.q == proposal.q).all(axis=1)][0])
+    return int(among.pulls.pose[(among.pulls.q == proposal.at.q).all(axis=1)][0])
 
 
 def question(view, *labels, odds=None):
@@ -172,6 +173,25 @@ def test_a_proposal_promises_what_least_squares_would_find(asked, labels):
     assert first.after == pytest.approx(promised, rel=1e-3)
     assert first.after**2 < first.before**2 + ENOUGH**2
     assert max(others) <= first.after * 1.001
+
+
+def test_the_pose_for_a_joint_promises_what_least_squares_would_find(asked):
+    """Standard uncertainties of the compliances now and with it; no other of thirty is better."""
+    _, view, among = asked
+    found = determine(view, among)
+
+    def std(chosen):
+        X = np.vstack([view.A[:, : view.first], further(view, [], of(among, chosen))[0]])
+        R = np.linalg.qr(X, mode="r")
+        return np.linalg.norm(np.linalg.inv(R), axis=1)[: view.springs]
+
+    others = np.array([std([k]) for k in range(0, len(among.anchor), 8)])
+    for joint, one in enumerate(found):
+        assert one.before == pytest.approx(std([])[joint], rel=1e-3)
+        assert one.after == pytest.approx(std([number(among, one)])[joint], rel=1e-3)
+        assert one.after <= 1.001 * others[:, joint].min()
+        assert one.at.steps == 2
+        assert one.at.force_n == pytest.approx(3000, rel=0.02)
 
 
 def test_of_poses_that_decide_the_one_is_proposed_that_asks_least_of_the_model(asked):

@@ -369,6 +369,31 @@ def test_the_map_tells_which_causes_are_alike(sample, html):
     ]
 
 
+def test_an_identified_cause_is_compared_as_large_as_it_was_found(sample):
+    """Its pairs have the distances of the verdict, and say so; those of the others are typical."""
+    answer, tables = sample
+    cause = answer.diagnosis.causes[0].model_copy(update={"name": "scale_zero", "where": None})
+    answer = answer.model_copy(
+        update={"diagnosis": answer.diagnosis.model_copy(update={"causes": (cause,)})}
+    )
+    pairs = tables["separability"]
+    own = (pairs["cause"] == "scale_zero") != (pairs["rival"] == "scale_zero")
+    told = {**tables, "separability": pairs.assign(sigmas_found=np.where(own, 2.25, np.nan))}
+
+    caption = next(f for f in compose(answer, told).figures if f.name == "separability").caption
+    page = render(answer, told)["index.html"].decode()
+
+    assert "3 could not be" in caption
+    assert "at the magnitude that these readings give" in caption
+    tips = re.findall(r'data-tip="([^"]* or [^"]* σ[^"]*)"', page)
+    assert sorted(tips) == [
+        "tilt of the bearing in joint 2 or roll of the carriage about the rail: 0.80 σ",
+        "wrong zero of the spring scale or roll of the carriage about the rail: 2.2 σ, "
+        "magnitudes found",
+        "wrong zero of the spring scale or tilt of the bearing in joint 2: 2.2 σ, magnitudes found",
+    ]
+
+
 def test_a_residual_that_follows_the_rail_is_said_to(sample):
     """A slope along the rail is found there; torque is that of the best suspect."""
     _, tables = sample

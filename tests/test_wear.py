@@ -184,6 +184,7 @@ def tables(serials=("1",), years=4, **what):
             )
             for j, x in enumerate(visit.x):
                 about = {"campaign": name, "model": "recommended", "identifiable": True}
+                about["axis"] = f"A{j}" if j else None
                 stiffness.append(about | {"joint": j + 1, "name": f"k_{j}", "compliance": x})
                 covariance += [
                     {"campaign": name, "parameter": f"c_{j}", "other": f"c_{i}", "covariance": c}
@@ -210,13 +211,15 @@ def test_a_worn_joint_is_told_in_one_sentence():
     report = overview(answers, wear)
     table = report.sections[0].blocks[0]
 
-    assert words.startswith("k_2 grows softer by (5.")
+    assert words.startswith("A2 (k_2) grows softer by (5.")
     assert words.endswith(").")
     assert wear[1].alarm is None
     assert report.verdict == "A stiffness has changed"
     assert any(typeset(words) in one.text for one in report.first)
     assert [row[0].text for row in table.rows] == ["3", "7"]
-    assert [row[1].text for row in table.rows] == ["inspect k_2", "nothing"]
+    assert [row[1].text for row in table.rows] == ["inspect A2", "nothing"]
+    assert [column.title for column in table.columns[5:7]] == ["k_0 [%/year]", "A1 [%/year]"]
+    assert [row[0].text for row in report.sections[2].blocks[1].rows][:2] == ["k_0", "A1 (k_1)"]
     assert all(low < j.percent_a_year < high for j in wear[0].joints
                for low, high in [(j.low, j.high)])  # fmt: skip
     page = render_overview(answers, wear).decode()

@@ -7,7 +7,7 @@ from pipeline.answer.combinations import combination_entries, told
 from pipeline.answer.common_factor import common_factor, told_factor
 from pipeline.answer.contract import Answer
 from pipeline.answer.contradicted import entry_findings
-from pipeline.answer.diagnosis import diagnosis_entry, noise_entry, placed
+from pipeline.answer.diagnosis import best_pose, diagnosis_entry, noise_entry, placed
 from pipeline.answer.findings import Findings
 from pipeline.answer.geometry import (
     estimated_combinations,
@@ -35,6 +35,7 @@ from pipeline.answer.inputs import (
 from pipeline.answer.judged import path_findings, pose_entry, tolerance_entry
 from pipeline.answer.overload import overload_entry, overloaded
 from pipeline.answer.overstated import overstated
+from pipeline.answer.pose_budget import pose_budget
 from pipeline.answer.recommended import Values
 from pipeline.answer.reliability import carried_entries, controlled_entries
 from pipeline.answer.remarks import contradicted
@@ -69,8 +70,10 @@ def answer(found: Findings) -> Answer:
     said += [*stated, *filter(None, map(enormous, found.diagnosis.causes))]
     payloads = payload_entries(given.case)
     together = combination_entries(found.told.values)
-    diagnosis = diagnosis_entry(found)
-    pose = pose_entry(raw.robot, where, found.judged)
+    best = best_pose(found.diagnosis, raw.robot, values.stiffness)
+    diagnosis = diagnosis_entry(found).model_copy(update={"best_pose": best})
+    parts = pose_budget(found.told.values, found.told.model, where.q, where.force, found.judged.at)
+    pose = pose_entry(raw.robot, where, found.judged).model_copy(update={"budget": parts})
     tolerance = tolerance_entry(raw.settings.tolerance, where, found.judged)
     told_first = Stated(values, springs, together, diagnosis, pose, tolerance, stated)
     lines = first_screen(found, told_first)

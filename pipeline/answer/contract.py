@@ -198,7 +198,12 @@ class Stiffness(Fact):
     @property
     def called(self) -> str:
         """`A1 (k_theta2)`, as controller and result.json name it; `k_theta2` without an axis."""
-        return self.name if self.axis is None else f"{self.axis} ({self.name})"
+        return called(self.name, self.axis)
+
+
+def called(name: str, axis: str | None) -> str:
+    """`A1 (k_theta2)`, as controller and result.json name a stiffness; its name without an axis."""
+    return name if axis is None else f"{axis} ({name})"
 
 
 class Combination(Fact):
@@ -392,9 +397,12 @@ class Unnamed(Fact):
 class Gain(Fact):
     """What the causes are worth at poses that were left out."""
 
-    held_out_rms_before_mm: Number
+    held_out_rms_before_mm: Number = Field(
+        description="without the causes, weighted as with them; joint_springs.validation is "
+        "weighted by their own noise"
+    )
     held_out_rms_after_mm: Number
-    reduction: Number = Field(description="fraction by which the error falls")
+    reduction: Number = Field(description="fraction by which the error falls at one weighting")
     ci95: Interval | None
     of: Predicted | None = None
     test_pose_change_mm: Number
@@ -514,21 +522,41 @@ class AxisValue(Fact):
     unit: Literal["m", "deg"]
 
 
-class NextPose(Fact):
-    """A pose that would decide what is open, pulled in the usual load steps up to `force_n`."""
+class ToMeasure(Fact):
+    """A pose to measure, pulled in the usual load steps up to `force_n`."""
 
-    separates: tuple[str, ...] = Field(description="the two that stay closest with it")
     q: tuple[float, ...]
     q_unit: tuple[Literal["m", "deg"], ...]
-    anchor_m: tuple[float, float, float]
-    force_n: float
+    anchor_m: tuple[float, float, float] = Field(description="where to attach the chain, F_b")
+    direction: tuple[float, float, float] = Field(
+        description="of the force on the robot, of length 1, F_b"
+    )
+    force_n: float = Field(description="of the largest load step")
+    steps: int = Field(description="load steps")
     approach: Number = Field(description="which way the carriage comes; null without a rail")
-    sigmas_before: Number
-    sigmas_after: Number
-    pose: int = Field(description="its number")
     axes: tuple[AxisValue, ...] = Field(
         default=(), exclude_if=_nothing, description="where the controller's axes stand there"
     )
+
+
+class NextPose(ToMeasure):
+    """A pose that would decide what is open."""
+
+    separates: tuple[str, ...] = Field(description="the two that stay closest with it")
+    sigmas_before: Number
+    sigmas_after: Number
+    pose: int = Field(description="its number")
+
+
+class BestPose(ToMeasure):
+    """The pose that would determine a joint best."""
+
+    name: str = Field(description="of its stiffness: k_r1, k_theta2, ...")
+    relative_std_before: Number = Field(
+        description="of the stiffness; of its typical compliance where it has no value"
+    )
+    relative_std_after: Number = Field(description="the same with this pose, as expected")
+    determines: bool = Field(description="whether the joint then has a value")
 
 
 class Cell(Fact):
@@ -603,6 +631,12 @@ class Diagnosis(Fact):
     )
     blind_spots: tuple[BlindSpot, ...]
     next_poses: tuple[NextPose, ...]
+    best_pose: BestPose | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="for the joint that is known worst, where no cause is in question; absent "
+        "without",
+    )
     next_poses_in: Cell | None = Field(
         default=None,
         exclude_if=_nothing,
@@ -852,6 +886,13 @@ class Tip(Fact):
         return None if self.std_mm is None else 2 * self.std_mm
 
 
+class PosePart(Fact):
+    """What one source of error adds to the uncertainty at the test pose."""
+
+    source: str = Field(description="as in the budget of a stiffness; held_out: left-out poses")
+    std_mm: float = Field(description="standard uncertainty along the deflection")
+
+
 class TestPose(Tip):
     """The pose that the user asked about."""
 
@@ -859,6 +900,11 @@ class TestPose(Tip):
 
     axes: tuple[AxisValue, ...]
     force_n: tuple[float, float, float] = Field(description="on the robot, F_b")
+    budget: tuple[PosePart, ...] = Field(
+        default=(),
+        exclude_if=_nothing,
+        description="where std_mm comes from, adding up in quadrature; absent where it is infinite",
+    )
     stated: bool = Field(description="false: the strongest pull stands in")
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -20,6 +21,7 @@ from pipeline.diagnosis.facts import (
     Cause,
     Diagnosis,
     Facts,
+    Pose,
     Proposal,
 )
 from pipeline.diagnosis.verdict import findings, verdict
@@ -243,20 +245,62 @@ def _blind(spot: BlindSpot) -> contract.BlindSpot:
 
 
 def _pose(proposal: Proposal, robot: Robot) -> contract.NextPose:
-    q = np.where(robot.prismatic, proposal.q, np.rad2deg(proposal.q))
-    x, y, z = (round(float(v), 3) for v in proposal.anchor)
     return contract.NextPose(
+        **_to_measure(proposal.at, robot),
         separates=proposal.separates,
-        q=tuple(round(float(v), 4) for v in q),
-        q_unit=tuple("m" if j.prismatic else "deg" for j in robot.joints),
-        anchor_m=(x, y, z),
-        force_n=round(proposal.force_n, 0),
-        approach=proposal.approach if robot.joints[0].prismatic else None,
         sigmas_before=proposal.before,
         sigmas_after=proposal.after,
         pose=proposal.poses,
-        axes=axis_values(robot, np.asarray(proposal.q, float)) if robot.controller else (),
     )
+
+
+def _to_measure(pose: Pose, robot: Robot) -> dict[str, Any]:
+    """Fields of `contract.ToMeasure`."""
+    q = np.where(robot.prismatic, pose.q, np.rad2deg(pose.q))
+    return {
+        "q": tuple(round(float(v), 4) for v in q),
+        "q_unit": tuple("m" if j.prismatic else "deg" for j in robot.joints),
+        "anchor_m": tuple(round(float(v), 3) for v in pose.anchor),
+        "direction": tuple(round(float(v), 3) for v in pose.force / pose.force_n),
+        "force_n": round(pose.force_n, 0),
+        "steps": pose.steps,
+        "approach": pose.approach if robot.joints[0].prismatic else None,
+        "axes": axis_values(robot, np.asarray(pose.q, float)) if robot.controller else (),
+    }
+
+
+def best_pose(
+    said: Diagnosis, robot: Robot, stiffness: Sequence[contract.Stiffness]
+) -> contract.BestPose | None:
+    """The pose that would determine best the joint that is known worst; None where none is known.
+
+    Uncertainties scale from those of the joint springs to those of the answer.
+    """
+    joint = worst_known(stiffness)
+    if not said.determining or joint is None:
+        return None
+    found = said.determining[joint.joint - 1]
+    now = joint.relative_std if joint.value is not None else found.before
+    after = None if now is None else now * found.after / found.before
+    return contract.BestPose(
+        **_to_measure(found.at, robot),
+        name=joint.name,
+        relative_std_before=now,
+        relative_std_after=after,
+        determines=joint.value is not None or found.after < _DETERMINED,
+    )
+
+
+def worst_known(stiffness: Sequence[contract.Stiffness]) -> contract.Stiffness | None:
+    """The first without a value, else the one with the largest relative uncertainty."""
+    lost = [joint for joint in stiffness if joint.value is None]
+    known = [joint for joint in stiffness if joint.relative_std is not None]
+    worst = max(known, key=lambda one: one.relative_std or 0.0, default=None)
+    return next(iter(lost), worst)
+
+
+_DETERMINED = 0.5
+"""Standard uncertainty below which a joint has a value, in typical sizes: `identifiable`."""
 
 
 def _data_causes(found: Findings) -> tuple[contract.Cause, ...]:

@@ -70,6 +70,7 @@ STIFFNESS = pa.schema(
         column("joint", pa.int64(), "1", "number, from 1"),
         column("joint_name", _STR, "1", "in the robot file: r1, theta2, ..."),
         column("name", _STR, "1", "k_r1, k_theta2, ..."),
+        column("axis", _STR, "1", "of the controller, A1 or E1; null where none moves it alone"),
         column("unit", _STR, "1", "of value, std, low, high and nominal: N/m or N m/rad"),
         column("value", _F64, "see unit", "stiffness; null where the data give none"),
         column("std", _F64, "see unit", "standard uncertainty"),

@@ -11,6 +11,7 @@ import numpy as np
 from pipeline.answer import remarks
 from pipeline.answer.contract import (
     About,
+    BestPose,
     Combination,
     Deflection,
     Diagnosis,
@@ -20,9 +21,11 @@ from pipeline.answer.contract import (
     Stiffness,
     TestPose,
     Tolerance,
+    ToMeasure,
     Values,
     Which,
 )
+from pipeline.answer.diagnosis import worst_known
 from pipeline.answer.findings import Findings
 from pipeline.answer.numbers import left_out_mm
 from pipeline.answer.tolerated import expanded, largest_force, tolerated
@@ -431,7 +434,7 @@ def _next(found: Findings, stated: Stated) -> str:
     if found.mistakes:
         again = "The readings in question, if no record shows the correct values."
         lost = any(joint.value is None for joint in stated.mine.stiffness)
-        return f"{again} {_least_certain(stated.mine.stiffness)}" if lost else again
+        return f"{again} {_least_certain(stated)}" if lost else again
     if not found.row.reason.holds_for_its_readings:
         return (
             "The poses that are missed most, once more and on another day: this tells the machine "
@@ -440,34 +443,69 @@ def _next(found: Findings, stated: Stated) -> str:
     needs = [one.needs for one in stated.diagnosis.causes if one.needs and one.rivals]
     if needs and found.row.model == Which.AVERAGED:
         return f"No reachable pose tells the causes apart by pulls alone. What would: {needs[0]}."
-    return _least_certain(stated.mine.stiffness)
+    return _least_certain(stated)
 
 
 def _proposed(poses: Sequence[NextPose]) -> str:
-    """Whether the proposed poses settle what is open."""
+    """How the first proposed pose is pulled, and whether all of them settle what is open."""
     most = max(one.sigmas_after or 0.0 for one in poses)
     count = "The proposed pose" if len(poses) == 1 else f"The {len(poses)} proposed poses"
+    first = f"{'Pose 1' if len(poses) > 1 else 'It'}: {pulled(poses[0])}."
     if most >= APART:
         return (
             f"{count}: the causes in question are then {plain(most, 2)} standard deviations "
-            f"apart, and {APART} are enough."
+            f"apart, and {APART} are enough. {first}"
         )
     return (
         f"{count} will help but not settle it: the causes in question are then "
-        f"{plain(most, 2)} standard deviations apart, and {APART} are needed."
+        f"{plain(most, 2)} standard deviations apart, and {APART} are needed. {first}"
     )
 
 
-def _least_certain(stiffness: Sequence[Stiffness]) -> str:
-    """Which pulls would gain most."""
-    lost = [joint for joint in stiffness if joint.value is None]
-    known = [joint for joint in stiffness if joint.relative_std is not None]
-    worst = next(iter(lost), None) or max(known, key=lambda one: one.relative_std or 0.0)
+def pulled(pose: ToMeasure) -> str:
+    """Where the robot stands and how it is pulled there."""
+    at = ", ".join(f"{axis.name} {_at(axis.value, axis.unit)}" for axis in pose.axes)
+    return f"{at or _joints(pose)}, {loads(pose)}"
+
+
+def loads(pose: ToMeasure) -> str:
+    """`5 load steps up to 3012 N along (0.10, -0.99, 0.05) of F_b`."""
+    along = ", ".join(f"{part:.2f}" for part in pose.direction)
+    steps = "1 load step of" if pose.steps == 1 else f"{pose.steps} load steps up to"
+    return f"{steps} {pose.force_n:.0f} N along ({along}) of F_b"
+
+
+def _joints(pose: ToMeasure) -> str:
+    """The joints of a robot whose file maps no axes."""
+    values = [_at(value, unit) for value, unit in zip(pose.q, pose.q_unit, strict=True)]
+    return f"joints at ({', '.join(values)})"
+
+
+def _least_certain(stated: Stated) -> str:
+    """Which pulls would gain most, and what one such pose would settle."""
+    worst = worst_known(stated.mine.stiffness)
+    if worst is None:
+        return "Nothing can be proposed: no stiffness is known."
+    best = stated.diagnosis.best_pose
+    more = "" if best is None else f" One pose more: {pulled(best)}. {_settled(best, worst)}"
     pulls = capital(remarks.WORK[worst.joint_type])
     if worst.value is None:
-        return f"{pulls}: {worst.called} is not determined."
+        return f"{pulls}: {worst.called} is not determined.{more}"
     share = percent(worst.relative_std)
     return (
         f"No question is open. {pulls} would help most: the standard uncertainty of "
-        f"{worst.called} is {share}."
+        f"{worst.called} is {share}.{more}"
+    )
+
+
+def _settled(best: BestPose, joint: Stiffness) -> str:
+    """What the best pose makes of the uncertainty of a joint."""
+    after = percent(best.relative_std_after)
+    if joint.value is not None:
+        return f"With it the standard uncertainty of {joint.called} is expected to be {after}."
+    if best.determines:
+        return f"With it {joint.called} is determined, to about {after} of its typical compliance."
+    return (
+        f"This alone will not determine it: its standard uncertainty is then {after} of its "
+        "typical compliance."
     )

@@ -15,6 +15,7 @@ from typing import Any
 import numpy as np
 import pyarrow as pa
 
+from pipeline.answer.contract import called
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.finding import Verdict
 from pipeline.wear.machine import Machine, Repair, Visit
@@ -42,6 +43,7 @@ WEAR = pa.schema(
         column("robot_serial", _STR, "1", "serial number of the robot; null where nobody says"),
         column("joint", _INT, "1", "number, from 1"),
         column("name", _STR, "1", "k_r1, k_theta2, ..."),
+        column("axis", _STR, "1", "of the controller, A1 or E1; null where none moves it alone"),
         column("campaigns", _INT, "1", "how many of the robot count"),
         column("first", pa.date32(), "1", "day of the first of them"),
         column("last", pa.date32(), "1", "day of the last"),
@@ -101,6 +103,12 @@ class Joint:
     expected_std: float
     scatter: float
     changed: bool
+    axis: str | None = None
+
+    @property
+    def called(self) -> str:
+        """`A1 (k_theta2)`, as `Stiffness.called`."""
+        return called(self.name, self.axis)
 
 
 @dataclass(frozen=True)
@@ -178,7 +186,7 @@ def _robot(robot: str, own: Sequence[Mapping[str, Any]]) -> Robot:
         else Alarm(one["alarm"], one["raised"], one["after"], one["confirmed"])
     )
     names = Joint.__dataclass_fields__
-    joints = tuple(Joint(**{name: row[name] for name in names}) for row in own)
+    joints = tuple(Joint(**{name: row[name] for name in names if name in row}) for row in own)
     rest = {name: one[name] for name in ("campaign", "campaigns", "last", "p_value", "robots")}
     return Robot(robot=robot, serial=one["robot_serial"], joints=joints, alarm=alarm, **rest)
 
@@ -193,7 +201,7 @@ def rows(history: History, scatter: float | None = None) -> list[dict[str, Any]]
         history: All campaigns of the type.
         scatter: Expected day-to-day scatter of a stiffness [1], where stated.
     """
-    names = _names(history)
+    names, axes = _names(history), _axes(history)
     known = _Known.of(history, names)
     by_serial: dict[str | None, dict[object, Mapping[str, Any]]] = {}
     for row in sorted(history.campaigns, key=lambda row: str(row["campaign"])):
@@ -212,7 +220,7 @@ def rows(history: History, scatter: float | None = None) -> list[dict[str, Any]]
     return [
         row
         for own, machine, one in zip(by_serial.values(), machines, found.robots, strict=True)
-        for row in _of_robot(names, own.values(), machine, one, found)
+        for row in _of_robot(names, axes, own.values(), machine, one, found)
     ]
 
 
@@ -231,6 +239,12 @@ def _names(history: History) -> list[str]:
     """Of the joints in their order."""
     order = {row["joint"]: row["name"] for row in history.stiffness}
     return [order[joint] for joint in sorted(order)]
+
+
+def _axes(history: History) -> dict[str, str | None]:
+    """Of the controller by name of the stiffness, as the campaign with the last name has them."""
+    rows = sorted(history.stiffness, key=lambda row: str(row["campaign"]))
+    return {row["name"]: row["axis"] for row in rows}
 
 
 def _compliances(rows: Rows, n: int) -> dict[str, Array]:
@@ -305,6 +319,7 @@ def _year(day: date) -> float:
 
 def _of_robot(
     names: Sequence[str],
+    axes: Mapping[str, str | None],
     own: Any,
     machine: Machine,
     found: Standing,
@@ -337,6 +352,7 @@ def _of_robot(
         | {
             "joint": j + 1,
             "name": name,
+            "axis": axes[name],
             "percent_a_year": _percent(one.change),
             "std": _percent(one.std),
             "low": _percent(one.low),

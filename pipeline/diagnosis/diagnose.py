@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,9 +17,9 @@ from pipeline.diagnosis.hypotheses import hypotheses
 from pipeline.diagnosis.identify import Case, Found, by_label, search
 from pipeline.diagnosis.improvement import alone, gain
 from pipeline.diagnosis.isolability import Twins, twins
-from pipeline.diagnosis.separability import separation
+from pipeline.diagnosis.separability import separation, separation_found
 from pipeline.diagnosis.suspect_statistics import clues, misfits
-from pipeline.diagnosis.undecided import next_poses
+from pipeline.diagnosis.undecided import LEAST, determining, next_poses
 from pipeline.diagnosis.unlisted import beyond
 from pipeline.diagnosis.unloaded_geometry import as_stiff, corrected, standing
 from pipeline.machine.cell import Cell
@@ -106,12 +107,15 @@ def diagnose(
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
     main = [forms[0] for forms in by_label(case.suspects).values()]
+    single = _alone(found, worth, rng)
+    proposed = next_poses(case, found, causes, worth, known, rng)
     return Diagnosis(
         facts=facts,
         causes=facts.moved + drifts + held,
-        alone=_alone(found, worth, rng),
+        alone=single,
         blind_spots=_blind_spots(whole, found, facts, known),
-        next_poses=next_poses(case, found, causes, worth, known, rng),
+        next_poses=proposed,
+        determining=() if proposed else determining(case, found, rng.spawn(1)[0]),
         refused=found.refused,
         clues=clues(found),
         threshold=found.threshold.p,
@@ -123,6 +127,7 @@ def diagnose(
         equilibrium=case.cell.equilibrium,
         apart=separation(found.first.M, found.first.base, found.first.at[main]),
         apart_labels=tuple(by_label(case.suspects)),
+        apart_found=_apart_found(case, found, main, facts.helps),
         hypotheses=sets,
         **_left_out(found, worth, facts.helps),
         noise_floor_m=rms(found.first.spread),
@@ -130,6 +135,23 @@ def diagnose(
         settled=found.explains or not found.detected,
         stood_off_m=(stood.miss_m, stood.left_m),
     )
+
+
+def _apart_found(case: Case, found: Found, main: Sequence[int], helps: bool) -> Array:
+    """`Diagnosis.apart_found`, by the first form of each cause."""
+    labels = [case.suspects[i].label for i in main]
+    out = np.full((len(main), len(main)), np.nan)
+    accepted = found.accepted if helps else ()
+    possible = [
+        {one.label: one.suspect for one in reversed(rivals) if one.probability > LEAST}
+        for rivals in found.rivals[: len(accepted)]
+    ]
+    apart = separation_found(found.wide, accepted, main, possible)
+    for one, row in zip(accepted, apart, strict=True):
+        if case.suspects[one].label in labels:
+            place = labels.index(case.suspects[one].label)
+            out[place], out[:, place] = row, row
+    return out
 
 
 def _misfit(estimate: Estimate, spread: Scatter) -> tuple[float | None, float]:

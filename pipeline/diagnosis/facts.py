@@ -116,28 +116,62 @@ class BlindSpot:
 
 
 @dataclass(frozen=True, eq=False)
+class Pose(Locked):
+    """One pose to measure, pulled in the usual load steps.
+
+    Attributes:
+        q: Joint values [m] or [rad], shape (n,).
+        anchor: Where to attach the chain [m], F_b, shape (3,).
+        force: The largest of the load steps on the robot [N], F_b, shape (3,); all have its
+            direction.
+        steps: How many load steps.
+        approach: How the carriage comes, 1 with rising rail position, -1 with falling.
+    """
+
+    q: Array
+    anchor: Array
+    force: Array
+    steps: int
+    approach: float
+
+    @property
+    def force_n(self) -> float:
+        """Size of the largest load step [N]."""
+        return float(np.linalg.norm(self.force))
+
+
+@dataclass(frozen=True, eq=False)
 class Proposal(Locked):
-    """One pose that would help, pulled in the usual load steps.
+    """One pose that would tell causes apart.
 
     Attributes:
         separates: Labels of the two causes that stay closest, or of a cause and `_SPRINGS`.
-        q: Joint values [m] or [rad], shape (n,).
-        anchor: Where to attach the chain [m], F_b, shape (3,).
-        force_n: The largest of the load steps [N].
-        approach: How the carriage comes, 1 with rising rail position, -1 with falling.
+        at: The pose.
         before: Sigmas between the two now.
         after: Sigmas expected with the poses up to this one.
         poses: How many poses are proposed up to here.
     """
 
     separates: tuple[str, str]
-    q: Array
-    anchor: Array
-    force_n: float
-    approach: float
+    at: Pose
     before: float
     after: float
     poses: int
+
+
+@dataclass(frozen=True, eq=False)
+class Determining(Locked):
+    """The pose that would make one joint's compliance most certain.
+
+    Attributes:
+        at: The pose.
+        before: Standard uncertainty of the compliance now, in typical sizes [1].
+        after: The same with the pose.
+    """
+
+    at: Pose
+    before: float
+    after: float
 
 
 @dataclass(frozen=True, eq=False)
@@ -457,7 +491,8 @@ class Diagnosis(Locked):
         causes: The identified causes.
         alone: What the likeliest causes do each by itself.
         blind_spots: What would have gone unnoticed.
-        next_poses: What to measure next.
+        next_poses: What to measure next, where a cause is in question.
+        determining: The best pose for each joint, where none is; empty where no pose was found.
         refused: Labels that fit best only at a physically impossible size.
         clues: Statistics of every suspect.
         threshold: p below which one suspect is a detection.
@@ -469,6 +504,8 @@ class Diagnosis(Locked):
         equilibrium: `deformed` where the second order in the load fits better.
         apart: Sigmas between suspects at typical size as this campaign sees them, (n, n).
         apart_labels: Labels of its rows.
+        apart_found: The same between an identified cause, as large as found here, and the others,
+            NaN elsewhere, (n, n).
         hypotheses: Springs estimated together with the identified causes, then with each likely
             set of causes in their place; empty where nothing changes the springs.
         left_out_before_m: Cross-validation residuals of the joint springs [m], shape (M,).
@@ -485,6 +522,7 @@ class Diagnosis(Locked):
     alone: tuple[Alone, ...]
     blind_spots: tuple[BlindSpot, ...]
     next_poses: tuple[Proposal, ...]
+    determining: tuple[Determining, ...]
     refused: tuple[str, ...]
     clues: tuple[Clue, ...]
     threshold: float
@@ -496,6 +534,7 @@ class Diagnosis(Locked):
     equilibrium: str
     apart: Array
     apart_labels: tuple[str, ...]
+    apart_found: Array
     hypotheses: tuple[Hypothesis, ...]
     left_out_before_m: Array
     left_out_after_m: Array

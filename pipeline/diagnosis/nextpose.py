@@ -18,14 +18,14 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
-from pipeline.diagnosis.facts import APART, Proposal
+from pipeline.diagnosis.facts import APART, Determining, Pose, Proposal
 from pipeline.diagnosis.identify import Case
+from pipeline.diagnosis.separability import left_by, sizes
 from pipeline.machine.cell import sensitivity
 from pipeline.machine.effect import Effect, Pulls
 from pipeline.machine.poses import default_anchors, draw_poses, try_poses
 from pipeline.machine.robot import configure
 from pipeline.system.elimination import eliminate
-from pipeline.system.evidence import WIDTHS
 from pipeline.system.whitened import Whitened
 
 _SETTLED = 0.002
@@ -35,6 +35,9 @@ _CANDIDATES = 240
 
 _LIGHT = 0.25
 """Weak pulls, of the largest: proposed as well where the campaign's steps are all large."""
+
+_OPEN = 1e2
+"""Prior standard uncertainty of every parameter, in typical sizes: none, but for rounding [1]."""
 
 _SPRINGS = "joint_springs"
 """What a cause is compared with when nothing else could replace it."""
@@ -66,6 +69,23 @@ class Candidates(Locked):
 
     pulls: Pulls
     anchor: Array
+
+    @property
+    def steps(self) -> int:
+        """Load steps of each pose."""
+        return len(self.pulls.pose) // len(self.anchor)
+
+    def pose(self, number: int) -> Pose:
+        """One of them."""
+        first, k = number * self.steps, self.steps
+        force = self.pulls.force[first : first + k]
+        return Pose(
+            q=self.pulls.q[first],
+            anchor=self.anchor[number],
+            force=force[np.argmax(np.linalg.norm(force, axis=1))],
+            steps=k,
+            approach=float(self.pulls.approach[first]),
+        )
 
 
 def candidates(case: Case, rng: np.random.Generator) -> Candidates:
@@ -132,8 +152,7 @@ def propose(
     contest = _Contest.of(view, questions)
     more = contest.products(view, among)
     open_pairs = np.ones(len(contest.pairs), dtype=bool)
-    k = len(among.pulls.pose) // len(among.anchor)
-    stand = np.unique(among.pulls.q[::k], axis=0, return_inverse=True)[1].reshape(-1)
+    stand = np.unique(among.pulls.q[:: among.steps], axis=0, return_inverse=True)[1].reshape(-1)
     for _ in range(2):
         chosen, apart = _series(contest, more, stand, open_pairs, most)
         helped = apart[-1] >= 1.05 * apart[0] + 0.05
@@ -148,18 +167,38 @@ def propose(
         out.append(
             Proposal(
                 separates=contest.labels(view, closest),
-                q=among.pulls.q[best * k],
-                anchor=among.anchor[best],
-                force_n=float(
-                    np.linalg.norm(among.pulls.force[best * k : (best + 1) * k], axis=1).max()
-                ),
-                approach=float(among.pulls.approach[best * k]),
+                at=among.pose(best),
                 before=float(apart[0][closest]),
                 after=float(apart[count][closest]),
                 poses=count,
             )
         )
     return out
+
+
+def determine(view: Whitened, among: Candidates) -> tuple[Determining, ...]:
+    """For each joint the pose that makes its compliance most certain.
+
+    u_k^2 = [(N + N_pose + I / w^2)^-1]_kk, N the products of the whitened columns of springs,
+    common errors and accepted causes, in typical sizes, and w a prior that leaves open what nothing
+    determines.
+
+    Args:
+        view: The campaign from the model with all accepted causes.
+        among: Reachable poses.
+    """
+    accepted = [Question((one,), (1.0,), ()) for one in view.model.accepted]
+    contest = _Contest.of(view, accepted)
+    prior = np.eye(len(contest.M)) / _OPEN**2
+    now = contest.M + prior
+    each = np.concatenate([now[None], now + contest.products(view, among)])
+    inverse = np.diagonal(linear.regular_inverse(each), axis1=1, axis2=2)
+    before, after = np.sqrt(inverse[0]), np.sqrt(inverse[1:])
+    best = np.argmin(after, axis=0)
+    return tuple(
+        Determining(among.pose(int(best[k])), float(before[k]), float(after[best[k], k]))
+        for k in range(view.springs)
+    )
 
 
 def _series(
@@ -241,7 +280,7 @@ class _Contest(Locked):
             M=view.M[np.ix_(columns, columns)],
             pairs=tuple(pairs),
             weight=np.array(weight),
-            size=tuple(_sizes(view, one) for one in questions),
+            size=tuple(sizes(view, one.who, one.rest) for one in questions),
         )
 
     @property
@@ -273,7 +312,7 @@ class _Contest(Locked):
             S, size = left[number], self.size[number]
             one, other = (self.at[self.questions[number].who[k]] for k in (a, b))
             there = [
-                _left(S, true, size[k], rest)
+                left_by(S, true, size[k], rest)
                 for true, k, rest in ((one, a, other), (other, b, one))
                 if len(true)
             ]
@@ -297,9 +336,10 @@ class _Contest(Locked):
         pulls, values, rows = among.pulls, view.model.values, view.rows
         m, t = len(among.anchor), len(flat.tool.read)
         B = sensitivity(flat, pulls, values, flat.effects[:1])
-        Z = sensitivity(flat, pulls, values, self.effects)
         whole = np.zeros((len(pulls.pose), t, 3, len(self.columns)))
-        whole[..., : view.springs], whole[..., view.first :] = B, Z
+        whole[..., : view.springs] = B
+        if self.effects:
+            whole[..., view.first :] = sensitivity(flat, pulls, values, self.effects)
         whole = whole.reshape(m, -1, *whole.shape[1:]) * view.typical[self.columns]
         usual = _fullest(view.seen.data.pulls.pose)
         mine = np.flatnonzero(np.isin(rows.pull, usual))
@@ -310,26 +350,3 @@ class _Contest(Locked):
         inverse = view.white.inverse[blocks.index[mine[0]]][np.ix_(place, place)]
         X = inverse @ X / view.noise
         return np.asarray(np.swapaxes(X, 1, 2) @ X)
-
-
-def _sizes(view: Whitened, one: Question) -> tuple[Array, ...]:
-    """What each who could act in a place would be, fitted without the others."""
-    S = eliminate(view.M, np.concatenate([np.arange(view.first), view.columns(one.rest)]))
-    mine = (view.columns([] if i is None else [i]) for i in one.who)
-    return tuple(_fitted(S, own, S[own, -1]) for own in mine)
-
-
-def _left(S: Array, true: Ints, size: Array, other: Ints) -> Array:
-    """Sigmas of what `true` leaves when `other` is fitted, sums of squares S beside the rest."""
-    whole = np.einsum("i,...ij,j->...", size, S[..., true[:, None], true], size)
-    if not len(other):
-        return np.asarray(np.sqrt(np.maximum(whole, 0.0)))
-    h = S[..., other[:, None], true] @ size
-    taken = np.einsum("...i,...i->...", h, _fitted(S, other, h))
-    return np.asarray(np.sqrt(np.maximum(whole - taken, 0.0)))
-
-
-def _fitted(S: Array, own: Ints, h: Array) -> Array:
-    """Sizes (G + I / w^2)^-1 h of some columns, held to those that the evidence holds possible."""
-    G = S[..., own[:, None], own] + np.eye(len(own)) / WIDTHS.max() ** 2
-    return linear.solve(G, h)

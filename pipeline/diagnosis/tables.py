@@ -45,6 +45,7 @@ def apart_table(diagnosis: Diagnosis) -> pd.DataFrame:
             "cause": np.repeat(labels, n),
             "rival": np.tile(labels, n),
             "sigmas": diagnosis.apart.ravel(),
+            "sigmas_found": diagnosis.apart_found.ravel(),
         }
     )
 

@@ -7,13 +7,13 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.base.errors import InputError
-from pipeline.diagnosis.facts import Cause, Gain, Proposal
+from pipeline.diagnosis.facts import Cause, Determining, Gain, Proposal
 from pipeline.diagnosis.identify import Case, Found
 from pipeline.diagnosis.isolability import Twins
-from pipeline.diagnosis.nextpose import Candidates, Question, candidates, propose
+from pipeline.diagnosis.nextpose import Candidates, Question, candidates, determine, propose
 from pipeline.diagnosis.verdict import CERTAIN
 
-_LEAST = 0.02
+LEAST = 0.02
 """Rivals less probable than this are ignored."""
 
 _MOST = 4
@@ -30,15 +30,23 @@ def next_poses(
 ) -> tuple[Proposal, ...]:
     """Poses that would decide what is open, as far as any can."""
     questions = _open(found, causes, worth, known)
-    if not questions:
-        return ()
+    among = _reachable(case, rng) if questions else None
+    return () if among is None else tuple(propose(found.wide, questions, among))
+
+
+def determining(case: Case, found: Found, rng: np.random.Generator) -> tuple[Determining, ...]:
+    """For each joint the pose that would determine it best; nothing where no pose is reachable."""
+    among = _reachable(case, rng)
+    return () if among is None else determine(found.wide, among)
+
+
+def _reachable(case: Case, rng: np.random.Generator) -> Candidates | None:
+    """Poses to choose from; None where the cell leaves none."""
     try:
-        among: Candidates = candidates(case, rng)
+        among = candidates(case, rng)
     except InputError:
-        return ()
-    if not len(among.anchor):
-        return ()
-    return tuple(propose(found.wide, questions, among))
+        return None
+    return among if len(among.anchor) else None
 
 
 def _open(
@@ -76,7 +84,7 @@ def _standing_there(
     odds: dict[int | None, float] = {found.accepted[place]: sum(mine)}
     if cause.probability < CERTAIN:
         others = [r for r in found.rivals[place] if r.label not in one]
-        odds |= {r.suspect: r.probability for r in others[:_MOST] if r.probability > _LEAST}
+        odds |= {r.suspect: r.probability for r in others[:_MOST] if r.probability > LEAST}
     if found.strange and found.strange[place].probability > 1 - CERTAIN:
         strange = found.strange[place]
         odds = {who: (1 - strange.probability) * odd for who, odd in odds.items()}

@@ -297,17 +297,16 @@ def part(
         system: What it is estimated from, for what is determined of undetermined parameters.
         ratio: Its uncertainties are this many times those of the system.
     """
-    keep = [not _measurement(effect) for effect in cell.effects]
-    of_machine = np.repeat(keep, [len(effect.parameters) for effect in cell.effects])
-    effects = tuple(effect for effect, kept in zip(cell.effects, keep, strict=True) if kept)
+    mine = of_machine(cell)
+    effects = tuple(effect for effect in cell.effects if not _measurement(effect))
     tool = replace(cell.tool, six=False)  # how it was measured is no part of the machine
     return _with_beyond(
         Hypothesis(
             weight,
             replace(cell, tool=tool, effects=effects),
-            estimate.value[of_machine],
-            estimate.cov[np.ix_(of_machine, of_machine)],
-            *_apart(estimate, of_machine, system, ratio),
+            estimate.value[mine],
+            estimate.cov[np.ix_(mine, mine)],
+            *_apart(estimate, mine, system, ratio),
         )
     )
 
@@ -332,7 +331,7 @@ def _with_beyond(one: Hypothesis) -> Hypothesis:
 
 
 def _apart(
-    estimate: Estimate, of_machine: Bools, system: System | None, ratio: float
+    estimate: Estimate, mine: Bools, system: System | None, ratio: float
 ) -> tuple[Array, Array] | tuple[None, None]:
     """`free` and `within` of a hypothesis; nothing where all parameters are determined."""
     if system is None or np.isfinite(estimate.std).all():
@@ -340,7 +339,13 @@ def _apart(
     A = whitener(system.errors, system.rows.pose)(system.B * system.typical)
     inverse = linear.pseudoinverse(A)
     variance = np.einsum("kr,kr->k", inverse.half, inverse.half) * (ratio * system.typical) ** 2
-    return system.typical[of_machine, None] * inverse.free[of_machine], variance[of_machine]
+    return system.typical[mine, None] * inverse.free[mine], variance[mine]
+
+
+def of_machine(cell: Cell) -> Bools:
+    """Which parameters of a cell are the machine's and are handed over, shape (k,)."""
+    keep = [not _measurement(effect) for effect in cell.effects]
+    return np.repeat(keep, [len(effect.parameters) for effect in cell.effects])
 
 
 def _measurement(effect: Effect) -> bool:

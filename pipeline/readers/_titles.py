@@ -52,6 +52,7 @@ _ROLES = {
     "height": ("height", "up", "höhe", "hoehe", "h"),
 }  # fmt: skip
 _ROLE_OF = {title: role for role, titles in _ROLES.items() for title in titles}
+_LETTERS = ("x", "y", "z")
 _SHORT_OF_A_DISTANCE = {"hd", "horizontaldistanz", "horizontalstrecke", "horizontalentfernung"}
 """Distances that are no ranges: reduced to the horizon."""
 _LEVEL = {"horizontal", "horizontale", "horiz", "hor", "h", "level", "reduced", "reduziert"}
@@ -98,7 +99,7 @@ class Triple:
 
 def titled(titles: Sequence[str]) -> tuple[Named, ...]:
     """Every column as its title calls it, the more common words of other programs included."""
-    found = [_known(named(title)) for title in titles]
+    found = _turned([_known(named(title)) for title in titles])
     return _heights(in_context(found))
 
 
@@ -108,6 +109,28 @@ def _known(one: Named) -> Named:
     if is_level_distance(one.title):
         return replace(one, role="")
     return one if one.role and not other else replace(one, role=other or one.role)
+
+
+def _turned(columns: Sequence[Named]) -> list[Named]:
+    """With x of a system whose x points north as the y that it is in a right-handed one.
+
+    A letter beside `north`, as in `X (North)`, says how the file counts, not how we do; only where
+    one column is the northing and one the easting, as `X (N)` by itself is a force.
+    """
+    said = [_direction(column.title) for column in columns]
+    if sorted(one for one in said if one in ("x", "y")) != ["x", "y"]:
+        return list(columns)
+    pairs = zip(columns, said, strict=True)
+    return [replace(column, role=one) if one else column for column, one in pairs]
+
+
+def _direction(title: str) -> str:
+    """Axis that a title names by its direction, a letter beside it or none; empty without."""
+    words = [one for one in _WORDS.findall(_CAMEL.sub(" ", title).lower()) if one not in _LETTERS]
+    while len(words) > 1 and words[-1] in UNIT_WORDS:
+        words.pop()
+    role = _ROLE_OF.get(" ".join(words), "")
+    return {"x": "x", "y": "y", "height": "z"}.get(role, "")
 
 
 def is_level_distance(title: str) -> bool:
@@ -209,13 +232,15 @@ def _cartesian(columns: Sequence[Named]) -> Iterator[Triple]:
 
 
 def _surveyed(columns: Sequence[Named]) -> list[int]:
-    """The columns of an easting and a northing, where these two alone are x and y.
+    """The columns of an easting, a northing and a height, where the first two alone are x and y.
 
     N alone may be a normal, and beside x and y it is none of them.
     """
     level = [place for place, column in enumerate(columns) if column.role in ("x", "y")]
-    roles = [_ROLE_OF.get(" ".join(_words(columns[place].title))) for place in level]
-    return level if sorted(role or "" for role in roles) == ["x", "y"] else []
+    if sorted(_direction(columns[place].title) for place in level) != ["x", "y"]:
+        return []
+    height = [place for place, column in enumerate(columns) if column.role == "z"]
+    return [*level, *(place for place in height if _direction(columns[place].title))]
 
 
 def _polar(columns: Sequence[Named]) -> list[Triple]:

@@ -56,7 +56,10 @@ def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
     """
     by_robot = robots(answers)
     followed = {one.machine: one for one in wear if one.followed}
-    changed = {name: changed_of(own, followed.get(name)) for name, own in by_robot.items()}
+    changed = {
+        name: [_called(own)[one] for one in changed_of(own, followed.get(name))]
+        for name, own in by_robot.items()
+    }
     places = {name: place for place, name in enumerate(by_robot)}
     last = {name: own[-1] for name, own in by_robot.items()}
     sections = [
@@ -167,20 +170,28 @@ def _robot(
         return (Text(f"One campaign so far, {answers[0].campaign}."),)
     if sum(map(trusted, answers)) < 2:
         return (Text("Fewer than two campaigns whose readings a model explains: no comparison."),)
-    found = trends(answers)
-    called = {joint.name: joint.called for one in answers for joint in one.stiffness}
+    found, called = trends(answers), _called(answers)
     surely = [
-        Text(f"{called.get(t.name, t.name)} changed by more than chance explains.", "finding")
+        Text(f"{called[t.name]} changed by more than chance explains.", "finding")
         for t in found
         if t.sure
     ]
     names = changed_of(answers, None)
-    return (*surely, _trend_table(place, found), _history_figure(place, name, answers, names))
+    return (
+        *surely,
+        _trend_table(place, found, called),
+        _history_figure(place, name, answers, names),
+    )
 
 
-def _trend_table(place: int, found: Sequence[Trend]) -> Table | None:
+def _called(answers: Sequence[Answer]) -> dict[str, str]:
+    """`A1 (k_theta2)` by `k_theta2`, as the last campaign that has the joint calls it."""
+    return {joint.name: joint.called for one in answers for joint in one.stiffness}
+
+
+def _trend_table(place: int, found: Sequence[Trend], called: Mapping[str, str]) -> Table | None:
     columns: list[Cells[Trend]] = [
-        said("Joint", lambda t: t.name),
+        said("Joint", lambda t: called[t.name]),
         number("Campaigns", lambda t: t.campaigns, str),
         measured("First to last [%]", lambda t: (t.first_to_last, t.first_to_last_std)),
         number("Chance of such scatter", lambda t: t.p_value, _chance),
@@ -206,8 +217,10 @@ def _held(trend: Trend) -> str:
 def _history_figure(
     place: int, name: str, answers: Sequence[Answer], changed: Sequence[str]
 ) -> Figure:
+    called = _called(answers)
+    which = ", ".join(called[one] for one in changed)
     told = f"{len(answers)} campaigns of {name}. " + (
-        f"Changed: {', '.join(changed)} in another colour." if changed else "No joint stands out."
+        f"Changed: {which} in another colour." if changed else "No joint stands out."
     )
     hollow = [one.campaign for one in answers if not trusted(one)]
     if hollow:
@@ -277,7 +290,7 @@ def comparison(
     title = f"{names[0]} beside {names[1]}"
     each = zip(names, models, strict=True)
     titles = [f"{name}: {model}" if model else name for name, model in each]
-    table = _comparison_table(titles, before, found)
+    table = _comparison_table(titles, before, found, called)
     return Report(
         kicker="Joint stiffness compared",
         heading=title,
@@ -305,7 +318,10 @@ def _together(
 
 
 def _comparison_table(
-    names: Sequence[str], before: Sequence[Stiffness], found: Sequence[Change]
+    names: Sequence[str],
+    before: Sequence[Stiffness],
+    found: Sequence[Change],
+    called: Mapping[str, str],
 ) -> Table | None:
     factor, letter = common_prefix(change.before for change in found)
     units = {joint.name: prefixed(joint.unit, letter) for joint in before}
@@ -314,7 +330,7 @@ def _comparison_table(
         return plain(scaled(value, factor), 4)
 
     columns: list[Cells[Change]] = [
-        said("Joint", lambda change: change.name),
+        said("Joint", lambda change: called.get(change.name, change.name)),
         number(names[0], lambda change: change.before, in_prefix),
         number(names[1], lambda change: change.after, in_prefix),
         said("Unit", lambda change: units[change.name]),

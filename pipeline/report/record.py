@@ -40,6 +40,23 @@ class Column:
     numeric: bool = False
     code: bool = False
 
+    def prose(self, cell: Entry) -> bool:
+        """Whether a cell is so long that its lines are broken."""
+        return not (self.numeric or self.code) and len(cell.text) > _LINE
+
+
+_LINE = 24
+"""Characters of a cell that stay on one line."""
+
+_PROSE_REM, _LETTER_REM, _EDGES_REM = 13.0, 0.55, 1.6
+"""Least width of a cell of prose, width of a letter, space at both sides, as in page.css."""
+
+_HALF_REM = 34.0
+"""Least width of half a page in page.css."""
+
+_FEW = 4
+"""A table of more columns is read more easily across the page."""
+
 
 @dataclass(frozen=True)
 class Table:
@@ -51,6 +68,20 @@ class Table:
     columns: tuple[Column, ...]
     rows: tuple[tuple[Entry, ...], ...]
     note: str = ""
+
+    @property
+    def wide(self) -> bool:
+        """Whether it takes the whole width of the page: half would cut off its last column."""
+        least = sum(map(self._least_rem, range(len(self.columns))))
+        return len(self.columns) > _FEW or least > _HALF_REM
+
+    def _least_rem(self, place: int) -> float:
+        """Least width of a column [rem]; words of a heading break."""
+        column, cells = self.columns[place], [row[place] for row in self.rows]
+        if any(map(column.prose, cells)):
+            return _PROSE_REM
+        letters = [*map(len, column.title.split()), *(len(cell.text) for cell in cells)]
+        return _EDGES_REM + _LETTER_REM * max(letters, default=0)
 
 
 @dataclass(frozen=True)

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Collection, Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -175,21 +175,40 @@ def suspects(diagnosis: pd.DataFrame, most: int = 12) -> pd.DataFrame:
     return told.sort_values("log_evidence", ascending=False, kind="stable").head(most)
 
 
-def separability(table: pd.DataFrame) -> pd.DataFrame:
-    """Causes that show at their typical size, and how far each pair is apart [sigmas].
+def separability(table: pd.DataFrame, identified: Collection[str] = ()) -> pd.DataFrame:
+    """Causes that show at their typical size or are identified, and sigmas between each two.
+
+    Args:
+        table: Table SEPARABILITY.
+        identified: Labels of the causes that the answer names.
 
     Returns:
         Label by label, in the order of the catalogue: on the diagonal how far the cause stands
         out of the scatter beside the joint springs, elsewhere the smaller of what either leaves
-        when the other is fitted in its place.
+        when the other is fitted in its place; at typical sizes, and a pair with an identified
+        cause as large as these readings have it. `attrs["found"]` holds the labels of those.
     """
     wide = table.pivot_table(index="cause", columns="rival", values="sigmas", sort=False)
     labels = list(dict.fromkeys(table["cause"]))
     sigmas = wide.loc[labels, labels].to_numpy(float)
-    sigmas = np.minimum(sigmas, sigmas.T)
-    shown = np.flatnonzero(np.diagonal(sigmas) >= DETECTED)
+    found = _found(table, labels)
+    sigmas = np.where(np.isfinite(found), found, np.minimum(sigmas, sigmas.T))
+    named = np.isfinite(found).any(axis=1) & np.isin(labels, list(identified))
+    shown = np.flatnonzero((np.diagonal(sigmas) >= DETECTED) | named)
     names = [labels[i] for i in shown]
-    return pd.DataFrame(sigmas[np.ix_(shown, shown)], index=names, columns=names)
+    out = pd.DataFrame(sigmas[np.ix_(shown, shown)], index=names, columns=names)
+    out.attrs["found"] = [labels[i] for i in np.flatnonzero(named)]
+    return out
+
+
+def _found(table: pd.DataFrame, labels: list[str]) -> Array:
+    """Sigmas at the sizes that these readings give, NaN where no cause is identified."""
+    if "sigmas_found" not in table:
+        return np.full((len(labels), len(labels)), np.nan)
+    wide = table.pivot_table(
+        index="cause", columns="rival", values="sigmas_found", sort=False, dropna=False
+    )
+    return wide.reindex(index=labels, columns=labels).to_numpy(float)
 
 
 def arrows(tables: Tables) -> pd.DataFrame:

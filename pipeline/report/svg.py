@@ -73,6 +73,10 @@ _ON_THE_PAGE: Any = STYLE | {"figure.facecolor": "none", "axes.facecolor": "none
 _SHAPES = {"use", "path"}
 
 
+_HALF_PX = 544
+"""Least width of half a page in page.css: 34 rem of 16 pixels."""
+
+
 @dataclass(frozen=True)
 class Drawing:
     """A finished figure.
@@ -116,7 +120,10 @@ def _inline(svg: str, tips: Mapping[str, Sequence[str]]) -> str:
     _, _, width, _ = root.attrib["viewBox"].split()
     for key in ("width", "height", "version"):
         root.attrib.pop(key, None)
-    root.set("style", f"min-width: {1.06 * float(width):.0f}px")  # a point is a pixel at least
+    least = 1.06 * float(width)  # a point is a pixel at least
+    root.set("style", f"min-width: {least:.0f}px")
+    if least > _HALF_PX:
+        root.set("class", "broad")
     text = ET.tostring(root, encoding="unicode")
     used = {a or b for a, b in re.findall(r'href="#([^"]*)"|url\(#([^)]*)\)', text)}
     text = re.sub(r' id="([^"]*)"', lambda m: m[0] if m[1] in used else "", text)

@@ -54,7 +54,7 @@ def _trend(robot: Robot) -> str:
     changed = [one for one in robot.changed if one.percent_a_year is not None]
     if not changed:
         return "The stiffnesses have changed together, more than chance explains"
-    names = listed([one.name for one in changed], len(changed))
+    names = listed([one.called for one in changed], len(changed))
     sizes = ", ".join(bracketed(abs(one.percent_a_year or 0.0), one.std) for one in changed)
     grows = "grows" if len(changed) == 1 else "grow"
     scale = ""
@@ -73,7 +73,7 @@ def _which_way(changed: Sequence[Joint]) -> str:
 
 def _step(robot: Robot) -> str:
     assert robot.alarm is not None
-    changed = [one.name for one in robot.changed]
+    changed = [one.called for one in robot.changed]
     who = listed(changed, len(changed)) if changed else "the stiffnesses"
     return (
         f"{who[0].upper() if not changed else who[0]}{who[1:]} changed at once after campaign "
@@ -120,7 +120,7 @@ def _of_type(
         said("Alarm since", lambda one: one.alarm and one.alarm.raised),
         (Column("Last campaign"), lambda one: _page(one.campaign)),
         said("Measured", lambda one: one.last.isoformat()),
-        *(_a_joint(k, joint.name) for k, joint in enumerate(own[0].joints)),
+        *(_a_joint(k, joint.axis or joint.name) for k, joint in enumerate(own[0].joints)),
         number("Chance of such change", lambda one: one.p_value, _chance),
         number("Campaigns", lambda one: one.campaigns, str),
         said("Verdict of the newest", lambda one: _verdict(last.get(one.machine))),
@@ -172,7 +172,7 @@ def _urgency(one: Robot) -> int:
 def _to_do(one: Robot) -> str:
     if one.alarm is None:
         return "nothing" if one.followed else "measure: too few campaigns"
-    names = ", ".join(joint.name for joint in one.changed) or "all joints"
+    names = ", ".join(joint.axis or joint.name for joint in one.changed) or "all joints"
     return f"inspect {names}" if one.alarm.confirmed else f"measure again: {names}"
 
 
@@ -182,7 +182,7 @@ def _to_do(one: Robot) -> str:
 def joints_table(place: int, robot: Robot) -> Table | None:
     """Wear of each joint of one robot."""
     columns: list[Cells[Joint]] = [
-        said("Joint", lambda joint: joint.name),
+        said("Joint", lambda joint: joint.called),
         measured("Change of stiffness [%/year]", lambda j: (j.percent_a_year, j.std)),
         (Column("95 % interval [%/year]", numeric=True), _interval),
         measured("Given its type [%/year]", lambda j: (j.expected, j.expected_std)),

@@ -43,6 +43,7 @@ SOURCES = {
     "registration": "registration into the base frame",
     "geometry": "geometry of robot and tool",
     "base": "reading of a base reflector",
+    "held_out": "cross-validation error beyond the other lines",
 }
 
 _SHOWN_IN = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "N": (1.0, "N"), "1": (1.0, "σ")}

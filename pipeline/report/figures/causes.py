@@ -5,6 +5,7 @@ from __future__ import annotations
 from typing import Any
 
 import numpy as np
+import pandas as pd
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
@@ -21,6 +22,8 @@ from pipeline.report.svg import APART_SHADES, BLUE, MUTED, RED
 _APART_STEPS = (1.0, 2.0, APART, 10.0)
 _SQUARE = 0.14
 """Side of a square [in], with room for a line of words."""
+
+_AS_FOUND = ", magnitudes found"
 
 _STANDING = {
     Verdict.EXPLAINED: "identified",
@@ -52,7 +55,7 @@ def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 def _draw_separability(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     """A triangle of squares, dark where two causes are alike."""
-    apart = separability(tables["separability"])
+    apart = _compared(answer, tables)
     names, n = [words.from_label(label, answer.axes) for label in apart.index], len(apart)
     beside = 0.062 * max(map(len, names))
     canvas.set_size_inches(max(5.6, 0.4 + _SQUARE * n + beside), 0.6 + _SQUARE * n + beside)
@@ -61,6 +64,7 @@ def _draw_separability(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     sigmas = apart.to_numpy()[rows, columns]
     steps = np.searchsorted(_APART_STEPS, sigmas, "right")
     size = 72 * _SQUARE
+    found = np.isin(apart.index, apart.attrs["found"])
     tips: Tips = {}
     for step, shade in enumerate(APART_SHADES):
         here = np.flatnonzero(steps == step)
@@ -68,14 +72,35 @@ def _draw_separability(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         label = f"{low:g} to {high:g} σ" if high else f"above {low:g} σ"
         style = {"s": (0.9 * size) ** 2, "marker": "s", "color": shade, "linewidths": 0}
         pairs = zip(rows[here], columns[here], sigmas[here], strict=True)
-        said = [f"{names[i]} or {names[j]}: {plain(apart, 2)} σ" for i, j, apart in pairs]
+        said = [
+            f"{names[i]} or {names[j]}: {plain(apart, 2)} σ{_AS_FOUND * bool(found[i] | found[j])}"
+            for i, j, apart in pairs
+        ]
         tips |= dots(axes, f"apart-{step}", columns[here], rows[here], said, label=label, **style)
+    framed = np.flatnonzero(found[rows] | found[columns])
+    if len(framed):
+        axes.scatter(
+            columns[framed],
+            rows[framed],
+            s=(0.9 * size) ** 2,
+            marker="s",
+            facecolors="none",
+            edgecolors=BLUE,
+            linewidths=1.2,
+            label="magnitudes found",
+        )
     axes.set_yticks(range(1, n), names[1:], fontsize=8)
     axes.set_xticks(range(n - 1), names[:-1], fontsize=8, rotation=90)
     axes.set(xlim=(-0.6, n - 1.4), ylim=(n - 0.4, 0.4))
     axes.grid(visible=False)
     axes.legend(loc="upper right", title="Apart by")
     return {key: said for key, said in tips.items() if said}
+
+
+def _compared(answer: Answer, tables: Tables) -> pd.DataFrame:
+    """How far the causes are apart, those of the answer at the magnitudes found."""
+    named = [words.label(one).replace(" ", ":") for one in answer.diagnosis.causes]
+    return separability(tables["separability"], named)
 
 
 def _draw_gain(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
@@ -152,8 +177,18 @@ def _apart(sigmas: float) -> str:
     return plain(sigmas, 2) if sigmas >= 0.01 else "less than 0.01"
 
 
+def _magnitudes(apart: pd.DataFrame) -> str:
+    """At which magnitudes the causes are compared."""
+    if not apart.attrs["found"]:
+        return "All are compared at their typical magnitudes."
+    return (
+        "Framed: pairs with an identified cause, at the magnitude that these readings give, as in "
+        "the verdict; all others at typical magnitudes."
+    )
+
+
 def _write_separability(answer: Answer, tables: Tables) -> Figure | None:
-    apart = separability(tables["separability"])
+    apart = _compared(answer, tables)
     if len(apart) < 2:
         return None
     rows, columns = np.tril_indices(len(apart), -1)
@@ -170,11 +205,11 @@ def _write_separability(answer: Answer, tables: Tables) -> Figure | None:
     return Figure(
         "separability",
         "Which causes these readings can distinguish",
-        f"{said} Compared are the causes that at their typical magnitude are at least {DETECTED:g} "
-        f"standard deviations above the scatter, so that they are almost certainly detected. Each "
-        f"square is one pair. Pale: this campaign distinguishes the two. Dark: it does not, and "
-        f"the pair needs another pose or another sensor. Above {APART} standard deviations the "
-        f"right one is chosen in 95 % of the cases.",
+        f"{said} {_magnitudes(apart)} Compared are the causes that at their typical magnitude are "
+        f"at least {DETECTED:g} standard deviations above the scatter, so that they are almost "
+        f"certainly detected. Each square is one pair. Pale: this campaign distinguishes the two. "
+        f"Dark: it does not, and the pair needs another pose or another sensor. Above {APART} "
+        f"standard deviations the right one is chosen in 95 % of the cases.",
         f"Triangular map of the distances between {len(apart)} causes. {said}",
     )
 

@@ -22,8 +22,13 @@ from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
 from pipeline.report.columns import Cells, number, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import Block, Section, Table, Text, section_of
-from pipeline.report.sections.unseen import blind_spots, next_joint_values, next_poses
+from pipeline.report.record import Block, Section, Table, Text, present, section_of
+from pipeline.report.sections.unseen import (
+    best_pose,
+    blind_spots,
+    next_joint_values,
+    next_poses,
+)
 from pipeline.report.summaries import Tables
 
 _WORTH_SAYING = 0.01
@@ -53,7 +58,8 @@ def diagnosis(answer: Answer, tables: Tables) -> Section | None:
         Text(shared) if shared else None,
         *figures(("laws", "gain", "evidence", "separability"), answer, tables),
         next_poses(found.next_poses, found.next_poses_in, answer.axes),
-        next_joint_values(found.next_poses, answer.stiffness),
+        best_pose(found.best_pose, found.next_poses_in, answer.stiffness),
+        next_joint_values(found.next_poses or present([found.best_pose]), answer.stiffness),
         *blind_spots(found.blind_spots),
     ]
     return section_of("diagnosis", _TITLES[found.verdict], blocks)
@@ -146,23 +152,24 @@ def _gain_sentences(what: str, one: Cause) -> str:
 
 
 def _error_falls(how: str, gain: Gain) -> Iterator[str]:
+    """By which share the error falls, and to what; without the share, from what.
+
+    The joint springs' own error stands beside the verdict, weighted by their own noise; the share
+    compares both models at one weighting, and the two values before differ in the third digit.
+    """
     before, after = gain.held_out_rms_before_mm, gain.held_out_rms_after_mm
     if before is None or after is None or after >= before:
         return
     of = " of the unloaded positions" if gain.of is Predicted.UNLOADED_POSITIONS else ""
-    yield (
-        f"With {how} the cross-validation error{of} falls from {plain(before)} mm to "
-        f"{plain(after)} mm{_share(gain)}."
-    )
+    falls = f"from {plain(before)} mm" if gain.reduction is None else _share(gain)
+    yield f"With {how} the cross-validation error{of} falls {falls} to {plain(after)} mm."
 
 
 def _share(gain: Gain) -> str:
     """The fraction by which the error falls, with its interval where that is known."""
-    if gain.reduction is None:
-        return ""
     low, high = gain.ci95 or (None, None)
-    sure = "" if low is None else f", 95 % interval {percent(low)} to {percent(high)}"
-    return f" ({percent(gain.reduction)} less{sure})"
+    sure = "" if low is None else f" (95 % interval {percent(low)} to {percent(high)})"
+    return f"by {percent(gain.reduction)}{sure}"
 
 
 def _test_pose_changes(gain: Gain) -> Iterator[str]:

@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
+from functools import partial
 from operator import attrgetter
 from typing import Any
 
@@ -15,7 +17,9 @@ from pipeline.answer.contract import (
     Registration,
     Rejected,
     Stiffness,
+    TestPose,
 )
+from pipeline.answer.pose_budget import HELD_OUT
 from pipeline.base.quantities import known, p_value, percent, plain, with_std
 from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
@@ -43,11 +47,53 @@ def budget(answer: Answer) -> Section | None:
         "budget",
         "Uncertainty budget",
         [
+            _pose_table(answer.test_pose),
             _budget_table(answer.stiffness),
             _calibrations(answer),
             _noise_table(answer.noise.components),
         ],
     )
+
+
+_BEYOND = (
+    " The cross-validation error is larger than what the model states, and u is never below it: "
+    "what it has beyond the other lines is a line of its own."
+)
+
+_Line = tuple[str, float, float | None]
+"""What a line of the budget is about, its size [mm], its share of the variance [%]."""
+
+
+def _pose_table(pose: TestPose | None) -> Table | None:
+    """The budget of the deflection at the test pose, whose lines add up in quadrature."""
+    if pose is None or not pose.budget or pose.std_mm is None:
+        return None
+    u = pose.std_mm
+    lines: list[_Line] = [
+        (words.source(part.source), part.std_mm, 100 * (part.std_mm / u) ** 2)
+        for part in pose.budget
+    ]
+    lines += [("combined standard uncertainty u", u, None)]
+    lines += [("expanded uncertainty U (k = 2)", 2 * u, None)]
+    digits = max(0, 3 - math.floor(math.log10(u)))  # four of u, so that the squares add up
+    columns: list[Cells[_Line]] = [
+        said("Source", lambda line: line[0]),
+        number("Standard uncertainty [mm]", lambda line: line[1], partial(_fixed, digits)),
+        number("Share of variance [%]", lambda line: line[2], _percent),
+    ]
+    note = (
+        "Along the deflection of the load point; u is the root of the sum of the squares above it."
+        + _BEYOND * any(part.source == HELD_OUT for part in pose.budget)
+    )
+    title = "Uncertainty of the deflection at the test pose"
+    return table_of("pose-budget", title, columns, lines, note)
+
+
+def _fixed(digits: int, value: float | None) -> str:
+    """A number with so many decimals; what is less than one unit of the last is said to be."""
+    least = 10.0**-digits
+    small = value is None or value < least
+    return f"below {least:.{digits}f}" if small else f"{value:.{digits}f}"
 
 
 def _budget_table(joints: Sequence[Stiffness]) -> Table | None:
@@ -57,10 +103,11 @@ def _budget_table(joints: Sequence[Stiffness]) -> Table | None:
     ]
     sources = dict.fromkeys(part.source for joint in joints for part in joint.budget)
     note = (
-        "Shares of the variance of each stiffness. A calibration of which campaign.toml states no "
+        "Shares of the variance of each stiffness; result.json has the standard uncertainties in "
+        "its unit. A calibration of which campaign.toml states no "
         "uncertainty has no line."
     )
-    return table_of("budget", "Where the uncertainty comes from", columns, sources, note)
+    return table_of("budget", "Uncertainty of each stiffness", columns, sources, note)
 
 
 def _shares_of(joint: Stiffness) -> Cells[str]:

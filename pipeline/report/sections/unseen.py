@@ -2,22 +2,37 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 
-from pipeline.answer.contract import AxisValue, BlindSpot, Cell, JointType, NextPose, Stiffness
+from pipeline.answer.contract import (
+    AxisValue,
+    BestPose,
+    BlindSpot,
+    Cell,
+    JointType,
+    NextPose,
+    Stiffness,
+    ToMeasure,
+)
+from pipeline.answer.sentences import loads
 from pipeline.answer.words import unnoticed
-from pipeline.base.quantities import common_prefix, plain, prefixed
+from pipeline.base.quantities import common_prefix, percent, plain, prefixed
 from pipeline.diagnosis.facts import APART
 from pipeline.report import words
 from pipeline.report.columns import Cells, number, roughly, said, table_of
 from pipeline.report.record import Block, Column, Table, Text, entry, present
 
-_ARRIVES = {1.0: "carriage arrives with r rising", -1.0: "carriage arrives with r falling"}
+_ARRIVES = {
+    1.0: "carriage arrives with its position rising",
+    -1.0: "carriage arrives with its position falling",
+}
 
 _WIDE = 300.0
 """Sizes that differ by more than this factor share no prefix of their unit."""
 
 _Numbered = tuple[int, NextPose]
+_Best = tuple[int, BestPose]
+_Placed = tuple[int, ToMeasure]
 
 
 def next_poses(poses: Sequence[NextPose], cell: Cell | None, axes: words.Axes) -> Table | None:
@@ -25,14 +40,14 @@ def next_poses(poses: Sequence[NextPose], cell: Cell | None, axes: words.Axes) -
     columns: list[Cells[_Numbered]] = [
         number("Pose", lambda one: one[0], str),
         said("Distinguishes", lambda one: _pair(one[1], axes)),
-        number("Pull up to [N]", lambda one: one[1].force_n),
-        said("How", lambda one: _how(one[1])),
+        said("Pull", lambda one: _how(one[1])),
         number("Separation now [σ]", lambda one: one[1].sigmas_before, roughly),
         number("With this pose [σ]", lambda one: one[1].sigmas_after, roughly),
     ]
     note = (
-        "To be pulled in the usual load steps. The two causes are those that stay closest with "
-        f"this pose and those above it; below {APART} σ two cannot be distinguished reliably. "
+        "The direction is that of the force on the robot in F_b; the load steps are those of the "
+        "campaign. The two causes are those that stay closest with this pose and those above it; "
+        f"below {APART} σ two cannot be distinguished reliably. "
         f"{_settles(poses)}{_fits(cell)}"
     )
     return table_of("next-poses", "What to measure next", columns, enumerate(poses, 1), note)
@@ -59,30 +74,62 @@ def _fits(cell: Cell | None) -> str:
     return f"{kept} {left}".strip()
 
 
-def _how(pose: NextPose) -> str:
-    where = f"towards ({', '.join(f'{v:.2f}' for v in pose.anchor_m)}) m"
-    way = _ARRIVES.get(pose.approach or 0.0)
-    return f"{where}, {way}" if way else where
+def _how(pose: ToMeasure) -> str:
+    anchor = f"chain to ({', '.join(f'{v:.2f}' for v in pose.anchor_m)}) m"
+    return "; ".join(present((loads(pose), anchor, _ARRIVES.get(pose.approach or 0.0))))
 
 
-def next_joint_values(poses: Sequence[NextPose], joints: Sequence[Stiffness]) -> Table | None:
+def best_pose(
+    pose: BestPose | None, cell: Cell | None, joints: Sequence[Stiffness]
+) -> Table | None:
+    """The pose that would determine the joint that is known worst; None without one."""
+    called = {joint.name: joint for joint in joints}
+    columns: list[Cells[_Best]] = [
+        number("Pose", lambda one: one[0], str),
+        said("For", lambda one: called[one[1].name].called),
+        said("Pull", lambda one: _how(one[1])),
+        said("Standard uncertainty now", lambda one: _known(one[1], called[one[1].name])),
+        said("With this pose", lambda one: percent(one[1].relative_std_after)),
+    ]
+    note = (
+        "The direction is that of the force on the robot in F_b; the load steps are those of the "
+        f"campaign. {_worth(pose, called)}{_fits(cell)}"
+    )
+    rows = [] if pose is None else [(1, pose)]
+    return table_of("best-pose", "What to measure next", columns, rows, note)
+
+
+def _known(pose: BestPose, joint: Stiffness) -> str:
+    return "not determined" if joint.value is None else percent(pose.relative_std_before)
+
+
+def _worth(pose: BestPose | None, called: Mapping[str, Stiffness]) -> str:
+    """What the percentages are of, and whether one pose is enough."""
+    if pose is None or called[pose.name].value is not None:
+        return ""
+    alone = "" if pose.determines else "This pose alone does not determine it. "
+    return f"Relative to the typical compliance, as the joint has no value yet. {alone}"
+
+
+def next_joint_values(poses: Sequence[ToMeasure], joints: Sequence[Stiffness]) -> Table | None:
     """Where axes or joints stand in them [m] and [deg]; None without any."""
     first = poses[0].axes if poses else ()
     places = range(len(first or joints))
-    columns: list[Cells[_Numbered]] = [
+    columns: list[Cells[_Placed]] = [
         number("Pose", lambda one: one[0], str),
         *(_of_axis(first[k], k) if first else _of_joint(joints[k], k) for k in places),
     ]
-    title = "Axis values of these poses" if first else "Joint values of these poses"
+    which = "this pose" if len(poses) == 1 else "these poses"
+    title = f"Axis values of {which}" if first else f"Joint values of {which}"
     return table_of("next-joints", title, columns, enumerate(poses, 1))
 
 
-def _of_axis(axis: AxisValue, place: int) -> Cells[_Numbered]:
+def _of_axis(axis: AxisValue, place: int) -> Cells[_Placed]:
     title = f"{axis.name} [{'m' if axis.unit == 'm' else '°'}]"
     return number(title, lambda one: one[1].axes[place].value, lambda value: plain(value, 4))
 
 
-def _of_joint(joint: Stiffness, place: int) -> Cells[_Numbered]:
+def _of_joint(joint: Stiffness, place: int) -> Cells[_Placed]:
     unit = "m" if joint.joint_type is JointType.PRISMATIC else "°"
     title = f"{joint.joint_name} [{unit}]"
     return number(title, lambda one: one[1].q[place], lambda value: plain(value, 4))

@@ -1,0 +1,89 @@
+"""Which source makes how much of the uncertainty at the test pose: a budget that adds up."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.answer.contract import PosePart
+from pipeline.answer.recommended import Values
+from pipeline.base.arrays import Array
+from pipeline.diagnosis.average import Hypothesis
+from pipeline.machine.cell import jacobian, predict
+from pipeline.machine.effect import Pulls
+from pipeline.prediction.model import Hypothesis as Handed
+from pipeline.prediction.model import Model, of_machine
+from pipeline.prediction.tolerance import Tip
+from pipeline.system.budget import budget
+
+HELD_OUT = "held_out"
+"""Source of what left-out poses were missed by beyond what the model states."""
+
+
+def pose_budget(
+    values: Values, model: Model, q: Array, force: Array, at: Tip
+) -> tuple[PosePart, ...]:
+    """Contributions to the standard uncertainty u of a deflection, along it; u^2 = sum u_s^2.
+
+    Of hypothesis h with weight w_h, n the direction of the deflection and A_h its derivative by
+    the parameters, source s has
+
+        u_s^2 = sum_h w_h n' A_h C_hs A_h' n,   C_hs the part of s in the parameters' covariance.
+
+    What the hypotheses differ by, what undeformed geometry leaves out, and what left-out poses
+    were missed by beyond all these are sources of their own.
+
+    Args:
+        values: The answer's values, with the systems that they are from.
+        model: What is handed over of them, hypothesis by hypothesis.
+        q: Joint values of the pose [m] or [rad], shape (n,).
+        force: Force at the load point [N], F_b, shape (3,).
+        at: The deflection that is predicted there.
+
+    Returns:
+        Largest first [mm]; empty where a stiffness that acts there is not determined.
+    """
+    u, size = float(at.std[0]), float(at.size[0])
+    if not (np.isfinite(u) and size > 0):
+        return ()
+    along, pull = at.moved[0] / size, Pulls.at(q, force)
+    found: defaultdict[str, float] = defaultdict(float)
+    for one, handed in zip(values.hypotheses, model.hypotheses, strict=True):
+        moved, more = _moved(handed, pull)
+        found["which_cause"] += handed.weight * float(along @ (moved - at.moved[0])) ** 2
+        found["second_order"] += handed.weight * float(along**2 @ more**2)
+        for source, variance in _of_parameters(one, handed, pull, along).items():
+            found[source] += handed.weight * variance
+    found[HELD_OUT] = max(0.0, u**2 - sum(found.values()))
+    return tuple(
+        PosePart(source=source, std_mm=1e3 * float(np.sqrt(variance)))
+        for source, variance in sorted(found.items(), key=lambda item: -item[1])
+        if variance > _ROUNDING * u**2
+    )
+
+
+_ROUNDING = 1e-9
+"""Part of the variance below which it is rounding [1]."""
+
+
+def _of_parameters(one: Hypothesis, handed: Handed, pull: Pulls, along: Array) -> dict[str, float]:
+    """Variance along a direction [m^2] from each source of error in the parameters."""
+    cell = replace(handed.at(), equilibrium="undeformed")
+    a = along @ jacobian(cell, pull, handed.value).reshape(3, -1)
+    mine = of_machine(one.cell)
+    own, more = a[: mine.sum()], a[mine.sum() :]
+    split = budget(one.system, one.estimate)
+    parts = one.ratio**2 * np.einsum("i,sij,j->s", own, split.cov[:, mine][:, :, mine], own)
+    beyond = handed.cov[mine.sum() :, mine.sum() :]  # of laws where they were not taught
+    found = dict(zip(split.source.tolist(), parts.tolist(), strict=True))
+    return found | {"law": found.get("law", 0.0) + float(more @ beyond @ more)}
+
+
+def _moved(handed: Handed, pull: Pulls) -> tuple[Array, Array]:
+    """Deflection of the load point, and what its geometry leaves out of it [m], both (3,)."""
+    cell = handed.at()
+    bent = replace(cell, equilibrium="deformed")
+    here, there = (predict(one, pull, handed.value).displacement[0, 0] for one in (cell, bent))
+    return here, there - here
