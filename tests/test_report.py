@@ -407,7 +407,7 @@ def test_labels_of_plots_below_each_other_stand_below_each_other():
 
     found = ET.fromstring(drawn("two", draw).svg)
     texts = [one for one in found.iter() if one.tag.endswith("text") and one.text == "Height [m]"]
-    (one, other) = [re.findall(r"[-\d.]+", t.get("transform"))[0] for t in texts]
+    one, other = (re.findall(r"[-\d.]+", text.get("transform"))[1] for text in texts)
     assert one == other
 
 
