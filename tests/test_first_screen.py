@@ -11,8 +11,17 @@ import pytest
 import report_sample
 from pdf_text import pages_of
 
-from pipeline.answer.contract import AxisValue, JudgedPath, NextPose, Stretch, Tip, Tolerance
-from pipeline.answer.sentences import _proposed, _uncalibrated
+from pipeline.answer.contract import (
+    AxisValue,
+    BestPose,
+    JudgedPath,
+    NextPose,
+    Stretch,
+    Tip,
+    Tolerance,
+    ToMeasure,
+)
+from pipeline.answer.sentences import _least_certain, _proposed, _uncalibrated, joint_to_pull
 from pipeline.answer.tolerated import expanded, largest_force, tolerated
 from pipeline.answer.words import mistaken, unnoticed, wrong
 from pipeline.diagnosis.facts import Facts
@@ -21,7 +30,7 @@ from pipeline.prediction.decision import Decision
 from pipeline.report.model import compose
 from pipeline.report.record import Figure
 from pipeline.report.render import page, pdf
-from pipeline.report.sections.unseen import blind_spots, next_joint_values, next_poses
+from pipeline.report.sections.unseen import best_pose, blind_spots, next_joint_values, next_poses
 from pipeline.report.text import as_text
 from pipeline.report.words import VERDICTS
 
@@ -261,3 +270,57 @@ def test_further_mistakes_are_told_with_file_and_line():
     told = mistaken(Facts(mistakes=mistakes))
 
     assert "row 0 is off, and 6 more errors were found (t:1, t:2, t:3, t:4 and 2 more)." in told
+
+
+def best(**more):
+    """The pose that would determine a joint best."""
+    own = {name: getattr(pose(0.3, 1.0), name) for name in ToMeasure.model_fields}
+    own |= {"name": "k_r1", "relative_std_before": 0.4, "relative_std_after": 0.12}
+    return BestPose(**own | {"determines": True} | more)
+
+
+@pytest.mark.parametrize(
+    ("value", "determines", "said"),
+    [
+        (8e7, True, "With it the standard uncertainty of E1 (k_r1) is expected to be 12 %."),
+        (None, True, "With it E1 (k_r1) is determined, to about 12 % of its typical compliance."),
+        (None, False, "This alone will not determine it: its standard uncertainty is then 12 %"),
+    ],
+)
+def test_the_pose_for_a_joint_says_how_to_pull_and_what_it_settles(value, determines, said):
+    """Axes, load steps, force and its direction; and that one pose is not enough, if it is not."""
+    answer = report_sample.answer()
+    joint = answer.stiffness[0].model_copy(update={"value": value, "axis": "E1"})
+    at = (AxisValue(name="E1", value=2.5, unit="m"), AxisValue(name="A1", value=-30.0, unit="deg"))
+    diagnosis = SimpleNamespace(best_pose=best(axes=at, determines=determines))
+    sentence = _least_certain(SimpleNamespace(diagnosis=diagnosis), joint)
+
+    assert "E1 2.500 m, A1 -30.00°, 3 load steps up to 3000 N along (0.60, 0.80, 0.00)" in sentence
+    assert said in sentence
+    table = best_pose(best(determines=determines), None, [joint])
+    assert "3 load steps up to 3000 N along (0.60, 0.80, 0.00) of F_b" in table.rows[0][2].text
+    assert ("does not determine it" in table.note) == (not determines)
+
+
+@pytest.mark.parametrize(
+    ("open_", "mistakes", "holds", "value", "asked"),
+    [
+        (False, False, True, 8e7, True),
+        (True, False, True, None, False),
+        (False, True, True, 8e7, False),
+        (False, True, True, None, True),
+        (False, False, False, None, False),
+    ],
+)
+def test_a_joint_is_pulled_where_nothing_is_to_be_measured_before(
+    open_, mistakes, holds, value, asked
+):
+    """A cause in question, a doubted reading and what no model explains come first."""
+    joint = report_sample.answer().stiffness[0].model_copy(update={"value": value})
+    diagnosis = SimpleNamespace(next_poses=("one",) if open_ else (), causes=())
+    row = SimpleNamespace(
+        model="joint_springs", reason=SimpleNamespace(holds_for_its_readings=holds)
+    )
+    found = SimpleNamespace(mistakes=("one",) if mistakes else (), row=row)
+
+    assert (joint_to_pull(found, diagnosis, [joint]) is joint) == asked

@@ -27,7 +27,7 @@ from pipeline.report.record import Column, Entry, Figure, Report, Section, Table
 from pipeline.report.render import pdf, render
 from pipeline.report.sections.stiffness import stiffness
 from pipeline.report.summaries import courses, has
-from pipeline.report.svg import STYLE
+from pipeline.report.svg import STYLE, drawn
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -392,6 +392,23 @@ def test_an_identified_cause_is_compared_as_large_as_it_was_found(sample):
         "magnitudes found",
         "wrong zero of the spring scale or tilt of the bearing in joint 2: 2.2 σ, magnitudes found",
     ]
+
+
+def test_labels_of_plots_below_each_other_stand_below_each_other():
+    """However wide the numbers between label and plot are."""
+
+    def draw(canvas):
+        first, second = canvas.subplots(2, 1)
+        for axes, most in ((first, 1.0), (second, 1e6)):
+            axes.ticklabel_format(style="plain")
+            axes.plot([0, 1], [0, most])
+            axes.set_ylabel("Height [m]")
+        return {}
+
+    found = ET.fromstring(drawn("two", draw).svg)
+    texts = [one for one in found.iter() if one.tag.endswith("text") and one.text == "Height [m]"]
+    one, other = (re.findall(r"[-\d.]+", text.get("transform"))[1] for text in texts)
+    assert one == other
 
 
 def test_a_residual_that_follows_the_rail_is_said_to(sample):

@@ -218,7 +218,7 @@ def test_a_worn_joint_is_told_in_one_sentence():
     assert any(typeset(words) in one.text for one in report.first)
     assert [row[0].text for row in table.rows] == ["3", "7"]
     assert [row[1].text for row in table.rows] == ["inspect A2", "nothing"]
-    assert [column.title for column in table.columns[5:7]] == ["k_0 [%/year]", "A1 [%/year]"]
+    assert [column.title for column in table.columns[6:8]] == ["k_0 [%/year]", "A1 [%/year]"]
     assert [row[0].text for row in report.sections[2].blocks[1].rows][:2] == ["k_0", "A1 (k_1)"]
     assert all(low < j.percent_a_year < high for j in wear[0].joints
                for low, high in [(j.low, j.high)])  # fmt: skip

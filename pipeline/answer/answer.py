@@ -39,7 +39,7 @@ from pipeline.answer.pose_budget import pose_budget
 from pipeline.answer.recommended import Values
 from pipeline.answer.reliability import carried_entries, controlled_entries
 from pipeline.answer.remarks import contradicted
-from pipeline.answer.sentences import Stated, first_screen
+from pipeline.answer.sentences import Stated, first_screen, joint_to_pull
 from pipeline.answer.stiffness import budget_entries
 from pipeline.answer.values import stated, values_entry
 from pipeline.answer.words import BECAUSE, enormous, hangs_on
@@ -70,8 +70,10 @@ def answer(found: Findings) -> Answer:
     said += [*stated, *filter(None, map(enormous, found.diagnosis.causes))]
     payloads = payload_entries(given.case)
     together = combination_entries(found.told.values)
-    best = best_pose(found.diagnosis, raw.robot, values.stiffness)
-    diagnosis = diagnosis_entry(found).model_copy(update={"best_pose": best})
+    diagnosis = diagnosis_entry(found)
+    joint = joint_to_pull(found, diagnosis, values.stiffness)
+    best = best_pose(found.diagnosis, raw.robot, joint)
+    diagnosis = diagnosis.model_copy(update={"best_pose": best})
     parts = pose_budget(found.told.values, found.told.model, where.q, where.force, found.judged.at)
     pose = pose_entry(raw.robot, where, found.judged).model_copy(update={"budget": parts})
     tolerance = tolerance_entry(raw.settings.tolerance, where, found.judged)

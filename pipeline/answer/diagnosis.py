@@ -270,13 +270,12 @@ def _to_measure(pose: Pose, robot: Robot) -> dict[str, Any]:
 
 
 def best_pose(
-    said: Diagnosis, robot: Robot, stiffness: Sequence[contract.Stiffness]
+    said: Diagnosis, robot: Robot, joint: contract.Stiffness | None
 ) -> contract.BestPose | None:
-    """The pose that would determine best the joint that is known worst; None where none is known.
+    """The pose that would determine a joint best; None where none is known.
 
     Uncertainties scale from those of the joint springs to those of the answer.
     """
-    joint = worst_known(stiffness)
     if not said.determining or joint is None:
         return None
     found = said.determining[joint.joint - 1]

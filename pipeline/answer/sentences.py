@@ -433,17 +433,44 @@ def _next(found: Findings, stated: Stated) -> str:
         return _proposed(poses)
     if found.mistakes:
         again = "The readings in question, if no record shows the correct values."
-        lost = any(joint.value is None for joint in stated.mine.stiffness)
-        return f"{again} {_least_certain(stated)}" if lost else again
+        joint = joint_to_pull(found, stated.diagnosis, stated.mine.stiffness)
+        return f"{again} {_least_certain(stated, joint)}" if joint else again
     if not found.row.reason.holds_for_its_readings:
         return (
             "The poses that are missed most, once more and on another day: this tells the machine "
             "from the readings."
         )
-    needs = [one.needs for one in stated.diagnosis.causes if one.needs and one.rivals]
-    if needs and found.row.model == Which.AVERAGED:
+    needs = _needs(found, stated.diagnosis)
+    if needs:
         return f"No reachable pose tells the causes apart by pulls alone. What would: {needs[0]}."
-    return _least_certain(stated)
+    worst = joint_to_pull(found, stated.diagnosis, stated.mine.stiffness)
+    if worst is None:
+        return "Nothing can be proposed: no stiffness is known."
+    return _least_certain(stated, worst)
+
+
+def _needs(found: Findings, diagnosis: Diagnosis) -> list[str]:
+    """What would part causes that no pull does."""
+    if found.row.model != Which.AVERAGED:
+        return []
+    return [one.needs for one in diagnosis.causes if one.needs and one.rivals]
+
+
+def joint_to_pull(
+    found: Findings, diagnosis: Diagnosis, stiffness: Sequence[Stiffness]
+) -> Stiffness | None:
+    """The joint that the next pull is for; None where other things are to be measured first.
+
+    These are poses that decide between causes, readings in question, unless a joint has no value,
+    poses that no model explains, and what parts causes that no pull does.
+    """
+    worst = worst_known(stiffness)
+    if diagnosis.next_poses or worst is None:
+        return None
+    if found.mistakes:
+        return worst if worst.value is None else None
+    explained = found.row.reason.holds_for_its_readings
+    return worst if explained and not _needs(found, diagnosis) else None
 
 
 def _proposed(poses: Sequence[NextPose]) -> str:
@@ -481,11 +508,8 @@ def _joints(pose: ToMeasure) -> str:
     return f"joints at ({', '.join(values)})"
 
 
-def _least_certain(stated: Stated) -> str:
+def _least_certain(stated: Stated, worst: Stiffness) -> str:
     """Which pulls would gain most, and what one such pose would settle."""
-    worst = worst_known(stated.mine.stiffness)
-    if worst is None:
-        return "Nothing can be proposed: no stiffness is known."
     best = stated.diagnosis.best_pose
     more = "" if best is None else f" One pose more: {pulled(best)}. {_settled(best, worst)}"
     pulls = capital(remarks.WORK[worst.joint_type])

@@ -57,7 +57,7 @@ def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
     by_robot = robots(answers)
     followed = {one.machine: one for one in wear if one.followed}
     changed = {
-        name: [_called(own)[one] for one in changed_of(own, followed.get(name))]
+        name: [_called(own).get(one, one) for one in changed_of(own, followed.get(name))]
         for name, own in by_robot.items()
     }
     places = {name: place for place, name in enumerate(by_robot)}
@@ -218,7 +218,7 @@ def _history_figure(
     place: int, name: str, answers: Sequence[Answer], changed: Sequence[str]
 ) -> Figure:
     called = _called(answers)
-    which = ", ".join(called[one] for one in changed)
+    which = ", ".join(called.get(one, one) for one in changed)
     told = f"{len(answers)} campaigns of {name}. " + (
         f"Changed: {which} in another colour." if changed else "No joint stands out."
     )

@@ -103,6 +103,7 @@ def drawn(name: str, draw: Callable[[Canvas], Mapping[str, Sequence[str]]]) -> D
     with rc_context(_ON_THE_PAGE | {"svg.hashsalt": name}):
         canvas = Canvas()
         tips = draw(canvas)
+        canvas.align_ylabels()  # of plots below each other
         # Figure.savefig would draw everything once more for the layout.
         FigureCanvasSVG(canvas).print_svg(text, metadata=nothing)  # type: ignore[no-untyped-call]
     return Drawing(text.getvalue(), _inline(text.getvalue(), tips))

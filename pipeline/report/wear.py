@@ -120,14 +120,14 @@ def _of_type(
         said("Alarm since", lambda one: one.alarm and one.alarm.raised),
         (Column("Last campaign"), lambda one: _page(one.campaign)),
         said("Measured", lambda one: one.last.isoformat()),
+        said("Verdict of the newest", lambda one: _verdict(last.get(one.machine))),
         *(_a_joint(k, joint.axis or joint.name) for k, joint in enumerate(own[0].joints)),
         number("Chance of such change", lambda one: one.p_value, _chance),
-        number("Campaigns", lambda one: one.campaigns, str),
-        said("Verdict of the newest", lambda one: _verdict(last.get(one.machine))),
     ]
     ranked = sorted(own, key=lambda one: (_urgency(one), one.p_value or 1.0, one.machine))
     note = (
-        "k: change of the stiffness in percent a year ± standard uncertainty; negative is softer, "
+        "E1, A1: change of the stiffness in percent a year ± standard uncertainty; negative is "
+        "softer, "
         "* what the alarm is about; intervals stand with each robot below. All joints are tested "
         "together at each campaign, with a false alarm in a hundred years of a robot at most."
     )
