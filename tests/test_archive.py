@@ -132,6 +132,7 @@ def test_every_link_leads_to_a_file(project):
             assert (page.parent / link).is_file(), (page, link)
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_no_link_leads_to_what_is_gone_or_was_never_written(project, tmp_path):
     """The campaign before is deleted, and this one's run was by a version without a workbook."""

@@ -260,6 +260,7 @@ def test_a_load_at_the_place_of_a_reflector_is_doubted(said, copied, onto):
     assert f"lines {at['load_point'] + 1} and {at['P2'] + 1}" in err
 
 
+@pytest.mark.slow
 def test_what_check_says_of_a_point_run_says_too():
     """P3 of the demo 8 mm off: one sentence, with its line, in both; on the first screen, too."""
     folder = Path(__file__).parents[1] / "data" / "raw" / "kr500_demo"

@@ -160,7 +160,7 @@ def whitened(raw, kept):
     return both[:, :-1], both[:, -1]
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("world", list(WORLDS))
 def test_what_is_known_is_what_numpy_finds(world, told):
     """Values, uncertainties and the directions that no data tell: least squares by numpy."""
@@ -187,7 +187,7 @@ def test_what_is_known_is_what_numpy_finds(world, told):
             assert joint.compliance_std == pytest.approx(np.linalg.norm(half[k]), rel=1e-6)
 
 
-@pytest.mark.sampled(3)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("world", list(WORLDS))
 def test_undetermined_is_no_rejection(world, told, tmp_path):
     """Exit 0, with --strict a doubt; JSON, page, PDF and hand-over hold what is known."""
@@ -204,6 +204,7 @@ def test_undetermined_is_no_rejection(world, told, tmp_path):
         assert one.needs in pages["index.html"].decode()
 
 
+@pytest.mark.slow
 def test_where_it_was_measured_it_is_predicted_and_elsewhere_not(told):
     """One mix of many is enough for the pose it comes from, also from the file handed over."""
     raw, found, kept = told("197 poses of two joints")

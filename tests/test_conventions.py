@@ -122,6 +122,8 @@ UNDONE = [
     ("deg", with_joints(np.rad2deg, "_rad")),
     ("joints_mm", with_joints(lambda x: x * 1e3, "_m")),
     ("controller_axes", as_controller),
+    *[(f"theta{k}_rad", with_joints(np.deg2rad, f"theta{k}_rad")) for k in (2, 4, 6)],
+    *[(f"theta{k}_deg", with_joints(np.rad2deg, f"theta{k}_rad")) for k in (3, 7)],
     *[(f"theta{k}_reversed", turned_round(f"theta{k}")) for k in (2, 4, 5, 7)],
     ("r1_reversed", turned_round("r1")),
     *[(f"{a}-{b}", base_swapped(a, b)) for a, b in (("B1", "B2"), ("B1", "B3"), ("B3", "B4"))],

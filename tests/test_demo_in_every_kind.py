@@ -223,7 +223,7 @@ UNKNOWN = {
 """Kinds that name their targets and leave something open."""
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", UNKNOWN)
 def test_known_reflectors_settle_what_the_file_leaves_open(name, ours):
     """Unit, kind of coordinates and where angles are zero, by [tool] and [base_frame] alone."""
@@ -235,6 +235,7 @@ def test_known_reflectors_settle_what_the_file_leaves_open(name, ours):
         np.testing.assert_allclose(got[axis].to_numpy(), ours[axis].to_numpy(), atol=2e-6)
 
 
+@pytest.mark.slow
 def test_whoever_inspects_or_checks_is_told_what_settled_it(tmp_path):
     """In the folder of a campaign the file is read, and both say by what."""
     kind = replace(KINDS["name Hz V D"], said={"horizontal": "clockwise"})

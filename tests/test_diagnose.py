@@ -90,6 +90,7 @@ def test_an_innocent_robot_is_let_go(noise_scale):
     assert found.estimate is None
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize(
     ("planted", "label"),
     [
@@ -111,6 +112,7 @@ def test_a_hidden_effect_is_named(planted, label):
     assert found.estimate.p_value > 1e-3
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("planted", "pair"),
     [
@@ -247,6 +249,7 @@ def test_what_the_diagnosis_says_fits_into_result_json_and_the_tables():
     assert kept["left_out_extended_m"].std() < kept["left_out_m"].std()
 
 
+@pytest.mark.slow
 def test_the_same_campaign_gets_the_same_diagnosis():
     """Nothing depends on anything but the campaign and the generator."""
     first, *_ = examined(28, "compensator=2x")

@@ -4,7 +4,7 @@ from bench.compare import FROZEN, answer_of, differences, digest, flat, frozen, 
 
 HELD = frozen()
 
-LONG = ("clean2", "outlier", "single2", "strange5", "strange8", "doubtful4")
+LONG = ("pair4", "clean2", "outlier", "single2", "strange5", "strange8", "doubtful4")
 """Of kinds of which another is held in every run of the tests, or `bench.compare` plays eight."""
 
 

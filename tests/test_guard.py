@@ -49,6 +49,7 @@ def children():
     return {int(number) for number in text.split()} - EARLIER
 
 
+@pytest.mark.slow
 def test_a_guarded_run_is_a_run(root):
     """One process for both campaigns, the same answer on disk, and nothing left behind."""
     with Guard(root, "local", Service()) as guard:

@@ -40,6 +40,14 @@ def moved(group, target, by):
     return replace(good(), readings=rows)
 
 
+def test_where_the_joint_log_is_wrong_no_name_is_doubted():
+    """A column read with the wrong factor puts reflectors hundreds of millimetres elsewhere."""
+    for factor in (np.pi / 180, 0.5, 1.2):
+        joints = good().joints.copy()
+        joints["theta4_rad"] *= factor
+        assert labels(replace(good(), joints=joints)) == []
+
+
 RING, BACK = {"P1": "P2", "P2": "P3", "P3": "P1"}, {"P1": "P3", "P3": "P2", "P2": "P1"}
 
 

@@ -144,7 +144,7 @@ def test_an_innocent_machine_is_let_go():
 @pytest.mark.parametrize(
     "sizes",
     [
-        {"rail_backlash": 1.0},
+        pytest.param({"rail_backlash": 1.0}, marks=pytest.mark.slow),
         pytest.param({"joint_tilt_3": 2.5}, marks=pytest.mark.slow),
         pytest.param({"link_bending:forearm": 2.0}, marks=pytest.mark.slow),
         pytest.param({"joint_hardening_3": 3.0}, marks=pytest.mark.slow),

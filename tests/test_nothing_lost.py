@@ -96,6 +96,7 @@ def test_two_runs_at_once_agree(tmp_path):
     assert said[0] == said[1] != ""
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unseen")
 def test_raw_files_stay_as_they_are(folder, tmp_path):
     """A run reads the raw folder and never writes there, so that it may be read-only."""

@@ -43,7 +43,7 @@ def answer(raw):
     return found
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("plan", "file", "column", "row", "cause"),
     [

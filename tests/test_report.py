@@ -302,6 +302,7 @@ def test_captions_carry_the_numbers_of_the_campaign(sample):
     assert caption.replace("\u00a0", " ").startswith("Pose 5 is the worst with 0.250 mm")
 
 
+@pytest.mark.slow
 def test_a_stiffness_without_upper_limit_is_drawn_and_said(sample):
     """An interval that is open above is no symmetric bar: table and figure both say so."""
     result, tables = sample
@@ -453,6 +454,7 @@ def test_no_page_of_the_pdf_is_half_empty(files):
     assert min(filled(files["report.pdf"])[:-1]) >= 0.6
 
 
+@pytest.mark.slow
 def test_a_number_and_its_uncertainty_stay_on_one_line(reader):
     """Also in a table of more columns than fit at the usual size, which is set smaller."""
     columns = tuple(Column(f"Value {k} [mm]", numeric=True) for k in range(9))
@@ -673,6 +675,7 @@ def test_nothing_short_is_cut_by_a_page(files, sample):
 # --- bytes ---------------------------------------------------------------------------------
 
 
+@pytest.mark.slow
 def test_two_runs_differ_in_the_stated_run_time_only(files, sample):
     """The same input gives the same bytes, except for the run time where it is stated."""
     again = render(*sample, run_time_s=9.876)

@@ -219,6 +219,7 @@ def csv_of(table, columns):
     return table[columns].to_csv(index=False).encode()
 
 
+@pytest.mark.slow
 def test_json_on_stdout_is_the_result_file(tmp_path):
     """One line per campaign; a bad one has an error, stops nothing, and gives the exit code."""
     write(tmp_path, simulate(FEW).files, "good")
@@ -297,6 +298,7 @@ def test_two_poses_cannot_predict_each_other():
     assert any(entry.value for entry in answer.stiffness)
 
 
+@pytest.mark.slow
 def test_a_base_reflector_off_by_centimetres_is_told():
     """It is named with its table, and the registration is that of the others."""
     files = dict(simulate(Plan(name="c")).files)

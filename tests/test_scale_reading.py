@@ -9,7 +9,7 @@ from scipy import optimize, stats
 from small_case import asked, small
 
 from pipeline.faults import scale_reading
-from pipeline.faults.scale_reading import _chance, _fitting, _freed, scale_outlier
+from pipeline.faults.scale_reading import _chance, _fitting, _freed, scale_outliers
 from pipeline.machine.cell import predict
 from pipeline.reduction.settings import Scale
 from pipeline.system import alarms
@@ -88,7 +88,7 @@ def test_the_reading_that_fits_is_the_smallest_misfit(case):
     assert (data.pulls.pose[pull], data.pulls.repeat[pull]) == (3, 1)
     scale = case.settings.scale
 
-    found = _fitting(wrong.cell, data, wrong.estimate.value, pull, scale)
+    found = _fitting(wrong.cell, data, wrong.estimate.value, np.array([pull]), scale)
 
     right = asked(case)
     W, B = dense(right)  # weights of the readings as they should be
@@ -128,13 +128,56 @@ def test_a_mistyped_reading_is_found_with_what_it_should_be(case, factor):
     assert scale_reading.FAULT.find(asked(right)) == []
 
 
-def test_two_alike_mistyped_are_not_called_one(case):
-    """Half the force in two pulls: the one stands out no more than the other."""
-    one = typed(case, 5, 2, lambda f: 1.5 * f)
-    two = typed(one, 2, 1, lambda f: 1.5 * f)
+def places(findings):
+    """Pose and repeat of each."""
+    words = [one.where.split() for one in findings]
+    return sorted((int(pose[-2:]), int(repeat[-1:])) for _, pose, repeat in words)
 
-    assert scale_reading.FAULT.find(asked(one))
-    assert scale_reading.FAULT.find(asked(two)) == []
+
+@pytest.mark.parametrize(
+    "factors",
+    [
+        {(5, 2): 1.5, (2, 1): 1.5},
+        {(5, 2): 1.5, (2, 1): 1 / 1.5},
+        {(5, 2): 1.5, (2, 1): 1.4, (3, 1): 0.6},
+        {(4, 1): 1.3, (4, 2): 1.3},
+    ],
+)
+def test_mistyped_readings_that_hide_each_other_are_found_together(case, factors):
+    """Alike, opposed, three of twelve, both pulls of a pose: each in place and no other."""
+    wrong = case
+    for (pose, repeat), factor in factors.items():
+        wrong = typed(wrong, pose, repeat, lambda f, factor=factor: factor * f)
+
+    found = scale_reading.FAULT.find(asked(wrong))
+
+    assert places(found) == sorted(factors)
+    force = case.loads.set_index(["pose", "repeat"])["force_n"]
+    for (pose, repeat), one in zip(
+        places(found), sorted(found, key=lambda one: one.where), strict=True
+    ):
+        expected = abs(factors[pose, repeat] - 1) * force.loc[(pose, repeat)]
+        assert one.size == pytest.approx(expected, rel=0.2)
+
+
+def test_two_lines_of_the_log_exchanged_are_found(case):
+    """Each pull has the other's force, as where two rows of a list are swapped."""
+    force = case.loads.set_index(["pose", "repeat"])["force_n"]
+    ends = [force.idxmax(), force.idxmin()]
+    wrong = typed(case, *ends[0], lambda _: force.loc[ends[1]])
+    wrong = typed(wrong, *ends[1], lambda _: force.loc[ends[0]])
+
+    found = scale_reading.FAULT.find(asked(wrong))
+
+    assert places(found) == sorted(ends)
+
+
+def test_what_all_pulls_share_is_no_mistyped_reading(case):
+    """A scale whose reading grows by the power 1.3, and a zero that wanders: nobody typed that."""
+    loads = case.loads
+    for change in (lambda f: f * (f / f.mean()) ** 0.3, lambda f: f + 300 * np.sin(np.arange(12))):
+        other = replace(case, loads=loads.assign(force_n=change(loads["force_n"])))
+        assert scale_reading.FAULT.find(asked(other)) == []
 
 
 def test_a_weaker_second_one_is_named_after_the_first(case):
@@ -157,7 +200,7 @@ def test_what_was_not_mistyped_is_not_called_so():
             return scale_reading.FAULT.find(wrong)
         settings = wrong.case.settings.model_copy(update={"scale": scale})
         poor = replace(wrong.case, settings=settings)
-        return scale_outlier(poor, wrong.cell, wrong.reduced.data, wrong.system, wrong.estimate)
+        return scale_outliers(poor, wrong.cell, wrong.reduced.data, wrong.system, wrong.estimate)
 
     assert find(1.022) == []
     assert len(find(1.045)) == 1
@@ -174,7 +217,7 @@ def test_few_pulls_single_none_out(case, monkeypatch):
     for fewest, most, said in ((12, 12, True), (13, 99, False), (8, 11, False)):
         monkeypatch.setattr(scale_reading, "FEWEST", fewest)
         monkeypatch.setattr(scale_reading, "MOST", most)
-        assert bool(scale_outlier(*args)) is said
+        assert bool(scale_outliers(*args)) is said
     assert (alarms.READING, len(wrong.reduced.data.pulls)) == (5e-4, 12)
 
 

@@ -122,6 +122,7 @@ def test_an_outlier_is_seen_beside_a_fault_of_the_model():
     assert [(f.name, f.where) for f in found] == [("outlier", truth["outlier"])]
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("off_m", [0.0, 1e-3])
 def test_a_reading_that_a_cause_explains_comes_back(off_m):
     """On a machine with a tilting joint a good reading looks bad beside springs, a bad one is."""

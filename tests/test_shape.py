@@ -89,6 +89,7 @@ def test_where_noise_is_rather_normal_nothing_is_given_back(monkeypatch, heavy, 
     assert (acquit(given, screened, right, seen) is screened) is kept
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("off_m", [0.0, 1e-4])
 @pytest.mark.parametrize("world", ["normal", "wander10"])
 def test_what_goes_with_the_pull_is_no_noise(world, off_m):

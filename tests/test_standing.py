@@ -72,6 +72,7 @@ def test_two_wrong_zeros_are_both_named():
     }
 
 
+@pytest.mark.slow
 def test_a_base_frame_that_is_turned_is_named():
     """The nominal base reflectors are turned by 1.5 mrad about a slanting axis."""
     turn = 1.5e-3 * np.array([0.6, 0.0, 0.8])
@@ -117,6 +118,7 @@ def test_an_innocent_robot_has_no_blind_spot_there():
     assert not any(s.name == "base_rotation" for s in found.blind_spots)
 
 
+@pytest.mark.slow
 def test_what_the_unloaded_reflectors_refute_is_not_named():
     """A strut whose law the catalogue only resembles leaves a rest that looks like tons of sag.
 
@@ -133,6 +135,7 @@ def test_what_the_unloaded_reflectors_refute_is_not_named():
     assert {cause.name for cause in found.causes} == {"scale_zero", "compensator"}
 
 
+@pytest.mark.slow
 def test_a_wrong_zero_is_named_beside_a_stated_uncertainty():
     """What the log is stated to be wrong by does not swallow what is 35 times as much."""
     files = logged(theta3_deg=0.1)

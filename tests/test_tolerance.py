@@ -235,6 +235,7 @@ def test_a_force_that_no_robot_holds_is_refused_with_its_line(files):
         answered("part", raw)
 
 
+@pytest.mark.slow
 def test_forces_unlike_the_pulls_are_said(files):
     """Pulled with 1.5 and 3 kN: 3.5 kN is beyond, 1.2 N may be kilonewtons, 2 kN is fine."""
     said = 'deflection_mm = 1.0\npath = "part.csv"'

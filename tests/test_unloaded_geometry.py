@@ -8,6 +8,7 @@ import pytest
 from small_case import PLAN, asked, small
 
 from pipeline.answer.contract import Table
+from pipeline.diagnosis.causes import of_unloaded
 from pipeline.diagnosis.facts import NOTHING, Off
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.unloaded_geometry import BEYOND, as_stiff, corrected, standing
@@ -73,6 +74,20 @@ def test_a_gain_that_is_none_is_not_believed(stood):
     assert replace(stood, gain=gain).useless
     assert not replace(stood, gain=gain).believed
     assert not replace(stood, causes=(), gain=gain).useless
+
+
+def test_no_entry_is_believed_that_leaves_the_robot_centimetres_off(stood):
+    """What the table has wrong then is not that one entry: 420 mm before, 390 mm with it."""
+    far = replace(stood, miss_m=0.42, left_m=0.39, rough=True)
+
+    assert far.refuted
+    assert not far.believed
+    assert not far.corrects
+    assert of_unloaded(far) == ()
+    near = replace(far, left_m=2e-3)
+    assert (near.refuted, near.believed, near.corrects) == (False, True, True)
+    assert replace(far, causes=(), miss_m=0.05).refuted
+    assert not NOTHING.refuted  # nothing was read
 
 
 def test_corrected_data_stand_where_the_causes_put_them(off, stood):

@@ -114,6 +114,10 @@ ROWS = {
         Facts(unloaded=MISPLACED, moved=(cause("joint_offset:3", 0.9),)),
         Verdict.AMBIGUOUS,
     ),
+    Finding.GEOMETRY_REFUTED: (
+        Facts(unloaded=replace(MISPLACED, miss_m=0.42, left_m=0.39)),
+        Verdict.UNEXPLAINED,
+    ),
     Finding.ROUGH_TABLE: (
         Facts(unloaded=replace(MISPLACED, gain=gain(0.9, 0.8), rough=True)),
         Verdict.ADEQUATE,

@@ -336,6 +336,7 @@ def test_the_table_tells_what_shows_in_a_direction():
     assert [from_table(table, k, np.array([1.0, 0, 0])) for k in (6, 7, 8)] == [None] * 3
 
 
+@pytest.mark.slow
 def test_a_blunder_is_played_beside_its_own_campaign():
     """Named in place or not, the game knows what the blunder moved."""
     one = run.played(Fixture("loaded_off", 0, SEED, cause=False))

@@ -435,6 +435,11 @@ def _next(found: Findings, stated: Stated) -> str:
         again = "The readings in question, if no record shows the correct values."
         joint = joint_to_pull(found, stated.diagnosis, stated.mine.stiffness)
         return f"{again} {_least_certain(stated, joint)}" if joint else again
+    if found.facts.unloaded.refuted:
+        return (
+            "Nothing until the joint log and the robot file agree with the unloaded reflectors: "
+            "the readings taken may then do."
+        )
     if not found.row.reason.holds_for_its_readings:
         return (
             "The poses that are missed most, once more and on another day: this tells the machine "

@@ -111,7 +111,16 @@ def _told(facts: Facts) -> str:
     found: list[Finding] = [row.finding for row in findings(facts)]
     others = [one for one in found if one not in (Finding.NOTHING, Finding.MISTAKE)]
     told = [capital(_FINDINGS[one](facts)) for one in others]
-    return " ".join([*told, *([_impossible(facts)] if told and facts.refused else [])])
+    return " ".join(
+        [
+            *told,
+            *(
+                [_impossible(facts)]
+                if told and facts.refused and not facts.unloaded.refuted
+                else []
+            ),
+        ]
+    )
 
 
 def _impossible(facts: Facts) -> str:
@@ -260,17 +269,27 @@ def _or(cause: Cause) -> str:
 def _off_the_table(facts: Facts) -> str:
     names = " and ".join(effect.called for effect in facts.unloaded.effects)
     return (
-        f"The unloaded reflectors are {1e3 * facts.unloaded.miss_m:.2g} mm from where the "
+        f"The unloaded reflectors are {plain(1e3 * facts.unloaded.miss_m, 2)} mm from where the "
         f"nominal DH parameters place them, and adding {names}, which fits best, would make the "
         f"prediction of other poses worse."
     )
 
 
 def _stands_elsewhere(facts: Facts) -> str:
+    before, after = (plain(1e3 * x, 2) for x in (facts.unloaded.miss_m, facts.unloaded.left_m))
     return (
-        f"The unloaded reflectors are {1e3 * facts.unloaded.miss_m:.2g} mm rms from where the "
-        f"nominal DH parameters place them (base and tool fitted), and "
-        f"{1e3 * facts.unloaded.left_m:.2g} mm with {listed([_sized(one) for one in facts.moved])}."
+        f"The unloaded reflectors are {before} mm rms from where the nominal DH parameters place "
+        f"them (base and tool fitted), and {after} mm with "
+        f"{listed([_sized(one) for one in facts.moved])}."
+    )
+
+
+def _geometry_refuted(facts: Facts) -> str:
+    return (
+        f"The unloaded reflectors are {plain(1e3 * facts.unloaded.miss_m, 2)} mm rms from where "
+        "the robot file places them (base and tool fitted), and neither a listed mistake in the "
+        "files nor a wrong DH parameter explains it: compare the joint log with the controller, "
+        "column by column and row by row, and check that the robot file is that of this robot."
     )
 
 
@@ -281,8 +300,8 @@ def _rough_table(facts: Facts) -> str:
     return (
         "Many of the robot's DH parameters deviate a little from nominal, none far more than the "
         "others: in cross-validation "
-        f"the unloaded reflectors are {before:.2g} mm rms per axis from where the nominal DH "
-        f"parameters place them, and {after:.2g} mm from where the identified ones do."
+        f"the unloaded reflectors are {plain(before, 2)} mm rms per axis from where the nominal DH "
+        f"parameters place them, and {plain(after, 2)} mm from where the identified ones do."
     )
 
 
@@ -398,6 +417,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         "The residuals are larger than an error of any certificate would explain."
     ),
     Finding.OFF_THE_TABLE: _off_the_table,
+    Finding.GEOMETRY_REFUTED: _geometry_refuted,
     Finding.ROUGH_TABLE: _rough_table,
     Finding.MISFIT: lambda facts: (
         f"What the model leaves is more than noise (p = {facts.misfit_p:.1g}), and no known cause "

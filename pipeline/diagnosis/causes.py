@@ -144,7 +144,7 @@ def missing(found: Found, misfit_p: float) -> float:
 
 def of_unloaded(stood: Standing) -> tuple[Cause, ...]:
     """Causes that the unloaded positions call for."""
-    if stood.useless:
+    if not stood.believed:
         return ()
     return tuple(
         Cause(

@@ -13,6 +13,7 @@ from pipeline.diagnosis.average import Hypothesis
 from pipeline.faults.mistake import Mistake
 from pipeline.geometry.roughness import Cells
 from pipeline.machine.effect import Effect, Observation
+from pipeline.readers.known import GROSS_M
 from pipeline.system.linearised import Linearised
 from pipeline.system.system import Estimate, Scatter
 
@@ -303,7 +304,16 @@ class Standing(Locked):
     @property
     def believed(self) -> bool:
         """Causes were found, and the robot stands where they put it."""
-        return bool(self.causes) and not self.useless
+        return bool(self.causes) and not self.useless and not self.refuted
+
+    @property
+    def refuted(self) -> bool:
+        """The robot is nowhere near where its table puts it, whatever single entry is wrong.
+
+        Then the joint log or the whole table is wrong in a way that nobody listed.
+        """
+        left = self.left_m if self.causes else self.miss_m
+        return left >= GROSS_M
 
     @property
     def corrects(self) -> bool:
@@ -314,7 +324,7 @@ class Standing(Locked):
         does not do: of four poses all are better by chance in one campaign of sixteen.
         """
         better = self.gain is not None and self.gain.ci95[0] > 0
-        return self.believed or (self.rough and better)
+        return self.believed or (self.rough and better and not self.refuted)
 
     @property
     def effects(self) -> tuple[Effect, ...]:

@@ -28,6 +28,7 @@ class Finding(StrEnum):
     TRACKER_MOVED_OR_KNOCKED = "tracker_moved_or_knocked"
     STANDS_ELSEWHERE = "stands_elsewhere"
     STANDS_ELSEWHERE_OR_RIVAL = "stands_elsewhere_or_rival"
+    GEOMETRY_REFUTED = "geometry_refuted"
     ROUGH_TABLE = "rough_table"
     REFLECTORS_LOOSE = "reflectors_loose"
     NO_CAUSE_FITS = "no_cause_fits"

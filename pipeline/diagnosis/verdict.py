@@ -91,6 +91,7 @@ _UNLOADED = (
 )
 
 _DISPLACEMENTS = (
+    Row(Finding.GEOMETRY_REFUTED, Verdict.UNEXPLAINED, lambda f: f.unloaded.refuted),
     Row(Finding.REFLECTORS_LOOSE, Verdict.UNEXPLAINED, lambda f: f.loose_p < SOFT),
     Row(Finding.NO_CAUSE_FITS, Verdict.UNEXPLAINED, lambda f: f.detected and not f.causes),
     Row(Finding.PREDICTS_WORSE, Verdict.UNEXPLAINED, lambda f: f.detected and _worse(f)),

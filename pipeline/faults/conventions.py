@@ -55,6 +55,12 @@ _LOGGED = (
 )
 """Columns of the joint log by their ending: unit they are in, factor, and the sentence for it."""
 
+_LOGGED_ALONE = (
+    ("_rad", "rad", 180 / np.pi, "is in radians and was read as degrees"),
+    ("_rad", "deg", np.pi / 180, "is in degrees and was read as radians"),
+)
+"""The same of one column among others, as where a log was put together from two."""
+
 _DH_SAYS = {
     "modified_dh": "the robot file has modified DH parameters, read as standard ones",
     "standard_dh": "the robot file has standard DH parameters, read as modified ones",
@@ -70,15 +76,15 @@ class Hypothesis:
         where: As in `Mistake`.
         says: What was mistaken for what.
         correct: What puts it right.
-        table: Whether it is a matter of the robot's table (as the sense of a joint is) or the base
-            frame's; two such at once are not tested.
+        single: Whether it is tested by itself only, and not together with another mistake: there
+            are many of its kind.
     """
 
     name: str
     where: str
     says: str
     correct: Callable[[Case], Case]
-    table: bool = False
+    single: bool = False
 
 
 def conventions(case: Case) -> list[Mistake]:
@@ -108,8 +114,8 @@ def _search(
 
 
 def _pairs(singles: Sequence[Hypothesis]) -> list[tuple[Hypothesis, ...]]:
-    """Two mistakes at once, each in another place, neither of them one of the table."""
-    data = [h for h in singles if not h.table]
+    """Two mistakes at once, each in another place."""
+    data = [h for h in singles if not h.single]
     return [p for p in itertools.combinations(data, 2) if p[0].where != p[1].where]
 
 
@@ -235,18 +241,32 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
             "the joint log holds the controller's axes under the names of the joints",
             _from_controller,
         )
+    yield from _columns(case)
+    for where, says, robot in _robots(case.robot):
+        correct = partial(replace, robot=robot)
+        yield Hypothesis("sign_or_convention", where, says, correct, single=True)
+    yield from _names(case)
+
+
+def _columns(case: Case) -> Iterator[Hypothesis]:
+    """A column of the joint log that is wrong among others that are right."""
     for column, joint in zip(case.joint_columns, case.robot.joints, strict=True):
+        for ending, unit, factor, says in _LOGGED_ALONE if len(case.joint_columns) > 1 else ():
+            if column.endswith(ending):
+                yield Hypothesis(
+                    "unit_mixup",
+                    f"{joint.name}_{unit}",
+                    f"in the joint log {joint.name} {says}",
+                    partial(_logged, [column], factor),
+                    single=True,
+                )
         yield Hypothesis(
             "sign_or_convention",
             f"{joint.name}_reversed",
             f"in the joint log {joint.name} has the opposite sign",
             partial(_logged, [column], -1.0),
-            table=True,
+            single=True,
         )
-    for where, says, robot in _robots(case.robot):
-        correct = partial(replace, robot=robot)
-        yield Hypothesis("sign_or_convention", where, says, correct, table=True)
-    yield from _names(case)
 
 
 def _names(case: Case) -> Iterator[Hypothesis]:
@@ -266,7 +286,7 @@ def _names(case: Case) -> Iterator[Hypothesis]:
             f"{one}-{other}",
             f"the base reflectors {one} and {other} have each other's names",
             partial(_base_renamed, one=one, other=other),
-            table=True,
+            single=True,
         )
 
 

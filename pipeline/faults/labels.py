@@ -15,6 +15,7 @@ from pipeline.faults.conventions import FEWEST_POSES, pairs, unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, of_group
 from pipeline.machine.robot import configure
+from pipeline.readers.known import BETTER
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
@@ -40,7 +41,8 @@ def labels(case: Case) -> list[Mistake]:
         return []
     seen, expected, _ = pairs(case, zeros)
     R, t = _robust(expected, seen)
-    return [*_measured(case, R, t), *_chain(case, R, t)]
+    usual = float(np.median(np.linalg.norm(seen - expected @ R.T - t, axis=1)))
+    return [*_measured(case, R, t), *_chain(case, R, t, max(GROSS_M, 3 * usual))]
 
 
 def _robust(expected: Array, seen: Array) -> tuple[Array, Array]:
@@ -80,7 +82,8 @@ def _swaps(
         away = np.linalg.norm(points - places[index], axis=1)
         nearest = int(np.argmin(away))
         other = str(state["target"].iloc[nearest])
-        if other != name and away[nearest] < max(GROSS_M, usual):
+        given = float(away[state.index.get_loc(index)])
+        if other != name and away[nearest] < max(GROSS_M, usual) and BETTER * away[nearest] < given:
             yield str(name), other
 
 
@@ -161,12 +164,12 @@ def aligned(case: Case) -> tuple[Array, Array] | None:
     return _robust(expected, seen)
 
 
-def _chain(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
+def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
     """An exchange leaves the ends as far apart as in the other pulls, a bad reading does not."""
     table = chain_distances(case, R, t)
     if not len(table):
         return
-    reversed_ = (table["near"] > table["far"] + GROSS_M).to_numpy()
+    reversed_ = (table["near"] > table["far"] + clear).to_numpy()
     if reversed_.mean() > 0.5:
         return
     reversed_ = reversed_ & ~unlike(case)["gross"].reindex(table["group"]).to_numpy(bool)

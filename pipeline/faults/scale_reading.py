@@ -1,20 +1,22 @@
-"""A reading of the scale that contradicts all others: a digit too many, another row's unit.
+"""Readings of the scale that contradict all others: a digit too many, two lines exchanged.
 
 A pull's reading is set free beside the model and beside all other pulls; how far it then is from
 the log, in standard deviations, is the test: the suspect of pull i is the whitened column dc/df_i,
 u(f_i) = N_i^-1/2 [N]. The pull of the largest drop is flagged, and tested again at the reading that
 fits best: a reading of ten times the force spoils the estimate, and with it every column and every
-standard deviation.
+standard deviation. Where another pull then stands out as far, both are set free together, and so
+on: two wrong readings hide each other while one of them stays (Hadi and Simonoff, Procedures for
+the identification of multiple outliers in linear models, J. Am. Stat. Assoc. 88, 1993).
 """
 
 from __future__ import annotations
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
 
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, outlying
 from pipeline.machine.cell import Cell
@@ -39,8 +41,11 @@ _STATED = 6.0
 FEWEST, MOST = 8, 1000
 """Fewer pulls do not single one out; more are no campaign by hand, and each is a column."""
 
+PART, TOGETHER = 4, 12
+"""At most one of so many pulls has a wrong reading, and no more than so many have."""
+
 _DOMINATES = 4.0
-"""A mistyped reading stands out this much more than any other once it is right: what a force law
+"""Mistyped readings stand out this much more than any other once they are right: what a force law
 or a joint does, it does in many pulls."""
 
 _LEFT = 0.1
@@ -50,10 +55,79 @@ _ROUNDS = 8
 """Iterations to the reading that fits best."""
 
 
-def scale_outlier(
+@dataclass(frozen=True, eq=False)
+class _Righted(Locked):
+    """The campaign with some readings of the scale at what fits best.
+
+    Attributes:
+        pulls: Which ones, shape (m,).
+        fits: What the scale should have read in each [N], shape (m,).
+        off: How far the log is from that [N], shape (m,).
+        system: The linear system with these readings.
+        base: The model's columns.
+        freed: Every pull's reading set free beside them, one at a time.
+    """
+
+    pulls: Ints
+    fits: Array
+    off: Array
+    system: System
+    base: Base
+    freed: Beside
+
+    @property
+    def normal(self) -> Array:
+        """1 / u(f)^2 of each of the pulls [1/N^2], shape (m,)."""
+        return np.asarray(self.freed.N[self.pulls, 0, 0])
+
+    @property
+    def drop(self) -> Array:
+        """By how much the reading as logged is worse, shape (m,)."""
+        return np.asarray(self.off**2 * self.normal)
+
+    @property
+    def next(self) -> int:
+        """The pull that stands out most among the others."""
+        return int(np.argmax(self._others))
+
+    @property
+    def _others(self) -> Array:
+        others = self.freed.drop.copy()
+        others[self.pulls] = -1.0
+        return others
+
+    @property
+    def alone(self) -> bool:
+        """Whether no other pull stands out nearly as far as any of these."""
+        return bool(self.drop.min() > _DOMINATES**2 * self._others.max())
+
+    @property
+    def explained(self) -> bool:
+        """Whether these readings are all that was wrong with their pulls."""
+        for pull, drop in zip(self.pulls, self.drop, strict=True):
+            mine = np.flatnonzero(self.system.rows.pull == pull)
+            rows = np.zeros((len(self.system.rows), len(mine)))
+            rows[mine, np.arange(len(mine))] = 1.0  # the pull left out: each of its rows is free
+            white = whitener(self.system.errors, self.system.rows.pose)
+            if self.base.beside_all(white(rows)).drop >= _LEFT * drop:
+                return False
+        return True
+
+    @property
+    def p(self) -> Array:
+        """Probability of each reading as logged, beside a model that it has not spoilt, (m,)."""
+        found = []
+        for pull, off, drop in zip(self.pulls, self.off, self.drop, strict=True):
+            g = self.freed.N[..., 0] * off
+            logged = replace(self.freed, g=g, rest=self.freed.rest + float(drop))
+            found.append(_chance(logged, self.system)[pull])
+        return np.array(found)
+
+
+def scale_outliers(
     case: Case, cell: Cell, data: Measured, system: System, estimate: Estimate
 ) -> list[Mistake]:
-    """The reading of the scale that contradicts all other pulls, if it is the only one.
+    """The readings of the scale that contradict all other pulls, if they are few.
 
     Args:
         case: The campaign.
@@ -62,8 +136,8 @@ def scale_outlier(
         system: Their linear system.
         estimate: Its solution.
     """
-    pulls = len(data.pulls)
-    if not FEWEST <= pulls <= MOST:
+    count = len(data.pulls)
+    if not FEWEST <= count <= MOST:
         return []
     white = whitener(system.errors, system.rows.pose)
     freed = _freed(cell, data, system, estimate, white)[1]
@@ -71,32 +145,39 @@ def scale_outlier(
     if _chance(freed, system)[best] > alarms.READING:
         return []
     scale = case.settings.scale or Scale()
-    given = float(np.linalg.norm(data.pulls.force[best]))
-    fits = _fitting(cell, data.in_metres(system.found_m), estimate.value, best, scale)
+    which = [best]
+    for _ in range(min(count // PART, TOGETHER)):
+        righted = _righted(cell, data, system, estimate.value, np.array(which), scale)
+        if righted is None or not _matters(righted, scale):
+            return []
+        if righted.alone:
+            sure = bool((righted.p <= alarms.READING).all()) and righted.explained
+            return _findings(case, data, righted) if sure else []
+        which.append(righted.next)
+    return []
+
+
+def _matters(righted: _Righted, scale: Scale) -> bool:
+    """Whether each reading is off by more than a scale is, and than nobody would care for."""
+    fits, off = righted.fits, righted.off
+    given = np.minimum(fits + off, np.abs(fits - off))
+    least = np.maximum(_MATTERS * np.minimum(fits, given), _STATED * reading_std(scale, fits))
+    return bool((off >= least).all())
+
+
+def _righted(
+    cell: Cell, data: Measured, system: System, values: Array, pulls: Ints, scale: Scale
+) -> _Righted | None:
+    """The campaign with some pulls at the readings that fit best; None if nothing fits."""
+    fits = _fitting(cell, data.in_metres(system.found_m), values, pulls, scale)
     if fits is None:
-        return []
-    off = abs(given - fits)
-    if off < _MATTERS * min(given, fits) or off < _STATED * float(
-        reading_std(scale, np.asarray(fits))
-    ):
-        return []
-    right = _reading(data, best, fits, scale)
-    system, estimate = identify(cell, right, estimate.value)
+        return None
+    right = _reading(data, pulls, fits, scale)
+    system, estimate = identify(cell, right, values)
     white = whitener(system.errors, system.rows.pose)
     base, freed = _freed(cell, right, system, estimate, white)
-    normal = float(freed.N[best, 0, 0])
-    drop = off**2 * normal
-    # the reading as given, beside a model that the reading as it should be has not spoilt
-    given_again = replace(freed, g=freed.N[..., 0] * off, rest=freed.rest + drop)
-    p = float(_chance(given_again, system)[best])
-    alone = drop > _DOMINATES**2 * float(np.delete(freed.drop, best).max())
-    mine = np.flatnonzero(system.rows.pull == best)
-    rows = np.zeros((len(system.rows), len(mine)))
-    rows[mine, np.arange(len(mine))] = 1.0  # the pull left out as a whole: each of its rows is free
-    alone &= bool(base.beside_all(white(rows)).drop < _LEFT * drop)
-    if p > alarms.READING or not alone:
-        return []
-    return [_finding(case, data, best, given, fits, normal, drop, p)]
+    off = np.abs(np.linalg.norm(data.pulls.force[pulls], axis=1) - fits)
+    return _Righted(pulls, fits, off, system, base, freed)
 
 
 def _freed(
@@ -116,49 +197,56 @@ def _chance(freed: Beside, system: System) -> Array:
     return np.asarray(len(freed.drop) * freed.p(variance))
 
 
-def _fitting(cell: Cell, data: Measured, values: Array, pull: int, scale: Scale) -> float | None:
-    """What the scale should have read in a pull, all others as they are [N]; None if nothing fits.
+def _fitting(cell: Cell, data: Measured, values: Array, pulls: Ints, scale: Scale) -> Array | None:
+    """What the scale should have read in some pulls, all others as they are [N], shape (m,).
 
-    Gauss-Newton: the force f of the pull and the parameters x by c = B x + (dc/df) df, weighted.
-    Steps downwards are taken in 1/force: where ten times the force has made the springs ten times
-    too stiff, what the pull moved is linear in that.
+    None if nothing fits. Gauss-Newton: the forces f of the pulls and the parameters x by
+    c = B x + (dc/df) df, weighted. Steps downwards are taken in 1/force: where ten times the force
+    has made the springs ten times too stiff, what the pull moved is linear in that.
     """
-    force = float(np.linalg.norm(data.pulls.force[pull]))
+    force = np.linalg.norm(data.pulls.force[pulls], axis=1)
     for _ in range(_ROUNDS):
-        system = assemble(cell, _reading(data, pull, force, scale), values)
-        here = system.rows.pull == pull
-        one = by_force(cell, _reading(data, pull, force, scale), values) * here
+        now = _reading(data, pulls, force, scale)
+        system = assemble(cell, now, values)
+        here = system.rows.pull[:, None] == pulls
+        each = by_force(cell, now, values)[:, None] * here
         white = whitener(system.errors, system.rows.pose)
-        typical = np.array([*(p.typical for p in system.parameters), force])
-        A = white(np.column_stack([system.B, one]))
-        found = least_squares(A, white(system.c), typical, np.append(values, 0.0))[0]
-        values, step = found[:-1], float(found[-1])
-        if not np.isfinite(step):
+        typical = np.array([*(p.typical for p in system.parameters), *force])
+        A = white(np.column_stack([system.B, each]))
+        start = np.append(values, np.zeros(len(pulls)))
+        found = least_squares(A, white(system.c), typical, start)[0]
+        values, step = found[: -len(pulls)], found[-len(pulls) :]
+        if not np.isfinite(step).all():
             return None
-        force = force + step if step > 0 else force**2 / (force - step)
-        if abs(step) < 1e-6 * force:
+        force = np.where(step > 0, force + step, force**2 / (force - np.minimum(step, 0.0)))
+        if (np.abs(step) < 1e-6 * force).all():
             break
     return force
 
 
-def _reading(data: Measured, pull: int, force: float, scale: Scale) -> Measured:
-    """The same with another reading of the scale in one pull [N]."""
+def _reading(data: Measured, pulls: Ints, force: Array, scale: Scale) -> Measured:
+    """The same with other readings of the scale in some pulls [N]."""
     forces, std = data.pulls.force.copy(), data.reading_std.copy()
-    forces[pull] *= force / np.linalg.norm(forces[pull])
-    std[pull] = reading_std(scale, np.asarray(force))
+    forces[pulls] *= (force / np.linalg.norm(forces[pulls], axis=1))[:, None]
+    std[pulls] = reading_std(scale, force)
     return replace(data, pulls=replace(data.pulls, force=forces), reading_std=std)
+
+
+def _findings(case: Case, data: Measured, righted: _Righted) -> list[Mistake]:
+    each = zip(righted.pulls, righted.fits, righted.normal, righted.drop, righted.p, strict=True)
+    return [_finding(case, data, int(pull), *map(float, rest)) for pull, *rest in each]
 
 
 def _finding(
     case: Case,
     data: Measured,
     pull: int,
-    given: float,
     fits: float,
     normal: float,
     drop: float,
     p: float,
 ) -> Mistake:
+    given = float(np.linalg.norm(data.pulls.force[pull]))
     pose, repeat = int(data.pulls.pose[pull]), int(data.pulls.repeat[pull])
     loads = case.loads
     row = loads[(loads["pose"] == pose) & (loads["repeat"] == repeat)].iloc[0]
@@ -192,7 +280,7 @@ def _without(case: Case, pose: int, repeat: int) -> Case:
 FAULT = Fault(
     "outlier",
     "outlying reading",
-    lambda asked: scale_outlier(
+    lambda asked: scale_outliers(
         asked.case, asked.cell, asked.reduced.data, asked.system, asked.estimate
     ),
     beside_model=True,
