@@ -46,6 +46,10 @@ def test_noise_of_another_family_is_named_and_accuses_nobody(world, name):
     names = [cause["name"] for cause in answer["diagnosis"]["causes"]]
     assert name in names
     assert not set(names) - {"heavy_tails", "tracker_wander"}  # and not larger noise besides
+    said = [line["text"] for line in answer["first_screen"] if line["about"] == "wrong"]
+    words = {"heavy_tails": "(heavy tails)", "tracker_wander": "The instrument wandered by"}
+    assert words[name] in said[0]
+    assert said[-1].startswith("Nothing else detectable")
 
 
 def doubted(world, sigmas):

@@ -36,6 +36,7 @@ from pipeline.answer.words import (
     counted,
     listed,
     mistaken,
+    noise_told,
     wrong,
 )
 from pipeline.base.quantities import (
@@ -94,6 +95,7 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
         found: All that was found out.
         stated: What the answer says.
     """
+    noisy = tuple(noise_told(stated.diagnosis.causes))
     lines: list[tuple[About, str]] = [
         (About.TOLERANCE, "" if stated.tolerance is None else tolerated(stated.tolerance)),
         (About.VERDICT, f"{_verdict(found)} {capital(_predicted(found))}."),
@@ -102,7 +104,11 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
         (About.NUMBERS, " ".join((_for_controller(found, stated), *_uncalibrated(found, stated)))),
         (About.TEST_POSE, " ".join(_test_pose(found, stated))),
         *((About.WRONG, one) for one in stated.contradicted),
-        (About.WRONG, wrong(found.facts, len(stated.diagnosis.blind_spots), stated.contradicted)),
+        *((About.WRONG, one) for one in noisy),
+        (
+            About.WRONG,
+            wrong(found.facts, len(stated.diagnosis.blind_spots), (*stated.contradicted, *noisy)),
+        ),
         (About.NEXT, _next(found, stated)),
     ]
     return tuple(Line(about=about, text=text) for about, text in lines if text)

@@ -5,10 +5,11 @@ Facts come as types (`Facts`, `Finding`, `Reason`); no sentence made here is eve
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 
 import numpy as np
 
+from pipeline.answer import contract
 from pipeline.answer.contract import About, Carried, Combination, Reason
 from pipeline.base.quantities import (
     common_prefix,
@@ -96,8 +97,27 @@ def wrong(facts: Facts, unseen: int, contradicted: Sequence[str] = ()) -> str:
     if facts.mistakes:
         clear = "The data, as the verdict says; nothing else detectable in these readings."
     elif contradicted:
-        clear = "Nothing else."
+        clear = "Nothing else detectable in these readings."
     return f"{clear}{also}"
+
+
+def noise_told(causes: Sequence[contract.Cause]) -> Iterator[str]:
+    """What was found of the noise that makes up for no cause, a sentence each."""
+    for cause in causes:
+        said = {one.name: one.value for one in cause.parameters}
+        if cause.name == "heavy_tails":
+            yield (
+                "Single readings deviate farther than the stated noise allows (heavy tails): they "
+                "weigh less, and the uncertainties include it. Where they come from one target, "
+                "one pose or one pull, look there."
+            )
+        elif cause.name == "tracker_wander" and (size := said["s_wander"]) is not None:
+            time = said["correlation_time"]
+            over = "" if time is None else f" over some {plain(time / 60, 2)} min"
+            yield (
+                f"The instrument wandered by {plain(1e3 * size, 2)} mm{over}: the uncertainties "
+                "include it."
+            )
 
 
 def unnoticed(count: int) -> str:
