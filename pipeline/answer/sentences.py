@@ -33,6 +33,7 @@ from pipeline.answer.words import (
     DO,
     HOLDS,
     capital,
+    clear,
     counted,
     listed,
     mistaken,
@@ -95,7 +96,6 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
         found: All that was found out.
         stated: What the answer says.
     """
-    noisy = tuple(noise_told(stated.diagnosis.causes))
     lines: list[tuple[About, str]] = [
         (About.TOLERANCE, "" if stated.tolerance is None else tolerated(stated.tolerance)),
         (About.VERDICT, f"{_verdict(found)} {capital(_predicted(found))}."),
@@ -103,15 +103,19 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
         (About.MODEL, " ".join(_model(found, stated))),
         (About.NUMBERS, " ".join((_for_controller(found, stated), *_uncalibrated(found, stated)))),
         (About.TEST_POSE, " ".join(_test_pose(found, stated))),
-        *((About.WRONG, one) for one in stated.contradicted),
-        *((About.WRONG, one) for one in noisy),
-        (
-            About.WRONG,
-            wrong(found.facts, len(stated.diagnosis.blind_spots), (*stated.contradicted, *noisy)),
-        ),
+        *((About.WRONG, one) for one in _wrong(found, stated)),
         (About.NEXT, _next(found, stated)),
     ]
     return tuple(Line(about=about, text=text) for about, text in lines if text)
+
+
+def _wrong(found: Findings, stated: Stated) -> tuple[str, ...]:
+    """What is wrong, and after it, or before "nothing else", what the noise does."""
+    noisy = tuple(noise_told(stated.diagnosis.causes))
+    unseen, told = len(stated.diagnosis.blind_spots), (*stated.contradicted, *noisy)
+    said = wrong(found.facts, unseen, told)
+    rest = (*noisy, said) if clear(found.facts) else (said, *noisy)
+    return (*stated.contradicted, *rest)
 
 
 def _other(found: Findings, springs: str, data: str, delivered: str) -> list[str]:

@@ -81,24 +81,29 @@ def _some(places: Sequence[str]) -> str:
     return listed([*places[:_PLACES], *rest])
 
 
-def wrong(facts: Facts, unseen: int, contradicted: Sequence[str] = ()) -> str:
+def wrong(facts: Facts, unseen: int, told: Sequence[str] = ()) -> str:
     """What is wrong, in a sentence, mistakes in the data apart, which the verdict tells.
 
     Args:
         facts: What was found.
         unseen: How many causes would not have shown at their typical magnitude.
-        contradicted: Sentences on what was stated and the readings contradict, told before.
+        told: Sentences on what was found besides, on what was stated or the noise.
     """
     others = _told(facts)
     if others:
         return f"With the data corrected: {others}" if facts.mistakes else others
     also = f" {unnoticed(unseen)}; they are listed in the report." if unseen else ""
-    clear = "Nothing detectable in these readings."
+    nothing = "Nothing detectable in these readings."
     if facts.mistakes:
-        clear = "The data, as the verdict says; nothing else detectable in these readings."
-    elif contradicted:
-        clear = "Nothing else detectable in these readings."
-    return f"{clear}{also}"
+        nothing = "The data, as the verdict says; nothing else detectable in these readings."
+    elif told:
+        nothing = "Nothing else detectable in these readings."
+    return f"{nothing}{also}"
+
+
+def clear(facts: Facts) -> bool:
+    """Whether nothing is wrong but what the data have, if anything."""
+    return not _told(facts)
 
 
 def noise_told(causes: Sequence[contract.Cause]) -> Iterator[str]:
