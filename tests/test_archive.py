@@ -224,6 +224,7 @@ def test_a_campaign_that_arrives_by_itself_joins_the_page(project, tmp_path, sma
     assert 'href="winter/index.html"' in page
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_a_run_that_is_going_on_is_left_out(project, tmp_path):
     """Without its manifest a result does not count: the page over all leaves it out."""
@@ -293,6 +294,7 @@ def test_a_result_that_lacks_what_is_needed_is_refused_in_a_sentence(tmp_path, s
         read(campaign)
 
 
+@pytest.mark.slow
 @pytest.mark.xdist_group("archive")
 def test_a_result_that_cannot_be_read_is_left_out_and_said(project, tmp_path, capsys):
     """The others are told as if it were not there."""

@@ -547,6 +547,7 @@ def test_more_readings_and_a_freer_anchor_never_hurt(reference, proposal):
     assert (anchors.figure > proposal.certificate.figure).all()
 
 
+@pytest.mark.slow
 def test_the_command_prints_the_promised_keys(capsys, monkeypatch):
     """One JSON object with the keys that others read, consistent with itself."""
     monkeypatch.setattr("pipeline.design.search.Effort", lambda **said: replace(QUICK, **said))

@@ -64,6 +64,7 @@ def verdict_of(files):
     return said.verdict, [(cause.name, cause.where) for cause in said.causes]
 
 
+@pytest.mark.slow
 def test_the_mistake_of_the_guide_is_found_by_its_fault_alone(late_files, monkeypatch):
     """Without the new fault nothing is found; with it the data are bad, by name and place."""
     new = module(block("CONTRIBUTING.md", '"""A pull that was read')).FAULT

@@ -144,7 +144,7 @@ def test_an_innocent_machine_is_let_go():
 @pytest.mark.parametrize(
     "sizes",
     [
-        pytest.param({"rail_backlash": 1.0}, marks=pytest.mark.slow),
+        {"rail_backlash": 1.0},
         pytest.param({"joint_tilt_3": 2.5}, marks=pytest.mark.slow),
         pytest.param({"link_bending:forearm": 2.0}, marks=pytest.mark.slow),
         pytest.param({"joint_hardening_3": 3.0}, marks=pytest.mark.slow),
@@ -152,7 +152,7 @@ def test_an_innocent_machine_is_let_go():
         pytest.param({"joint_hysteresis_4": 2.0}, marks=pytest.mark.slow),
         pytest.param({"compensator": 2.0}, marks=pytest.mark.slow),
         pytest.param({"chain_offset": 2.0}, marks=pytest.mark.slow),
-        {"rail_roll": 1.0, "joint_hysteresis_4": 2.0},
+        pytest.param({"rail_roll": 1.0, "joint_hysteresis_4": 2.0}, marks=pytest.mark.slow),
     ],
     ids=lambda sizes: "+".join(sizes),
 )

@@ -145,6 +145,7 @@ def test_wear_is_made_of_the_answers(project):
         "fanuc_r2000ic, serial number 17", "=c", True)  # fmt: skip
 
 
+@pytest.mark.slow
 def test_a_run_writes_its_rows(tmp_path):
     """The command `run`, before anybody asks; a partition of the robot, for other programs."""
     shutil.copytree(KEPT, tmp_path / "data" / "raw" / "a")

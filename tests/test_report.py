@@ -356,6 +356,7 @@ def test_a_sentence_of_the_answer_is_shown_to_the_letter(sample):
     assert why in texts
 
 
+@pytest.mark.slow
 def test_the_map_tells_which_causes_are_alike(sample, html):
     """The smaller of both directions counts; a cause that does not show has no row."""
     caption = next(f for f in compose(*sample).figures if f.name == "separability").caption

@@ -253,6 +253,7 @@ def test_a_second_run_computes_nothing_and_a_changed_input_does(tmp_path):
     assert run(campaign).stiffness != first.stiffness
 
 
+@pytest.mark.slow
 @pytest.mark.usefixtures("unseen")
 def test_a_damaged_answer_is_made_again(tmp_path):
     """The manifest knows what the outputs were."""
@@ -314,6 +315,7 @@ def test_a_base_reflector_off_by_centimetres_is_told():
     assert bad.registration.rotation_std_rad[2] > good.registration.rotation_std_rad[2]
 
 
+@pytest.mark.slow
 def test_exchanged_names_are_told_and_the_corrected_result_stands_beside():
     """P2 and P3 of one pull exchanged hide every stiffness: name, place and right values come."""
     plan = revised(Plan(name="swapped", seed=5), {"hidden": {"effects": [SWAPPED]}})

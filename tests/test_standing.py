@@ -91,6 +91,7 @@ def test_a_base_frame_that_is_turned_is_named():
         assert size.value == pytest.approx(true, abs=4 * size.std + 2e-6)
 
 
+@pytest.mark.slow
 def test_a_robot_off_its_table_everywhere_is_not_accused():
     """Zeros of all joints off by half a milliradian: robots stand so, and no cause is at fault."""
     off = dict(

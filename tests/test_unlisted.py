@@ -433,6 +433,7 @@ def test_a_law_of_which_a_listed_cause_takes_a_part_is_found():
         assert causes[0]["law"]["variable"] == "time", seed
 
 
+@pytest.mark.slow
 def test_in_a_clean_campaign_no_law_is_found():
     """Laws are sought where nothing was detected, too, and none is in the data."""
     _, answer = measured(37)

@@ -171,6 +171,7 @@ def softened(part, tau, moves, rng):
     return part * rows / SIGMA_M + rng.standard_normal(len(rows))
 
 
+@pytest.mark.slow
 def test_joints_that_soften_are_told_from_an_instrument():
     """Both move all targets alike, slowly; the joints by their torques, the wander by none."""
     data, blind = measured(), []
