@@ -43,7 +43,7 @@ Share = Annotated[float, Field(ge=-1e-9, le=1 + 1e-9)]
 
 
 class Which(StrEnum):
-    """Whose values the answer gives."""
+    """The model whose values the answer gives."""
 
     JOINT_SPRINGS = "joint_springs"
     EXTENDED = "extended"
@@ -51,7 +51,7 @@ class Which(StrEnum):
 
 
 class Data(StrEnum):
-    """From which data they come."""
+    """The data that they are identified from."""
 
     AS_GIVEN = "as_given"
     CORRECTED = "corrected"
@@ -88,7 +88,7 @@ class Reason(StrEnum):
 
 
 class NoiseFrom(StrEnum):
-    """Where the noise that weighs the readings is known from."""
+    """Where the noise that weights the readings is known from."""
 
     STATED = "stated"
     REPLICATES = "replicates"
@@ -118,7 +118,7 @@ class Predicted(StrEnum):
 
 
 class Odd(StrEnum):
-    """What may be odd about a stiffness."""
+    """What a reader has to know about a stiffness."""
 
     NO_LEVER = "no_lever"
     MIXED = "mixed"
@@ -152,7 +152,7 @@ class Fact(BaseModel):
 
 
 class BudgetPart(Fact):
-    """What one source of error adds to a stiffness."""
+    """Contribution of one source of error to the uncertainty of a stiffness."""
 
     source: str = Field(description="tracker, zero, force_reading, direction, registration, ...")
     std: float = Field(description="standard uncertainty, in the stiffness' unit")
@@ -224,7 +224,7 @@ class Combination(Fact):
 
 
 class Fit(Fact):
-    """How well a model meets the data."""
+    """Goodness of fit of a model."""
 
     rms_mm: Number = Field(description="residual, root mean square over coordinates, unweighted")
     chi2: Number
@@ -251,7 +251,7 @@ class Drawn(Fact):
 
 
 class HeldOutPosition(Fact):
-    """Distance of targets from where a model without their pose puts them [mm]."""
+    """Cross-validation error of target positions: distance from their prediction [mm]."""
 
     mean: Number
     rms: Number
@@ -382,7 +382,7 @@ class AsGood(Placed):
 
 
 class Unnamed(Fact):
-    """How likely a cause is none of the catalogue."""
+    """Probability that something outside the catalogue acts in place of a cause."""
 
     probability: Share
     looks_like: str | None = Field(
@@ -395,7 +395,7 @@ class Unnamed(Fact):
 
 
 class Gain(Fact):
-    """What the causes are worth at poses that were left out."""
+    """Change of the cross-validation error by the causes."""
 
     held_out_rms_before_mm: Number = Field(
         description="without the causes, weighted as with them; joint_springs.validation is "
@@ -409,7 +409,7 @@ class Gain(Fact):
 
 
 class Evidence(Fact):
-    """What speaks for a mistake in the data."""
+    """Evidence for a mistake in the data."""
 
     sentence: str
     correction: str
@@ -468,7 +468,7 @@ class Law(Fact):
 
 
 class Cause(Placed):
-    """A cause that the data call for, or a mistake in the data."""
+    """A cause that the data require, or a mistake in the data."""
 
     location: str | None = Field(
         default=None, description="part of the cell: rail, joint 3, force, ..."
@@ -495,7 +495,7 @@ class Cause(Placed):
 
 
 class Alone(Placed):
-    """What one cause does as the only one."""
+    """What a cause achieves as the only one."""
 
     form: str | None
     probability: Share
@@ -504,7 +504,7 @@ class Alone(Placed):
 
 
 class BlindSpot(Placed):
-    """An effect that may be there unseen."""
+    """An effect that may be present unseen."""
 
     why: str
     smallest_visible: Number = Field(description="null: never detectable")
@@ -560,7 +560,7 @@ class BestPose(ToMeasure):
 
 
 class Cell(Fact):
-    """What a proposed pose was checked for."""
+    """The limits that a proposed pose was checked against."""
 
     kept: tuple[str, ...]
     not_checked: tuple[str, ...]
@@ -568,7 +568,7 @@ class Cell(Fact):
 
 
 class MisfitPlace(Fact):
-    """Where what is left sits."""
+    """A place where the residuals concentrate."""
 
     place: str
     share: Number
@@ -589,7 +589,7 @@ class Remainder(PosesPulls):
 
 
 class Detection(Fact):
-    """How sure the search was."""
+    """Statistics of the search for causes."""
 
     threshold_p: Number
     smallest_p: Number
@@ -688,7 +688,7 @@ class Growth(Fact):
 
 
 class Registration(Fact):
-    """How the base reflectors fit; readings that were found bad are left out."""
+    """Residuals of the base reflectors; readings identified as outliers are left out."""
 
     rms_mm: Number
     max_mm: Number
@@ -705,7 +705,7 @@ class Registration(Fact):
 
 
 class Controlled(Fact):
-    """One error, and what controls it: a row of the table `reliability`."""
+    """Redundancy of one error: a row of the table `reliability`."""
 
     source: str = Field(description="source of the error; `base`: a base reflector's reading")
     reading: str | None = Field(description="null for an error of no single reading")
@@ -757,7 +757,7 @@ class Payload(Fact):
 
 
 class Overload(Fact):
-    """The hardest pull, where it is many times what the robot is built to carry."""
+    """The largest force, where it is many times the weight of the rated payload."""
 
     pose: int
     repeat: int
@@ -865,7 +865,7 @@ class Identity(Fact):
 
 
 class DayToDay(Fact):
-    """What poses that were repeated on another day show."""
+    """Day-to-day scatter, from poses repeated on another day."""
 
     poses: int = Field(description="pairs of the same pose on two days")
     relative_std: float = Field(description="scatter of the displacements of a day, relative")
@@ -887,7 +887,7 @@ class Tip(Fact):
 
 
 class PosePart(Fact):
-    """What one source of error adds to the uncertainty at the test pose."""
+    """Contribution of one source of error to the uncertainty at the test pose."""
 
     source: str = Field(description="as in the budget of a stiffness; held_out: left-out poses")
     std_mm: float = Field(description="standard uncertainty along the deflection")
@@ -909,7 +909,7 @@ class TestPose(Tip):
 
 
 class Stretch(Tip):
-    """Points of a path, one after the other, of which the same is decided; its worst point."""
+    """Consecutive points of a path with the same decision, and the worst of them."""
 
     decision: Decision
     first: int = Field(description="pose of its first point, as the file numbers them")
@@ -1053,7 +1053,7 @@ class Answer(Values, Heading):
     overload: Overload | None = Field(
         default=None,
         exclude_if=_nothing,
-        description="a force that the robot would hardly hold; absent without one",
+        description="a force far beyond the rated payload; absent without one",
     )
     geometry: tuple[Letter, ...] = Field(
         default=(),
