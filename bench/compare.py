@@ -69,6 +69,7 @@ SIMULATED: Mapping[str, Mapping[str, Any]] = {
     "sign_or_convention:d_5": {},
     "sign_or_convention:modified_dh": {},
     "label_swap": {},
+    "tool_point": {},
     "outlier": {},
     "rail_roll": {"tracker": {"dialect": "spatialanalyzer"}},
     "joint_tilt:3": {"tracker": {"stated": False}},

@@ -23,7 +23,7 @@ from pipeline.answer.contract import (
 )
 from pipeline.answer.sentences import _least_certain, _proposed, _uncalibrated, joint_to_pull
 from pipeline.answer.tolerated import expanded, largest_force, tolerated
-from pipeline.answer.words import mistaken, unnoticed, wrong
+from pipeline.answer.words import correct, mistaken, unnoticed, wrong
 from pipeline.diagnosis.facts import Facts
 from pipeline.faults.mistake import outlying
 from pipeline.prediction.decision import Decision
@@ -302,25 +302,57 @@ def test_the_pose_for_a_joint_says_how_to_pull_and_what_it_settles(value, determ
     assert ("does not determine it" in table.note) == (not determines)
 
 
+def same(case):
+    """Nothing is corrected."""
+    return case
+
+
 @pytest.mark.parametrize(
-    ("open_", "mistakes", "holds", "value", "asked"),
+    ("names", "said"),
     [
-        (False, False, True, 8e7, True),
-        (True, False, True, None, False),
-        (False, True, True, 8e7, False),
-        (False, True, True, None, True),
-        (False, False, False, None, False),
+        (("outlier", "outlier"), "Check that reading against the measurement record"),
+        (("tool_point",), "Measure that point of the effector again"),
+        (("unit_mixup",), "Check that against the measurement record"),
+        (("outlier", "unit_mixup"), "Check that against the measurement record"),
+    ],
+)
+def test_what_to_do_about_a_mistake_depends_on_what_is_wrong(names, said):
+    """A reading is looked up or read again, a point is measured, a unit is corrected."""
+    wrong_data = [
+        outlying("here", "wrong", "right", name=name, before=9.0, correct=same) for name in names
+    ]
+    facts = Facts(mistakes=tuple(wrong_data))
+
+    assert correct(facts).startswith(said)
+    assert correct(facts).endswith("run the campaign once more. Until then")
+
+
+@pytest.mark.parametrize(
+    ("open_", "mistake", "holds", "value", "asked"),
+    [
+        (False, "", True, 8e7, True),
+        (True, "", True, None, False),
+        (False, "outlier", True, 8e7, False),
+        (False, "tool_point", True, 8e7, False),
+        (False, "unit_mixup", True, 8e7, True),
+        (False, "outlier", True, None, True),
+        (False, "", False, None, False),
     ],
 )
 def test_a_joint_is_pulled_where_nothing_is_to_be_measured_before(
-    open_, mistakes, holds, value, asked
+    open_, mistake, holds, value, asked
 ):
-    """A cause in question, a doubted reading and what no model explains come first."""
+    """A cause in question, a doubted reading or point and what no model explains come first."""
     joint = report_sample.answer().stiffness[0].model_copy(update={"value": value})
     diagnosis = SimpleNamespace(next_poses=("one",) if open_ else (), causes=())
     row = SimpleNamespace(
         model="joint_springs", reason=SimpleNamespace(holds_for_its_readings=holds)
     )
-    found = SimpleNamespace(mistakes=("one",) if mistakes else (), row=row)
+    wrong_data = (
+        (outlying("here", "wrong", "right", name=mistake, before=9.0, correct=same),)
+        if mistake
+        else ()
+    )
+    found = SimpleNamespace(mistakes=wrong_data, row=row)
 
     assert (joint_to_pull(found, diagnosis, [joint]) is joint) == asked

@@ -46,6 +46,8 @@ BLUNDERS = [
     "outlier:pose03_rep0_unloaded/P2=1e-3",
     "label_swap",
     "label_swap:pose05_rep2_loaded",
+    "tool_point",
+    "tool_point:P2=4e-3",
     "unit_mixup:inch",
     "unit_mixup:m",
     "unit_mixup:kgf",

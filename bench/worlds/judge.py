@@ -16,7 +16,7 @@ from pipeline.base.arrays import Array
 
 Json = Mapping[str, Any]
 
-DATA = ("outlier", "label_swap", "unit_mixup", "sign_or_convention")
+DATA = ("outlier", "label_swap", "unit_mixup", "sign_or_convention", "tool_point")
 """Causes that are mistakes in the data."""
 
 MOVED = ("tracker_moved", "tracker_moved_or_knocked")

@@ -34,6 +34,7 @@ from pipeline.answer.words import (
     HOLDS,
     capital,
     clear,
+    correct,
     counted,
     listed,
     mistaken,
@@ -232,7 +233,8 @@ def _do(found: Findings) -> str:
             f"{DO[Reason.ADEQUATE]} Where absolute positions matter, correct the robot's geometry, "
             "too: model.toml holds it."
         )
-    return DO[found.row.reason]
+    said = DO[found.row.reason]
+    return f"{correct(found.facts)} {said}" if found.mistakes else said
 
 
 def _unfit(found: Findings, stiffness: Sequence[Stiffness]) -> Iterator[str]:
@@ -441,8 +443,7 @@ def _next(found: Findings, stated: Stated) -> str:
     poses = stated.diagnosis.next_poses
     if poses:
         return _proposed(poses)
-    if found.mistakes:
-        again = "The readings in question, if no record shows the correct values."
+    if again := _again(found):
         joint = joint_to_pull(found, stated.diagnosis, stated.mine.stiffness)
         return f"{again} {_least_certain(stated, joint)}" if joint else again
     if found.facts.unloaded.refuted:
@@ -464,6 +465,14 @@ def _next(found: Findings, stated: Stated) -> str:
     return _least_certain(stated, worst)
 
 
+def _again(found: Findings) -> str:
+    """What is wrong and has to be measured once more; nothing where a file is to be corrected."""
+    kinds = {one.name for one in found.mistakes}
+    if "outlier" in kinds:
+        return "The readings in question, if no record shows the correct values."
+    return "The point in question, in the flange frame." if "tool_point" in kinds else ""
+
+
 def _needs(found: Findings, diagnosis: Diagnosis) -> list[str]:
     """What would part causes that no pull does."""
     if found.row.model != Which.AVERAGED:
@@ -482,7 +491,7 @@ def joint_to_pull(
     worst = worst_known(stiffness)
     if diagnosis.next_poses or worst is None:
         return None
-    if found.mistakes:
+    if _again(found):
         return worst if worst.value is None else None
     explained = found.row.reason.holds_for_its_readings
     return worst if explained and not _needs(found, diagnosis) else None

@@ -533,10 +533,24 @@ HOLDS: Mapping[Reason, str] = {
 }
 """Whether the model holds, where the data hold no mistake and there is something to say."""
 
-_CORRECT = (
-    "Check that reading against the measurement record and correct the file, or measure it "
-    "again; then run the campaign once more. Until then"
-)
+_AGAIN = "; then run the campaign once more. Until then"
+
+_CORRECT: Mapping[str, str] = {
+    "outlier": (
+        "Check that reading against the measurement record and correct the file, or measure it "
+        f"again{_AGAIN}"
+    ),
+    "tool_point": f"Measure that point of the effector again and correct campaign.toml{_AGAIN}",
+}
+
+
+def correct(facts: Facts) -> str:
+    """What to do about the mistakes in the data, up to what to use until then."""
+    kinds = {one.name for one in facts.mistakes}
+    if len(kinds) == 1 and kinds <= _CORRECT.keys():
+        return _CORRECT[kinds.pop()]
+    return f"Check that against the measurement record and correct the file{_AGAIN}"
+
 
 DO: Mapping[Reason, str] = {
     Reason.ADEQUATE: "Use these stiffnesses.",
@@ -555,20 +569,19 @@ DO: Mapping[Reason, str] = {
     Reason.UNEXPLAINED: (
         "Enter none of these stiffnesses into a controller; find out first what the model misses."
     ),
-    Reason.MISTAKE: f"{_CORRECT} use the values from the corrected data.",
-    Reason.MISTAKE_SPRINGS_UNTOUCHED: f"{_CORRECT} use the values from the corrected data.",
+    Reason.MISTAKE: "use the values from the corrected data.",
+    Reason.MISTAKE_SPRINGS_UNTOUCHED: "use the values from the corrected data.",
     Reason.MISTAKE_AND_CAUSE: (
-        f"{_CORRECT} use the values from the corrected data, which include the identified cause."
+        "use the values from the corrected data, which include the identified cause."
     ),
     Reason.MISTAKE_AND_RIVALS: (
-        f"{_CORRECT} use the averaged values from the corrected data with their intervals."
+        "use the averaged values from the corrected data with their intervals."
     ),
     Reason.MISTAKE_AND_UNEXPLAINED: (
-        f"{_CORRECT} enter none of these stiffnesses into a controller: what the model misses is "
-        "not known."
+        "enter none of these stiffnesses into a controller: what the model misses is not known."
     ),
 }
-"""What to do with the values."""
+"""What to do with the values; with a mistake in the data, after `correct`."""
 
 ABOUT: Mapping[About, str] = {
     About.VERDICT: "Verdict",

@@ -17,7 +17,7 @@ from pipeline.faults import (
     reading,
     scale_reading,
     stale_reading,
-    tool_target,
+    tool_point,
 )
 from pipeline.faults.fault import Fault
 
@@ -27,7 +27,7 @@ FAULTS: tuple[Fault, ...] = (
     conventions.FAULT,
     placement.FAULT,
     labels.FAULT,
-    tool_target.FAULT,
+    tool_point.FAULT,
     gross_reading.FAULT,
     base_reading.ONE,
     base_reflector.FAULT,

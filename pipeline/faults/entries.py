@@ -34,7 +34,7 @@ from pipeline.reduction.register import XYZ
 
 _NOISE_M = 1e-4
 """Of a reading and of a reflector put back into its nest, per axis [m]."""
-_TOOL_M = 5e-4
+TOOL_M = 5e-4
 """Standard uncertainty of a point in [tool], where it is not stated [m]: measured once with the
 tracker or a caliper, and mounted again."""
 _BASE_M = 2e-3
@@ -281,7 +281,7 @@ def _scene(case: Case) -> _Scene | None:
         origin=here.flange_origin,
         tool=case.tool.points,
         base=np.array([case.settings.base_frame[one] for one in names]).reshape(-1, 3),
-        tool_std=max(stated, _TOOL_M),
+        tool_std=max(stated, TOOL_M),
     )
     scene = scene.only(_same_shape(scene))
     few = np.unique(np.linspace(0, len(scene.axes) - 1, _MOST_POSES).astype(int))
@@ -340,7 +340,7 @@ def _fit(scene: _Scene, entry: int | None) -> _Fit:
 def _placed(scene: _Scene, kept: Bools) -> tuple[Array, Array]:
     """Where the tracker stands by some readings, or by all where these do not tell."""
     seen, stated = scene.seen[kept], scene.stated[kept]
-    if len(seen) < 3 or linear.extent(stated)[1] < _TOOL_M:
+    if len(seen) < 3 or linear.extent(stated)[1] < TOOL_M:
         seen, stated = scene.seen, scene.stated
     return linear.rigid(seen, stated)
 

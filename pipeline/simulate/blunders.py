@@ -36,6 +36,7 @@ class Notebook(Locked):
         robot: What campaign.toml will call the robot.
         robot_text: Its file, for a robot that does not ship with the pipeline.
         targets: Names of the measured targets.
+        tool: Points of the effector in campaign.toml, flange frame [m].
         readings: Readings of the tracker.
         reading_n: Readings of the scale [N], shape (m,).
         prismatic: True for sliding joints, shape (n,).
@@ -46,6 +47,7 @@ class Notebook(Locked):
     robot: str
     robot_text: str
     targets: tuple[str, ...]
+    tool: Mapping[str, Sequence[float]]
     readings: Readings
     reading_n: Array
     prismatic: Bools
@@ -206,6 +208,16 @@ def _sign_or_convention(
     return wrong[where], where
 
 
+def _tool_point(
+    notes: Notebook, where: str, size: Array, rng: np.random.Generator
+) -> tuple[Notebook, str]:
+    """A target's place in [tool] is off by `size` in a random direction."""
+    name = _known(where, notes.targets) if where else str(rng.choice(notes.targets))
+    direction = rng.standard_normal(3)
+    at = notes.tool[name] + size * direction / np.linalg.norm(direction)
+    return replace(notes, tool={**notes.tool, name: at.round(6).tolist()}), name
+
+
 UNITS = (*_METRES, *_NEWTONS, "rad")
 _SIGNS = ("controller_axes", "left_handed", "pull_reversed", "d_5")
 CONVENTIONS = (*_SIGNS, "modified_dh", "standard_dh")
@@ -216,6 +228,7 @@ BLUNDERS: Mapping[str, Blunder] = {
         Blunder("failed_lock", (), (), _failed_lock, "outlier"),
         Blunder("stale", (), (), _stale, "outlier"),
         Blunder("label_swap", (), (), _label_swap),
+        Blunder("tool_point", (), (Parameter("size", "m", 0.01),), _tool_point),
         Blunder("unit_mixup", UNITS, (), _unit_mixup),
         Blunder(
             "sign_or_convention",

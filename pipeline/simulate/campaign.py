@@ -117,6 +117,7 @@ def _notebook(scene: Scene, draws: Draws, which: int = 0) -> Notebook:
         robot=scene.plan.robot,
         robot_text=robot.text,
         targets=tuple(scene.plan.targets),
+        tool=scene.plan.tool,
         readings=readings(scene, draws, which),
         reading_n=draws.reading_n[which],
         prismatic=robot.prismatic,
@@ -134,7 +135,9 @@ def written(scene: Scene, notes: Notebook) -> dict[str, bytes]:
         raise UsageError(f'there is no dialect "{tracker.dialect}"; choose from {known}.')
     shown = _shown(scene, notes.reading_n)
     files = {
-        "campaign.toml": _campaign_toml(scene.plan, notes.robot),
+        "campaign.toml": _campaign_toml(
+            scene.plan.model_copy(update={"tool": notes.tool}), notes.robot
+        ),
         f"tracker{reader.suffix}": reader.write(notes.readings, tracker.unit, tracker.decimals),
         "loads.csv": _loads(scene, shown),
         "joints.csv": _joints(scene, notes.joints),

@@ -29,7 +29,7 @@ def predict(
         Path,
         Argument(
             metavar="FILE.csv",
-            help="Joint values, with columns as in joints.csv; fx_n, fy_n, fz_n and payload where they apply.",
+            help="Joint values, with columns as in joints.csv; also fx_n, fy_n, fz_n, payload.",
         ),
     ],
     model: Annotated[Of, Option(help="Identified model, or the nominal robot.")] = Of.RECOMMENDED,

@@ -8,7 +8,7 @@ from small_case import asked, small
 
 from pipeline.faults.gross_reading import gross
 from pipeline.faults.reading import FAULT as READING
-from pipeline.faults.tool_target import tool_target
+from pipeline.faults.tool_point import tool_point
 
 OFF = np.array([0.15, -0.14, 0.05])
 
@@ -25,31 +25,43 @@ def wrong(case, **off):
     return replace(case, settings=case.settings.model_copy(update={"tool": tool}))
 
 
+@pytest.mark.parametrize("times", [0.02, 0.1, 1.0])
 @pytest.mark.parametrize("name", ["P1", "P2", "P3"])
-def test_the_target_that_the_triangle_contradicts_is_named_and_put_right(case, name):
-    """To the scatter of a table; no reading is accused then."""
-    (found,) = tool_target(wrong(case, **{name: OFF}))
+def test_the_target_that_the_readings_contradict_is_identified_and_put_right(case, name, times):
+    """From millimetres on, to the scatter of a table; no reading is accused then."""
+    (found,) = tool_point(wrong(case, **{name: times * OFF}))
 
-    right = found.correct(wrong(case, **{name: OFF}))
-    assert found.where == name
-    assert found.size == pytest.approx(np.linalg.norm(OFF), abs=3e-3)
+    right = found.correct(wrong(case, **{name: times * OFF}))
+    assert (found.name, found.where) == ("tool_point", name)
+    assert found.size == pytest.approx(times * np.linalg.norm(OFF), abs=3e-3)
     assert right.settings.tool[name] == pytest.approx(case.settings.tool[name], abs=3e-3)
-    assert tool_target(right) == []
+    assert tool_point(right) == []
     assert gross(right) == []
     assert READING.find(asked(right)) == []
 
 
 def test_a_good_tool_and_a_single_bad_reading_are_no_wrong_target(case):
     """Distances are medians over all states."""
-    assert tool_target(case) == []
+    assert tool_point(case) == []
     rows = case.readings.copy()
     hit = (rows["target"] == "P2") & (rows["group"] == "pose02_rep0_unloaded")
     rows.loc[hit, ["x_m", "y_m", "z_m"]] = 0.0
 
-    assert tool_target(replace(case, readings=rows)) == []
+    assert tool_point(replace(case, readings=rows)) == []
 
 
 def test_two_wrong_targets_are_not_told_apart(case):
     """All distances are wrong: nobody knows which, and nothing is put right."""
-    assert tool_target(wrong(case, P1=OFF, P2=-OFF[::-1])) == []
-    assert tool_target(wrong(case, P1=OFF / 20)) == []
+    assert tool_point(wrong(case, P1=OFF, P2=-OFF[::-1])) == []
+    assert tool_point(wrong(case, P1=OFF, P2=OFF)) == []
+
+
+def test_what_the_uncertainty_of_a_point_allows_is_no_mistake(case):
+    """1 mm is left to the finding, and 10 mm where 5 mm are stated."""
+    assert tool_point(wrong(case, P1=OFF / 200)) == []
+    vague = wrong(case, P1=OFF / 20)
+    known = case.settings.tool_uncertainty.model_copy(update={"sigma_m": 5e-3})
+    settings = vague.settings.model_copy(update={"tool_uncertainty": known})
+
+    assert len(tool_point(vague)) == 1
+    assert tool_point(replace(vague, settings=settings)) == []

@@ -1,0 +1,56 @@
+"""A target that [tool] has in the wrong place; left as it is, its lever would be wrong."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+from pipeline.base.arrays import Array
+from pipeline.base.quantities import plain
+from pipeline.faults.conventions import FEWEST_POSES, unloaded
+from pipeline.faults.entries import TOOL_M, Entry, wrong_entries
+from pipeline.faults.fault import Fault
+from pipeline.faults.mistake import Mistake
+from pipeline.reduction.case import Case
+
+BEYOND = 5.0
+"""A point is so many times its standard uncertainty off: less is carried, and told as a finding."""
+
+
+def tool_point(case: Case) -> list[Mistake]:
+    """The one target that the unloaded reflectors contradict, put where they place it."""
+    if len(case.settings.measured) < 3 or unloaded(case)["pose"].nunique() < FEWEST_POSES:
+        return []
+    found = wrong_entries(case)
+    least = BEYOND * max(case.settings.tool_uncertainty.sigma_m, TOOL_M)
+    if len(found) != 1 or found[0].table != "tool" or len(found[0].names) != 1:
+        return []
+    return [_finding(found[0])] if found[0].off_m > least else []
+
+
+def _finding(entry: Entry) -> Mistake:
+    (name,), size = entry.names, entry.off_m
+    where = ", ".join(f"{x:.4f}" for x in entry.found)
+    off, std = (f"{plain(1e3 * x, 3)} mm" for x in (size, float(entry.std.max())))
+    return Mistake(
+        name="tool_point",
+        where=name,
+        evidence=f"the target {name} is {off} from its place in [tool]: the readings place it at "
+        f"[{where}] m in the flange frame, ± {std} per axis",
+        correction=f"recomputed with {name} at [{where}] m",
+        before=1e3 * size,
+        after=0.0,
+        unit="mm",
+        size=size,
+        size_unit="m",
+        correct=partial(_moved, name=name, place=entry.found),
+    )
+
+
+def _moved(case: Case, name: str, place: Array) -> Case:
+    """The campaign with a target of [tool] in another place."""
+    tool = {**case.settings.tool, name: (float(place[0]), float(place[1]), float(place[2]))}
+    return replace(case, settings=case.settings.model_copy(update={"tool": tool}))
+
+
+FAULT = Fault("tool_point", "wrong tool point", lambda asked: tool_point(asked.case), in_files=True)
