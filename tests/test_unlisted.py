@@ -205,7 +205,7 @@ def test_a_law_calls_joints_as_the_controller_calls_its_axes():
     assert [unlisted.effect(KR500, one).called for one in every] == [
         "stiffness that follows the angle of joint 6 (A5), 2 per turn in joint 4 (A3)",
         "compliance shared with joint 5 (A4) in joint 3 (A2)",
-        "roll of the carriage that jumps at 6 m of the rail at the rail",
+        "roll of the carriage that jumps at 6.0 m of the rail at the rail",
     ]
     made = unlisted.effects(KR500, load(CELL, PULLS, np.zeros(7)))
     axes = {unlisted.worded(KR500, one).axis for one in made}

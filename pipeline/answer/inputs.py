@@ -15,7 +15,7 @@ from pipeline.base import files
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import listed
 from pipeline.base.linear import rms
-from pipeline.base.quantities import with_std
+from pipeline.base.quantities import plain, with_std
 from pipeline.machine.effect import Pulls
 from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.machine.robot import configure
@@ -147,7 +147,7 @@ def registration_findings(
     worst = registration.table.iloc[int(np.argmax(_miss_m(registration)))]
     return [
         f"The base reflectors do not fit their nominal coordinates (p = {told.p_value:.1g}): "
-        f"{worst['target']} in {worst['group']} is off by {told.max_mm:.3g} mm; check "
+        f"{worst['target']} in {worst['group']} is off by {plain(told.max_mm, 3)} mm; check "
         f"[base_frame] and whether the tracker or a reflector moved."
     ]
 
@@ -302,7 +302,7 @@ def treated_findings(case: Case) -> list[str]:
             alone = f"; {single} were measured in the second face only" if single else ""
             out.append(
                 f"{one.file} has readings in two faces: {one.faces.pairs} pairs are averaged, up "
-                f"to {1e3 * one.faces.largest_m:.2g} mm apart{alone}."
+                f"to {plain(1e3 * one.faces.largest_m, 2)} mm apart{alone}."
             )
         if one.untimed:
             out.append(
@@ -319,10 +319,9 @@ def pose_findings(pose: OnePose | None) -> list[str]:
         return []
     return [
         f"The targets keep their distances to {1e6 * pose.kept_m:.2g} um, which is better than "
-        f"any instrument measures points, while {1e3 * pose.left_m:.3g} mm of their displacements "
-        f"remain: they were "
-        "computed from one measured pose and count as its six coordinates. Write measures = "
-        '"poses" into [instrument].'
+        f"any instrument measures points, while {plain(1e3 * pose.left_m, 3)} mm of their "
+        "displacements remain: they were computed from one measured pose and count as its six "
+        'coordinates. Write measures = "poses" into [instrument].'
     ]
 
 

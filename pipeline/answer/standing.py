@@ -13,6 +13,7 @@ from pipeline.answer.contract import Answer
 from pipeline.answer.pictures import kept_scene
 from pipeline.answer.scene import scene_of_positions
 from pipeline.base.arrays import Array
+from pipeline.base.quantities import plain
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import layout
 from pipeline.geometry.positioned import Positioned, positioned
@@ -89,7 +90,11 @@ def _rejected(read: Positioned, found: Study) -> pd.DataFrame:
     file = dict(zip(zip(series, readings.line.tolist(), strict=True), read.files, strict=True))
     bad = pd.DataFrame(
         [
-            (file[name, line], line, f"stands {1e3 * off:.3g} mm from where all others put it")
+            (
+                file[name, line],
+                line,
+                f"stands {plain(1e3 * off, 3)} mm from where all others put it",
+            )
             for name, line, off in found.bad
         ],
         columns=["file", "line", "reason"],

@@ -181,8 +181,8 @@ def _predicts_worse(facts: Facts) -> str:
     return (
         "Something is missing from the model, and no known cause explains it: adding "
         f"{_names(facts.causes)}, {nearest}, makes predictions worse (cross-validation error "
-        f"{1e3 * facts.gain.rms_before_m:.3g} mm without, {1e3 * facts.gain.rms_after_m:.3g} mm "
-        "with)."
+        f"{plain(1e3 * facts.gain.rms_before_m, 3)} mm without, "
+        f"{plain(1e3 * facts.gain.rms_after_m, 3)} mm with)."
     )
 
 
@@ -358,7 +358,7 @@ def _sized(cause: Cause) -> str:
 def _tracker_moved(facts: Facts) -> str:
     assert facts.drift is not None
     return (
-        f"The base reflectors moved together by {1e3 * facts.drift.moved_m:.2g} mm in "
+        f"The base reflectors moved together by {plain(1e3 * facts.drift.moved_m, 2)} mm in "
         f"{_lasting(facts.drift)}: {facts.drift.effect.called}, turning by {_turn(facts.drift)}."
     )
 
@@ -369,7 +369,7 @@ def _lasting(drift: Drift) -> str:
         return (
             f"{drift.hours * HOUR_S / GROUP_S:.0f} groups of readings, in the order of their rows"
         )
-    return f"{drift.hours:.2g} h"
+    return f"{plain(drift.hours, 2)} h"
 
 
 def _turn(drift: Drift) -> str:
@@ -436,7 +436,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     Finding.OUTSIDE_CATALOGUE_POSSIBLE: _outside_possible,
     Finding.SCALE_SCATTERS: lambda facts: (
         "What the causes leave is scatter only if the scale scatters "
-        f"{facts.scale_ratio * facts.tracker_ratio:.2g} times as much as stated."
+        f"{plain(facts.scale_ratio * facts.tracker_ratio, 2)} times as much as stated."
     ),
     Finding.BEYOND_CERTIFICATE: lambda _: (
         "The residuals are larger than an error of any certificate would explain."

@@ -7,6 +7,7 @@ import numpy as np
 from pipeline.answer.inputs import rejected_entries
 from pipeline.app.outcome import Outcome
 from pipeline.base.errors import InputError, listed
+from pipeline.base.quantities import plain
 from pipeline.geometry.begin import begin
 from pipeline.geometry.leftout import distances
 from pipeline.geometry.mechanism import linearised
@@ -31,12 +32,12 @@ def of_positions(name: str, raw: Raw) -> Outcome:
     notes = [f"{one.file}:{one.line}: {one.reason}" for one in rejected]
     if off_m > _FAR_M:
         notes.append(
-            f"the targets are {1e3 * off_m:.3g} mm from where the robot file places them, which "
-            f"no real robot is: "
-            "check the units and signs of the joint values and the robot file"
+            f"the targets are {plain(1e3 * off_m, 3)} mm from where the robot file "
+            "places them, which no real robot is: check the units and signs of the joint values "
+            "and the robot file"
         )
     used = {"poses": len(readings), "targets": len(readings.targets), "rejected": len(rejected)}
-    off = f"{1e3 * off_m:.2g}"
+    off = f"{plain(1e3 * off_m, 2)}"
     count = ", ".join(f"{number} {what}" for what, number in used.items())
     return Outcome(
         campaign=name,

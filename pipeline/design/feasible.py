@@ -6,6 +6,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
+from pipeline.base.quantities import plain
 from pipeline.design.descent import descend
 from pipeline.design.information import station
 from pipeline.design.limits import narrow, penalty, slacks
@@ -87,7 +88,7 @@ def _refusal(problem: Problem, limits: Limits, short: float) -> InputError:
         )
         return InputError(
             f"the anchor at ({where}) m is out of reach: a chain of {shortest:g} to {longest:g} m "
-            f"misses every pose by {short:.2g} m",
+            f"misses every pose by {plain(short, 2)} m",
             "move the anchor, or change limits.chain_m",
         )
     q = np.zeros((1, problem.robot.n))
@@ -97,6 +98,7 @@ def _refusal(problem: Problem, limits: Limits, short: float) -> InputError:
 
 def _misses(rule: str, short: float, way_out: str) -> InputError:
     return InputError(
-        f"no pose within the joint limits keeps {rule}: the best one misses it by {short:.2g}",
+        f"no pose within the joint limits keeps {rule}: the best one misses it by "
+        f"{plain(short, 2)}",
         way_out,
     )

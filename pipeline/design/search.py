@@ -13,6 +13,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import InputError
+from pipeline.base.quantities import plain
 from pipeline.design import criteria
 from pipeline.design.descent import Function, descend
 from pipeline.design.feasible import check_reachable
@@ -238,7 +239,7 @@ def undetermined(problem: Problem, nearest: Plan) -> InputError:
     return InputError(
         f"no plan of {spec.plan.readings} readings at up to {max(spec.pull.steps_n):g} N "
         f"determines every joint: the best one knows the compliance of {joint.name} to "
-        f"{nearest.relative_std[worst]:.2g} of its nominal size, "
+        f"{plain(nearest.relative_std[worst], 2)} of its nominal size, "
         f"limits.max_relative_std allows {spec.limits.max_relative_std:g}",
         "pull harder, plan more readings, or allow more",
     )

@@ -20,6 +20,7 @@ from scipy.spatial.transform import Rotation
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.linear import rigid, rms
+from pipeline.base.quantities import plain
 from pipeline.base.tails import chi2_beyond
 from pipeline.faults.conventions import unloaded
 from pipeline.faults.fault import Fault
@@ -250,7 +251,7 @@ def _finding(case: Case, read: _Stand, laid: _Laid, k: int) -> Mistake:
 
 
 def _mm(size: float) -> str:
-    return f"{1e3 * size:.0f} mm" if size >= 0.1 else f"{1e3 * size:.2g} mm"
+    return f"{1e3 * size:.0f} mm" if size >= 0.1 else f"{plain(1e3 * size, 2)} mm"
 
 
 def _same(case: Case, row: pd.Series) -> str:

@@ -9,6 +9,7 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.base.arrays import Array
+from pipeline.base.quantities import plain
 from pipeline.faults.fault import Fault
 from pipeline.faults.labels import aligned, chain_distances
 from pipeline.faults.mistake import Mistake
@@ -121,17 +122,18 @@ def force_unit(case: Case, estimate: Estimate) -> list[Mistake]:
         return []
     sign, unit = best
     factor = float(FORCE[unit] ** sign)
+    symbol = f"{unit[:-1]}N" if unit.endswith("n") else unit  # kN, daN
     said, where, size = {
-        1: (f"are {unit} and were read as N", unit, "small"),
-        -1: (f"are N and were read as {unit}", "n", "large"),
+        1: (f"are {symbol} and were read as N", unit, "small"),
+        -1: (f"are N and were read as {symbol}", "n", "large"),
     }[sign]
     return [
         Mistake(
             name="unit_mixup",
             where=where,
             evidence=f"the numbers of the scale {said}: all stiffnesses come out "
-            f"{np.exp(abs(given.g)):.2g} times too {size} "
-            f"against the robot's nominal ones, and {unit} is {FORCE[unit]:.4g} N",
+            f"{plain(np.exp(abs(given.g)), 2)} times too {size} "
+            f"against the robot's nominal ones, and 1 {symbol} is {FORCE[unit]:.4g} N",
             correction=f"recomputed with all forces times {factor:.4g}",
             before=float(np.exp(-given.g)),
             after=float(np.exp(-right[best].g)),

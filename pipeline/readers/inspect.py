@@ -10,6 +10,7 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pipeline import tables
+from pipeline.base.quantities import plain
 from pipeline.base.shown import in_toml
 from pipeline.readers import Export, Hints, read
 from pipeline.readers._names import rounds, separators, split
@@ -125,7 +126,9 @@ class Inspection:
 
 def _faces_in_words(faces: dict[str, Any]) -> str:
     single = f", {faces['single']} in the second face only" if faces["single"] else ""
-    return f"{faces['pairs']} pairs averaged, up to {faces['largest_mm']:.3g} mm apart{single}"
+    return (
+        f"{faces['pairs']} pairs averaged, up to {plain(faces['largest_mm'], 3)} mm apart{single}"
+    )
 
 
 _WHY = {

@@ -15,6 +15,7 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
 from pipeline.base.linear import rigid
+from pipeline.base.quantities import plain
 from pipeline.readers import Export, Hints, opened_as_text, read
 from pipeline.readers._faces import GROSS_M as GROSS_M
 from pipeline.readers._names import rounds
@@ -180,4 +181,4 @@ def _away(nominal: Array, position: Array) -> float:
 
 
 def _length(metres: float) -> str:
-    return f"{metres:.3g} m" if metres >= 1.0 else f"{1e3 * metres:.2g} mm"
+    return f"{plain(metres, 3)} m" if metres >= 1.0 else f"{plain(1e3 * metres, 2)} mm"

@@ -7,6 +7,7 @@ import pyarrow as pa
 
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import InputError
+from pipeline.base.quantities import plain
 from pipeline.reduction._shots import BASE, Shots
 from pipeline.reduction.settings import Settings
 
@@ -67,7 +68,7 @@ def _check_size(shots: Shots, rows: Ints, together: Ints, nominal: Array, said: 
             first = rows[member == hit[0]][0]
             raise InputError(
                 f"distances between reflectors are {_off(factor)}, as if {meaning} "
-                f"({ratio[hit[0]]:.4g} of those in {said})",
+                f"({plain(ratio[hit[0]], 4)} of those in {said})",
                 "correct the unit of the export, in its column names or in [tracker]",
                 file=shots.files[shots.file[first]],
                 line=int(shots.line[first]),

@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import InputError
+from pipeline.base.quantities import plain
 from pipeline.machine.robot import Joint, Robot
 from pipeline.readers.logs import LIMIT_SLACK, Log, joint_values
 from pipeline.reduction.case import Case
@@ -56,8 +57,8 @@ class Beyond:
         unit, one = ("m", 1.0) if self.joint.prismatic else ("deg", float(np.rad2deg(1.0)))
         return (
             f"pose {self.pose}: joint {self.joint.name} is at {self.value * one:.6g} {unit}, "
-            f"{self.over * one:.2g} {unit} outside its limits {self.joint.lower * one:.6g} to "
-            f"{self.joint.upper * one:.6g} {unit}"
+            f"{plain(self.over * one, 2)} {unit} outside its limits "
+            f"{self.joint.lower * one:.6g} to {self.joint.upper * one:.6g} {unit}"
         )
 
 

@@ -23,6 +23,7 @@ from itertools import combinations, product
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
+from pipeline.base.quantities import plain
 from pipeline.machine.effect import Effect, Elastic, Loaded, Observation, Pulls, Wrench, in_place
 from pipeline.machine.effects._anatomy import compliance, rail, rated_torque, turning
 from pipeline.machine.effects._carriage import ACROSS, ALONG, UP, rotation, translation
@@ -384,8 +385,12 @@ def _at(law: Law) -> str:
     if law.variable == "angle":
         return f"{np.rad2deg(law.at):.0f}° of the joint"
     if law.variable == "time":
-        return f"{law.at / HOUR_S:.2g} h of the campaign"
-    return f"{law.at:.2g} m of the rail" if law.variable == "position" else f"{law.at:.2g} N"
+        return f"{plain(law.at / HOUR_S, 2)} h of the campaign"
+    return (
+        f"{plain(law.at, 2)} m of the rail"
+        if law.variable == "position"
+        else f"{plain(law.at, 2)} N"
+    )
 
 
 _NOUNS = {
