@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.geometry.curves import matern, over
 from pipeline.geometry.laws import Inputs, Law
-from pipeline.geometry.mechanism import Weights, linearised
+from pipeline.geometry.mechanism import Payloads, Weights, linearised
 from pipeline.geometry.readings import Readings
 from pipeline.geometry.study import Step, study
 from pipeline.geometry.worth import Parting
@@ -61,13 +61,14 @@ def made(m, rng, law=lambda q: 0.0 * q, joint=1e-5, noise=1e-5):
         at=at[:, None],
         turn=turn[:, None],
         payload=np.zeros(m, dtype=np.int64),
-        payloads=np.array([], dtype=object),
+        payloads=np.array(["tool"], dtype=object),
         temperature=np.full(m, np.nan),
     )
 
 
 def weightless(m):
-    return Weights(np.zeros(3), np.zeros(m), np.zeros((m, 3)))
+    tool = Payloads(("tool",), np.array([2.5]), np.array([[0.0, 0.0, 0.03]]), np.zeros((1, 4)))
+    return Weights(np.zeros(3), tool, np.zeros(m, dtype=np.int64))
 
 
 def studied(readings, seed=0):
@@ -112,7 +113,7 @@ def test_a_wrong_table_is_corrected_and_poses_left_out_are_predicted(rippled):
 
 def test_predictions_of_poses_never_measured_hold_the_truth(rippled):
     readings, found, ripple = rippled
-    model = standing("made", found.final, [])
+    model = standing("made", found.final)
     rng = np.random.default_rng(9)
     fresh = made(300, rng, ripple, noise=0.0)
     told = predict(
@@ -148,7 +149,7 @@ def test_a_reading_metres_off_is_left_out_and_moves_nothing():
 
 def test_a_model_comes_back_from_its_file(rippled):
     _, found, _ = rippled
-    model = standing("made", found.final, [("tool", 2.5, np.array([0.0, 0.0, 0.03]))])
+    model = standing("made", found.final)
     again = loads(dumps(model), "positions.npz")
     q = np.random.default_rng(1).uniform(-1, 1, (50, 6))
     asked = (q, np.zeros((50, 3)), np.ones(50, dtype=np.int64), np.full(50, np.nan))
@@ -166,7 +167,7 @@ def test_derivatives_are_those_of_differences():
     found = studied(made(120, np.random.default_rng(8))).stages[1].found.mechanism
     law = Law(3, "coupling", "angle", 5, 2.0)
     there = replace(found, laws=(law,), amplitudes=np.array([1e-4, -2e-4]))
-    weights = Weights(np.array([0, 0, -9.80665]), np.zeros(12), np.zeros((12, 3)))
+    weights = replace(weightless(12), gravity=np.array([0, 0, -9.80665]))
     here = linearised(readings, there, weights)
     size = len(there.values)
 

@@ -28,7 +28,7 @@ def taught(campaign, which):
         raw.robot, read.readings.part(rows), read.weights.part(rows), {}, None, (np.nan, np.nan),
         np.random.default_rng(1),
     )  # fmt: skip
-    return found, standing("ur10", found.final, [])
+    return found, standing("ur10", found.final)
 
 
 def judged(model, readings):

@@ -76,10 +76,7 @@ def stood(name: str, raw: Raw, keep: Keep, step: Step) -> Stood:
         "held_out": keep("60_held_out", _held_out(found), tables.HELD_OUT),
         **kept_scene(step(scene_of_positions)(read, found), keep),
     }
-    masses = [
-        (one, body.mass_kg, np.array(body.center_m)) for one, body in raw.settings.payload.items()
-    ]
-    kept = standing(name, found.final, masses)
+    kept = standing(name, found.final)
     return Stood(given, shown, _model(name, found.final, given), {MODEL: dumps(kept)})
 
 

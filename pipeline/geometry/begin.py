@@ -57,6 +57,7 @@ def begin(robot: Robot, readings: Readings, tool: dict[str, Array]) -> Mechanism
         tool=targets,
         frames=frames,
         compliance=np.zeros(robot.n),
+        payload=np.zeros((len(readings.payloads), 4)),
     )
 
 

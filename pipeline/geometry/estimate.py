@@ -19,7 +19,7 @@ from scipy import sparse
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.curves import Curve
-from pipeline.geometry.mechanism import Linear, Mechanism, layout
+from pipeline.geometry.mechanism import Linear, Mechanism, Payloads, layout
 from pipeline.geometry.scatter import Scatter
 
 ROUGH = {False: 1e-3, True: 1e-3}
@@ -32,6 +32,9 @@ BEYOND = 5.0
 
 _LOOSE = 1e3
 """Standard deviation of what nothing is known of: frames, tool [m] or [rad], amplitudes [rad]."""
+
+HELD = 1e-12
+"""Standard deviation of what is not estimated."""
 
 _WAVE = 1e-3
 """Amplitude of a law before any data [m] or [rad]."""
@@ -61,8 +64,8 @@ class Prior(Locked):
         return float(self.std[: len(self.turns)][mine][0]) if mine.any() else ROUGH[turns]
 
 
-def prior(mechanism: Mechanism, stated: tuple[float, float]) -> Prior:
-    """What is usual, about the nominal table and nominal stiffnesses."""
+def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads) -> Prior:
+    """What is usual, about the nominal table and nominal stiffnesses, and what is stated."""
     where, robot = layout(mechanism), mechanism.table
     mean, std = np.zeros(where.dense), np.full(where.dense, _LOOSE)
     turns = np.array([letter.turns for letter in mechanism.letters], dtype=bool)
@@ -70,6 +73,7 @@ def prior(mechanism: Mechanism, stated: tuple[float, float]) -> Prior:
     std[where.letters] = np.where(turns, said[1], said[0])
     mean[where.compliance] = robot.nominal_compliance
     std[where.compliance] = robot.nominal_compliance
+    std[where.payload] = np.maximum(payloads.std.ravel(), HELD)
     std[where.laws] = _WAVE
     return Prior(mean, std, turns, np.zeros(len(turns), dtype=bool), stated)
 

@@ -11,6 +11,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
 from pipeline.geometry import curves as curve
 from pipeline.geometry.estimate import (
+    HELD,
     Prior,
     Rows,
     Solution,
@@ -108,7 +109,8 @@ def identify(
         known: Priors of an earlier estimate, to begin with.
     """
     mechanism = _equipped(begun, readings, wanted)
-    known = _only(known_of(mechanism, stated, known), mechanism, wanted)
+    usual = prior(mechanism, stated, weights.payloads)
+    known = _only(_scaled(usual, mechanism, known), mechanism, wanted)
     for _ in range(_ROUNDS):
         here = linearised(readings, mechanism, weights)
         for _ in range(_STEPS):
@@ -125,9 +127,8 @@ def identify(
     return Identified(mechanism, readings, weights, known, scatter, here, whitened, found, wanted)
 
 
-def known_of(mechanism: Mechanism, stated: tuple[float, float], earlier: Prior | None) -> Prior:
-    """Priors of a mechanism, with the scales of an earlier estimate."""
-    new = prior(mechanism, stated)
+def _scaled(new: Prior, mechanism: Mechanism, earlier: Prior | None) -> Prior:
+    """Priors of a mechanism with the scales of an earlier estimate."""
     if earlier is None:
         return new
     std = new.std.copy()
@@ -135,18 +136,14 @@ def known_of(mechanism: Mechanism, stated: tuple[float, float], earlier: Prior |
     return replace(new, std=std, free=earlier.free)
 
 
-_NOT = 1e-12
-"""Standard deviation of what is not estimated."""
-
-
 def _only(known: Prior, mechanism: Mechanism, wanted: Wanted) -> Prior:
     """The prior with everything held that is not to be estimated."""
     where = layout(mechanism)
     std, mean = known.std.copy(), known.mean.copy()
     if not wanted.table:
-        std[where.letters] = _NOT
+        std[where.letters] = HELD
     if not wanted.springs:
-        std[where.compliance], mean[where.compliance] = _NOT, 0.0
+        std[where.compliance], mean[where.compliance] = HELD, 0.0
     return replace(known, std=std, mean=mean)
 
 

@@ -2,11 +2,12 @@
 
 To first order in everything small, a reading in F_b is where the mechanism is, moved by
 
-    D x + Z (C tau + f(q)) + Z e + noise
+    D x + Z (C tau + f(q)) + Z C T_k d_k + Z e + noise
 
 with x the letters of the table, tool and frames, Z the joints' own motions, C their compliances
-under the weight tau, f their laws and curves, and e an error of each joint at each pose that no
-model holds (repeatability, transmission), alike for all readings of the pose.
+under the weight tau, f their laws and curves, d_k how far mass and centre of the payload k of that
+pose are from what is stated and T_k the torque of that, and e an error of each joint at each pose
+that no model holds (repeatability, transmission), alike for all readings of the pose.
 """
 
 from __future__ import annotations
@@ -23,26 +24,68 @@ from pipeline.geometry.laws import Inputs, Law
 from pipeline.geometry.readings import Readings
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.letters import Letter, changed, letters, twists
-from pipeline.machine.robot.weight import gravity_torque
+from pipeline.machine.robot.weight import gravity_torque, payload_torques
+
+
+@dataclass(frozen=True, eq=False)
+class Payloads(Locked):
+    """Payloads as campaign.toml states them.
+
+    Attributes:
+        names: Shape (p,).
+        mass: [kg], shape (p,).
+        centre: Centres of mass, flange frame [m], shape (p, 3).
+        std: Standard uncertainties of the mass and of the centre along x, y, z, shape (p, 4).
+    """
+
+    names: tuple[str, ...]
+    mass: Array
+    centre: Array
+    std: Array
+
+    def __len__(self) -> int:
+        """Number of payloads p."""
+        return len(self.mass)
 
 
 @dataclass(frozen=True, eq=False)
 class Weights(Locked):
-    """What pulls at the arm beside nothing: gravity, and a payload at each pose.
+    """What pulls at the arm: gravity, and a payload at each pose.
 
     Attributes:
         gravity: Acceleration in F_b [m/s^2], shape (3,).
-        mass: Of the payload [kg], 0 for none, shape (m,).
-        centre: Its centre of mass, flange frame [m], shape (m, 3).
+        payloads: All that are known.
+        carried: Payload of each pose, 0 for none, k + 1 for `payloads.names[k]`, shape (m,).
     """
 
     gravity: Array
-    mass: Array
-    centre: Array
+    payloads: Payloads
+    carried: Ints
+
+    @property
+    def any(self) -> bool:
+        """Whether a payload is carried anywhere."""
+        return bool(self.carried.any())
 
     def part(self, which: Array | Ints) -> Weights:
         """Those of some poses."""
-        return replace(self, mass=self.mass[which], centre=self.centre[which])
+        return replace(self, carried=self.carried[which])
+
+    def at_poses(self, off: Array) -> tuple[Array, Array]:
+        """Mass (m,) [kg] and centre (m, 3) [m] of the payload at each pose; 0 without one.
+
+        Args:
+            off: How far mass and centre of each payload are from what is stated, shape (p, 4).
+        """
+        mass = np.append(0.0, self.payloads.mass + off[:, 0])
+        centre = np.vstack([np.zeros(3), self.payloads.centre + off[:, 1:]])
+        return mass[self.carried], centre[self.carried]
+
+    def by_payload(self, torques: Array) -> Array:
+        """Derivatives (m, n, 4) by the payload of each pose, for all payloads, (m, n, 4 p)."""
+        of = self.carried[:, None] == 1 + np.arange(len(self.payloads))
+        each = torques[:, :, None, :] * of[:, None, :, None]
+        return np.asarray(each.reshape(*torques.shape[:2], 4 * len(self.payloads)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,6 +98,7 @@ class Mechanism(Locked):
         tool: Frame of each target in the flange frame, shape (t, 4, 4).
         frames: F_b in the frame of the instrument, for each series, shape (s, 4, 4).
         compliance: Of each joint [m/N] or [rad/(N m)], 0 where none is estimated, shape (n,).
+        payload: How far mass [kg] and centre [m] of each payload are from what is stated, (p, 4).
         laws: Laws of the joints.
         amplitudes: Of all laws, one after the other.
         curves: Curves of the joints.
@@ -66,6 +110,7 @@ class Mechanism(Locked):
     tool: Array
     frames: Array
     compliance: Array
+    payload: Array = field(default_factory=lambda: np.zeros((0, 4)))
     laws: tuple[Law, ...] = ()
     amplitudes: Array = field(default_factory=lambda: np.zeros(0))
     curves: tuple[Curve, ...] = ()
@@ -84,10 +129,15 @@ class Mechanism(Locked):
     def inputs(self, q: Array, weights: Weights, temperature: Array, time: Array) -> Inputs:
         """What laws may be of, on the corrected robot."""
         robot = self.robot
-        tau = gravity_torque(
-            robot, configure(robot, q), weights.gravity, weights.mass, weights.centre
-        )
+        mass, centre = weights.at_poses(self.payload)
+        tau = gravity_torque(robot, configure(robot, q), weights.gravity, mass, centre)
         return Inputs(q, tau, temperature, time)
+
+    def hung(self, here: Configuration, weights: Weights) -> Array:
+        """How far the joints turn by a unit of each payload's mass and centre, (m, n, 4 p)."""
+        mass, centre = weights.at_poses(self.payload)
+        torques = payload_torques(here, weights.gravity, mass, centre)
+        return weights.by_payload(self.compliance[:, None] * torques)
 
     def turned(self, inputs: Inputs) -> Array:
         """How far each joint stands from its encoder [m] or [rad], shape (m, n)."""
@@ -137,6 +187,7 @@ class Mechanism(Locked):
             tool=tool,
             frames=frames,
             compliance=step[layout.compliance],
+            payload=step[layout.payload].reshape(-1, 4),
             amplitudes=step[layout.laws],
             knots=step[layout.knots],
         )
@@ -145,6 +196,7 @@ class Mechanism(Locked):
         """Parameters about which it is linear: those of tool and frames are zero."""
         out = np.zeros(layout.size)
         out[layout.letters], out[layout.compliance] = self.values, self.compliance
+        out[layout.payload] = self.payload.ravel()
         out[layout.laws], out[layout.knots] = self.amplitudes, self.knots
         return out
 
@@ -166,6 +218,7 @@ class Layout:
         tool: Six of each target: turn and shift in its own frame.
         frames: Six of each series: turn and shift in F_b.
         compliance: One of each joint.
+        payload: Four of each payload: mass and centre.
         laws: Amplitudes.
         knots: Of the curves.
     """
@@ -174,6 +227,7 @@ class Layout:
     tool: slice
     frames: slice
     compliance: slice
+    payload: slice
     laws: slice
     knots: slice
 
@@ -195,6 +249,7 @@ def layout(mechanism: Mechanism) -> Layout:
         6 * len(mechanism.tool),
         6 * len(mechanism.frames),
         len(mechanism.compliance),
+        mechanism.payload.size,
         len(mechanism.amplitudes),
         sum(curve.count for curve in mechanism.curves),
     )
@@ -240,6 +295,7 @@ def linearised(readings: Readings, mechanism: Mechanism, weights: Weights) -> Li
     D[..., where.frames] = _of_frames(at, readings)
     Z = reach(here.twists, at)
     D[..., where.compliance] = Z * inputs.tau[:, None, :]
+    D[..., where.payload] = Z @ mechanism.hung(here, weights)
     if mechanism.laws:
         each = [(law.joint - 1, law.basis(inputs)) for law in mechanism.laws]
         waves = [Z[..., j, None] * basis[:, None, :] for j, basis in each]

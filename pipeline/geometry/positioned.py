@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass
 
 import numpy as np
@@ -11,13 +11,13 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.errors import InputError, listed
-from pipeline.geometry.mechanism import Weights
+from pipeline.geometry.mechanism import Payloads, Weights
 from pipeline.geometry.readings import Readings
 from pipeline.machine.robot import Robot
 from pipeline.readers.logs import Log, joint_values
 from pipeline.readers.positions import AXES, TARGET, TURNS, positions
 from pipeline.reduction.limits import LEEWAY
-from pipeline.reduction.settings import Payload, Positions, Settings
+from pipeline.reduction.settings import Positions, Settings
 
 _ORDER = {"xyz_intrinsic": "XYZ", "xyz_extrinsic": "xyz", "zyx_intrinsic": "ZYX"}
 """How scipy writes the sequences; rx, ry, rz are the angles about x, y and z in each."""
@@ -79,10 +79,15 @@ def positioned(settings: Settings, robot: Robot, raw: Mapping[str, bytes]) -> Po
 
 def weights_of(settings: Settings, readings: Readings) -> Weights:
     """Gravity, and the payload of each pose."""
-    bodies: Sequence[Payload | None] = [None, *settings.payload.values()]
-    mass = np.array([0.0 if one is None else one.mass_kg for one in bodies])
-    centre = np.array([(0.0, 0.0, 0.0) if one is None else one.center_m for one in bodies])
-    return Weights(settings.gravity.vector, mass[readings.payload], centre[readings.payload])
+    bodies = settings.payload.values()
+    std = [(one.mass_sigma_kg, *[one.center_sigma_m] * 3) for one in bodies]
+    payloads = Payloads(
+        tuple(settings.payload),
+        np.array([one.mass_kg for one in bodies], dtype=float),
+        np.array([one.center_m for one in bodies], dtype=float).reshape(-1, 3),
+        np.array(std, dtype=float).reshape(-1, 4),
+    )
+    return Weights(settings.gravity.vector, payloads, readings.payload)
 
 
 def _log(

@@ -117,7 +117,7 @@ def study(
     nominal = data.identify(begun, Wanted(False, False))
     table = data.identify(nominal.mechanism, Wanted(springs=False))
     springs = table
-    if weighs(robot) or weights.mass.any():
+    if weighs(robot) or weights.any:
         springs = data.identify(table.mechanism, Wanted(), table)
     data, late = _without_blunders(data, springs)
     if late:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import io
 import json
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Any
 
@@ -16,7 +15,7 @@ from pipeline.geometry.curves import Curve
 from pipeline.geometry.estimate import between_knots
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.laws import Inputs, Law
-from pipeline.geometry.mechanism import Mechanism, Weights, layout, reach
+from pipeline.geometry.mechanism import Mechanism, Payloads, Weights, layout, reach
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.configuration import torque
 from pipeline.machine.robot.letters import twists
@@ -40,9 +39,7 @@ class Standing(Locked):
         targets: Their names, shape (t,).
         cov: Covariance of all parameters, shape (k, k).
         joints: Error of each joint at a pose that no model holds [m] or [rad], shape (n,).
-        payloads: Names of the payloads that campaign.toml knows.
-        mass: Their masses [kg].
-        centre: Their centres, flange frame [m], shape (p, 3).
+        bodies: Payloads that campaign.toml knows.
         gravity: [m/s^2], F_b, shape (3,).
     """
 
@@ -52,16 +49,17 @@ class Standing(Locked):
     targets: Strings
     cov: Array
     joints: Array
-    payloads: tuple[str, ...]
-    mass: Array
-    centre: Array
+    bodies: Payloads
     gravity: Array
+
+    @property
+    def payloads(self) -> tuple[str, ...]:
+        """Names of the payloads that campaign.toml knows."""
+        return self.bodies.names
 
     def weights(self, payload: Ints) -> Weights:
         """What pulls, with the payload of each pose: 0 for none, k + 1 for `payloads[k]`."""
-        mass = np.append(0.0, self.mass)[payload]
-        centre = np.vstack([np.zeros(3), self.centre.reshape(-1, 3)])[payload]
-        return Weights(self.gravity, mass, centre)
+        return Weights(self.gravity, self.bodies, payload)
 
     def nominal(self) -> Standing:
         """The table as delivered, with its nominal stiffnesses; tool as found."""
@@ -132,12 +130,14 @@ def _predict(
     model: Standing, robot: Robot, q: Array, force: Array, payload: Ints, temperature: Array
 ) -> tuple[Array, Array, Array]:
     mechanism = model.mechanism
-    inputs = mechanism.inputs(q, model.weights(payload), temperature, np.full(len(q), np.nan))
+    weights = model.weights(payload)
+    inputs = mechanism.inputs(q, weights, temperature, np.full(len(q), np.nan))
     pulled = _torque(mechanism, robot, inputs, force)
     here = mechanism.stands(replace(inputs, tau=inputs.tau + pulled), robot)
     at, turn = mechanism.targets(here)
     Z = reach(here.twists, at)
     D = _dense(model, inputs, Z, reach(twists(here, mechanism.letters), at), turn, pulled)
+    D[..., layout(mechanism).payload] = Z @ mechanism.hung(here, weights)
     K, knots = between_knots(mechanism.curves, q, Z)
     cov = _spread(model.cov, D, K, knots)
     loose = np.zeros_like(q) + model.joints**2
@@ -203,9 +203,7 @@ def _unknown(law: Law, mechanism: Mechanism, inputs: Inputs) -> Array:
     return np.where(np.isfinite(v), size * beyond**2, size)
 
 
-def standing(
-    campaign: str, found: Identified, masses: Sequence[tuple[str, float, Array]]
-) -> Standing:
+def standing(campaign: str, found: Identified) -> Standing:
     """The model of an estimate."""
     return Standing(
         campaign=campaign,
@@ -214,9 +212,7 @@ def standing(
         targets=found.readings.targets,
         cov=found.solution.cov,
         joints=found.scatter.joints,
-        payloads=tuple(name for name, _, _ in masses),
-        mass=np.array([mass for _, mass, _ in masses], dtype=float),
-        centre=np.array([centre for _, _, centre in masses], dtype=float).reshape(-1, 3),
+        bodies=found.weights.payloads,
         gravity=found.weights.gravity,
     )
 
@@ -239,8 +235,9 @@ def dumps(model: Standing) -> bytes:
         "cov": model.cov[np.triu_indices(len(model.cov))].astype(np.float32),
         "six": model.six,
         "joints": model.joints,
-        "mass": model.mass,
-        "centre": model.centre,
+        "mass": model.bodies.mass,
+        "centre": model.bodies.centre,
+        "stated": model.bodies.std,
         "gravity": model.gravity,
     }
     arrays |= {name: getattr(there, name) for name in _ARRAYS}
@@ -249,7 +246,7 @@ def dumps(model: Standing) -> bytes:
     return sink.getvalue()
 
 
-_ARRAYS = ("values", "tool", "frames", "compliance", "amplitudes", "knots")
+_ARRAYS = ("values", "tool", "frames", "compliance", "payload", "amplitudes", "knots")
 
 
 def loads(data: bytes, name: str) -> Standing:
@@ -286,8 +283,6 @@ def _loaded(kept: dict[str, Any]) -> Standing:
         targets=np.array(said["targets"], dtype=object),
         cov=cov,
         joints=kept["joints"],
-        payloads=tuple(said["payloads"]),
-        mass=kept["mass"],
-        centre=kept["centre"],
+        bodies=Payloads(tuple(said["payloads"]), kept["mass"], kept["centre"], kept["stated"]),
         gravity=kept["gravity"],
     )

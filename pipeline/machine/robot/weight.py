@@ -40,6 +40,28 @@ def gravity_torque(
     return tau
 
 
+def payload_torques(here: Configuration, gravity: Array, mass: Array, centre: Array) -> Array:
+    """Derivatives of the torque of a payload's weight by its mass and its centre.
+
+    With r = o + F c in F_b, tau_j = J_j(r)' m g: by m it is J_j(r)' g, and by the coordinate k of
+    the centre w_j . (F e_k x m g), w_j the axis of a turning joint.
+
+    Args:
+        here: The robot at m joint vectors.
+        gravity: Acceleration in F_b [m/s^2], shape (3,).
+        mass: Of the payload at each pose [kg], shape (m,).
+        centre: Its centre in the flange frame [m], shape (m, 3).
+
+    Returns:
+        By mass [N m/kg] and by the centre along x, y, z [N], shape (m, n, 4).
+    """
+    at = here.flange_origin + np.einsum("mij,mj->mi", here.flange_axes, centre)
+    by_mass = torque(here.twists, at, np.broadcast_to(gravity, at.shape))
+    pull = np.cross(np.swapaxes(here.flange_axes, 1, 2), (mass[:, None] * gravity)[:, None, :])
+    by_centre = np.einsum("mji,mki->mjk", here.twists[..., :3], pull)
+    return np.concatenate([by_mass[..., None], by_centre], axis=2)
+
+
 def _weights(
     robot: Robot, here: Configuration, mass: Array, centre: Array
 ) -> Iterator[tuple[int, Array, Array]]:
