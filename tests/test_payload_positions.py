@@ -9,6 +9,8 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from pipeline.answer.positions import payload_entries
+from pipeline.answer.remarks import contradicted
 from pipeline.geometry.begin import begin
 from pipeline.geometry.identify import Wanted, identify
 from pipeline.geometry.mechanism import Payloads, Weights, layout
@@ -83,10 +85,15 @@ class Machine:
         off = STATED * rng.standard_normal(4)
         self.x = np.concatenate([nominal * rng.uniform(0.5, 1.5, 6), TOOL, off])
         self.q, self.carried = self.poses(rng, poses)
+        self.rng = rng
+        self.measure()
+
+    def measure(self):
+        """Read the target once at each pose."""
+        poses, rng = len(self.q), self.rng
         R = Rotation.from_rotvec([0.0, 0.0, TURN]).as_matrix()
         there = self.places(self.q + JOINT * rng.standard_normal((poses, 6)), self.carried)
         self.at = there @ R.T + PLACE + NOISE * rng.standard_normal((poses, 3))
-        self.rng = rng
 
     def poses(self, rng, count):
         """Joint values, and what is carried: nothing and the tool by turns."""
@@ -222,6 +229,22 @@ def test_a_payload_that_was_never_carried_has_the_uncertainty_that_is_stated(one
     assert told(2)[0, 0, 2] > 1.2 * told(0)[0, 0, 2]
 
 
+def test_a_payload_that_is_not_what_is_stated_is_said_to_be(one):
+    """By its centre, which the springs do not hide; within what is stated nothing is said."""
+    right, never = payload_entries(one[1])
+    machine = Machine(4)
+    machine.x[9:13] = 5 * STATED * [0, 1, -1, 1]
+    machine.measure()
+    wrong, _ = payload_entries(machine.identified())
+
+    assert (right.poses, never.poses, never.found) == (40, 0, None)
+    assert right.p_value > 0.001 > wrong.p_value
+    assert wrong.found.center_m == pytest.approx(CENTRE + machine.x[10:13], abs=0.01)
+    assert contradicted((right, never), "positions") == []
+    assert "positions contradict the payload tool" in contradicted((wrong,), "positions")[0]
+    assert payload_entries(machine.identified(np.zeros(4)))[0].found is None
+
+
 @pytest.mark.slow
 def test_intervals_hold_the_truth_over_30_campaigns():
     """Springs and predictions, mass and centre drawn from what is stated; not without it."""
@@ -243,7 +266,6 @@ def test_intervals_hold_the_truth_over_30_campaigns():
                 places.append(np.abs(told.at[:, 0] - true) < 1.96 * told.std[:, 0, :3])
 
     held = [float(np.mean(one)) for one in (springs, places, blind)]
-    print(held)
     assert 0.90 < held[0] < 0.99, held  # 180 springs
     assert 0.93 < held[1] < 0.97, held  # 1800 coordinates
     assert held[2] < 0.85, held

@@ -747,12 +747,14 @@ class Body(Fact):
 
 
 class Payload(Fact):
-    """A payload as stated, and as the joint torques have it."""
+    """A payload as stated, and as the joint torques, or absolute positions, have it."""
 
     name: str
     stated: Body
-    found: Body | None = Field(description="from the joint torques; null where none tell")
-    poses: int = Field(description="how many the torques are of")
+    found: Body | None = Field(
+        description="from the joint torques or the absolute positions; null where none tell"
+    )
+    poses: int = Field(description="how many it was carried in, with torques or positions")
     p_value: Number = Field(description="of differing so much from the stated one by chance")
 
 

@@ -29,10 +29,14 @@ from pipeline.answer.inputs import (
     rejected_entries,
     unit_entry,
 )
+from pipeline.answer.remarks import contradicted
 from pipeline.answer.sentences import entered
 from pipeline.answer.words import capital
+from pipeline.base import linear
+from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.base.quantities import percent, plain
+from pipeline.base.tails import chi2_beyond
 from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import layout
@@ -66,7 +70,7 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
     reason = Reason.CAUSE_IDENTIFIED if causes else Reason.ADEQUATE
     lines = tuple(_first_screen(campaign, found, raw.robot, len(rejected)))
     shown = last if causes else springs
-    values = _values(shown)
+    values, payloads = _values(shown), payload_entries(shown.found)
     known = contract.Believed
     return Answer(
         format=1,
@@ -93,13 +97,14 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
             ),
         ),
         **dict(values),
+        payloads=payloads,
         diagnosis=_diagnosis(found, verdict, causes, lines[0].text),
         joint_springs=_values(springs),
         extended=_extended(last) if causes else None,
         budget=(),
         noise=contract.Noise(from_=_noise_from(last.found), contrasts=0, components=()),
         rejected=rejected_entries(rejected),
-        findings=(),
+        findings=tuple(contradicted(payloads, "positions")),
         registration=None,
         instrument=instrument_entry(raw.settings),
         robot_unit=unit_entry(raw.settings),
@@ -114,6 +119,55 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
         inputs=input_entries(raw),
         versions=versions(),
     )
+
+
+def payload_entries(found: Identified) -> tuple[contract.Payload, ...]:
+    """Every payload as stated, and as springs and positions together have it.
+
+    With d = estimate - stated, u the stated standard uncertainties and C the covariance after the
+    readings, z = d / u is N(0, S = 1 - C / (u u')) where what is stated is right: p is that of
+    z' S^-1 z, over the directions of which the readings tell something.
+    """
+    bodies, where = found.weights.payloads, layout(found.mechanism).payload
+    cov = found.solution.cov[where, where]
+    out = []
+    for k, name in enumerate(bodies.names):
+        at, off = slice(4 * k, 4 * k + 4), found.mechanism.payload[k]
+        poses = int(np.sum(found.weights.carried == k + 1))
+        free = bodies.std[k] > 0
+        told = poses > 0 and free.any()
+        std = np.where(free, np.sqrt(np.diag(cov[at, at])), 0.0)
+        stated = np.append(bodies.mass[k], bodies.centre[k])
+        out.append(
+            contract.Payload(
+                name=name,
+                stated=_body(stated, bodies.std[k]),
+                found=_body(stated + off, std) if told else None,
+                poses=poses if told else 0,
+                p_value=_chance(off[free], bodies.std[k][free], cov[at, at][np.ix_(free, free)])
+                if told
+                else None,
+            )
+        )
+    return tuple(out)
+
+
+def _chance(off: Array, std: Array, cov: Array) -> float:
+    """Chance of being so far from what is stated, by what the readings tell of it."""
+    share, along = linear.directions(np.eye(len(off)) - cov / std / std[:, None])
+    told = share > _TOLD
+    z = along.T[told] @ (off / std)
+    return float(chi2_beyond(float(np.sum(z**2 / share[told])), int(told.sum())))
+
+
+_TOLD = 0.01
+"""Part of a stated variance that the readings have to take away to tell something."""
+
+
+def _body(values: Array, std: Array) -> contract.Body:
+    """Mass and centre (4,) with their standard uncertainties."""
+    (mass, x, y, z), (u, a, b, c) = values.tolist(), std.tolist()
+    return contract.Body(mass_kg=mass, mass_std_kg=u, center_m=(x, y, z), center_std_m=(a, b, c))
 
 
 _WHY = {

@@ -16,10 +16,10 @@ def finding(joint: Stiffness) -> str | None:
     return " ".join(_sentence(remark, [joint]) for remark in joint.remarks) or None
 
 
-def contradicted(payloads: Sequence[Payload]) -> list[str]:
-    """A sentence for each payload that the joint torques have otherwise than campaign.toml."""
+def contradicted(payloads: Sequence[Payload], by: str = "joint torques") -> list[str]:
+    """A sentence for each payload that the readings have otherwise than campaign.toml."""
     return [
-        f"The joint torques contradict the payload {one.name}: by {one.poses} poses it has "
+        f"The {by} contradict the payload {one.name}: by {one.poses} poses it has "
         f"{_of(one.found)}, and campaign.toml says {_of(one.stated)} (p = {one.p_value:.1g}); "
         "weigh it, or check how it is mounted."
         for one in payloads
