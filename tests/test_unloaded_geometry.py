@@ -183,6 +183,9 @@ def test_without_noise_geometry_and_springs_come_back(causes, label, size):
     (one,) = found.causes
     assert one.effect.label == label
     assert one.value[0] == pytest.approx(size, abs=1e-9)
+    for scale in (1e-2, 1e-6):  # less than any instrument scatters
+        (again,) = standing(stiff, delivered.data, scale, causes).causes
+        assert again.value[0] == pytest.approx(size, abs=1e-8)
     true = case.robot.nominal_compliance
     np.testing.assert_allclose(stands.estimate.value, true, rtol=1e-9)
     assert np.abs(delivered.estimate.value / true - 1).max() > 1e-3

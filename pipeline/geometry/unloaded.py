@@ -32,7 +32,7 @@ from pipeline.machine.effect import Geometry, Pulls
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.letters import Letter, changed, letters, twists
 from pipeline.reduction.idle import Idle
-from pipeline.reduction.measured import Measured
+from pipeline.reduction.measured import STILL_M, Measured
 
 USUAL = (2e-4, 2e-4)
 """Standard deviation of lengths [m] and angles [rad] of a table as delivered, where the robot file
@@ -297,7 +297,7 @@ def unloaded(
         pose=pose.astype(np.int64),
         target=target,
         at=at,
-        cov=cov * scale**2,
+        cov=cov * scale**2 + STILL_M**2 * np.eye(3),
         rotation=linear.factor(data.rotation_cov),
         joint_std=data.joint_std,
         tool_std=data.tool_std,

@@ -21,6 +21,11 @@ from pipeline.reduction.register import Registration
 from pipeline.reduction.settings import Instrument, Scale, Settings
 from pipeline.reduction.weights import PULL
 
+STILL_M = 1e-6
+"""No instrument repeats a point, or a distance between two, to less [m]: the refractive index of
+air changes by 1e-6 per kelvin (Edlen, Metrologia 2, 1966), over a beam of metres within one
+reading."""
+
 _FORCE = ["fx_n", "fy_n", "fz_n"]
 _AT = ["at_x_m", "at_y_m", "at_z_m"]
 _DELTA = ["dx_m", "dy_m", "dz_m"]

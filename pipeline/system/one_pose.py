@@ -19,15 +19,11 @@ from pipeline.machine.robot import configure
 from pipeline.machine.six import radius
 from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
-from pipeline.reduction.measured import Measured
+from pipeline.reduction.measured import STILL_M, Measured
 from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import tells_a_pose
 from pipeline.system import alarms
 from pipeline.system.estimate import identify
-
-_STILL_M = 1e-6
-"""No instrument repeats a distance between two targets to less [m]: the refractive index of air
-changes by 1e-6 per kelvin (Edlen, Metrologia 2, 1966), over a beam of metres within one reading."""
 
 _OFF_RAD = 1e-3
 """How far a robot's links may point from where its table has them [rad]: as delivered."""
@@ -71,7 +67,7 @@ def one_pose(case: Case, data: Measured) -> OnePose | None:
     Their distances change by less than anything that is read, rms s_k / l_k < 1, and what the joint
     springs leave, r, is impossible beside the limits, of rms l: P[F(n_r, n_s) > (r / l)^2] below
     `alarms.READING`, n_r and n_s the numbers of residuals left and of changes. Data without any
-    scatter keep both small. The limit l_k of a change holds `_STILL_M`, the rounding of two
+    scatter keep both small. The limit l_k of a change holds `STILL_M`, the rounding of two
     readings, the second order of the turn in its pull, and where it is unknown where the targets
     stand what `_OFF_RAD` does. One reading that is far off turns no other pull.
 
@@ -86,7 +82,7 @@ def one_pose(case: Case, data: Measured) -> OnePose | None:
         return None
     lever = _OFF_RAD * turned if np.isnan(data.unloaded).any() else 0.0 * turned
     bow = turned**2 / (2 * radius(case.tool.points))
-    limit = np.sqrt(_STILL_M**2 + (2 * _rounding(case.readings)) ** 2 + lever**2 + bow**2)
+    limit = np.sqrt(STILL_M**2 + (2 * _rounding(case.readings)) ** 2 + lever**2 + bow**2)
     if rms(change / limit) > 1:
         return None
     left = identify(case.cell, data, case.robot.nominal_compliance)[1]
