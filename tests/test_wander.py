@@ -40,6 +40,8 @@ def measured():
         zero_times=zeros[pose],
         pull=np.repeat(np.arange(len(pose)), TARGETS),
         shifts=np.ones(d, dtype=bool),
+        tracker=None,
+        unloaded=np.zeros((d, 3)),
         loaded_cov=np.tile(SIGMA_M**2 * np.eye(3), (d, 1, 1)),
     )
 
@@ -89,7 +91,8 @@ def test_the_likelihood_is_that_of_dense_algebra():
     data, rng = measured(), np.random.default_rng(2)
     y = drawn(1.0, 1200.0, rng)
     beyond = beyond_of(y)
-    factor = SIGMA_M * module.by_axis(kernel(data, 1200.0)[0][data.pull])
+    alike = np.tile(np.eye(3), (len(data.pull), 1, 1))
+    factor = SIGMA_M * module._shifted(data, alike, kernel(data, 1200.0)[0])
     sizes = np.array([0.0, 0.6, 3.0])
     got = module._losses(beyond, factor, sizes)
     pose = np.repeat(np.arange(POSES), PULLS * TARGETS * 3)
@@ -125,14 +128,50 @@ def test_a_wander_is_found_and_white_noise_has_none():
 
 def test_between_two_times_it_is_that_of_the_process():
     """Exponentials of the times that are tried, each with its variance."""
-    process = np.array([1.0, 2.0, 3.0])
-    one = Wander(np.zeros((1, 1)), 0.0, 0.0, TIMES_S[0], 1.0, 0.0, process, SIGMA_M)
-    C = one.between(np.array([0.0, 1200.0]))
+    process = np.array([[1.0, 2.0, 3.0], [0.0, 0.0, 0.5]])
+    one = Wander(np.zeros((1, 3, 1)), 0.0, 0.0, TIMES_S[0], 1.0, 0.0, process, SIGMA_M)
+    levers = np.array([[2.0, 0.0, 0.0], [0.0, 4.0, 0.0]])
+    F = one.of_readings(np.array([0.0, 1200.0]), levers).reshape(6, -1)
 
-    assert C[0, 0] == pytest.approx(6.0)
-    assert C[0, 1] == pytest.approx(
-        sum(v * np.exp(-1200.0 / t) for v, t in zip(process, TIMES_S, strict=True))
+    shift = sum(v * np.exp(-1200.0 / t) for v, t in zip(process[0], TIMES_S, strict=True))
+    turn = 0.5 * np.exp(-1200.0 / TIMES_S[2])
+    own = np.diag([6.0, 6.0 + 0.5 * 4.0, 6.0 + 0.5 * 4.0])  # a lever along x moves y and z
+    other = np.array([[shift, 0.0, 0.0], [-turn * 8.0, shift, 0.0], [0.0, 0.0, shift]])
+    assert (F @ F.T)[:3, :3] == pytest.approx(own)
+    assert (F @ F.T)[:3, 3:] == pytest.approx(other)
+
+
+def turning(size, tau, rng):
+    """Targets 4 to 20 m from the instrument, which turns by so many SIGMA_M at 10 m: data, rows."""
+    data = measured()
+    at = np.repeat(rng.uniform([3.0, -9.0, -1.0], [18.0, 9.0, 1.0], (POSES, 3)), PULLS, axis=0)
+    data.unloaded = np.repeat(at, TARGETS, axis=0) + rng.uniform(-0.2, 0.2, (len(data.pull), 3))
+    data.tracker = np.zeros(3)
+    still = np.random.default_rng(int(rng.integers(1 << 30)))
+    rows = drawn(0.0, tau, still).reshape(-1, 3)
+    pulls, zeros = timetable()
+    times = np.sort(np.concatenate([pulls.ravel(), zeros.ravel()]))
+    w = dict(zip(times.tolist(), size / 10.0 * walk(times, tau, rng), strict=True))
+    turns = np.array(
+        [w[t] - (w[zeros[p, 0]] + w[zeros[p, 1]]) / 2 for p in range(POSES) for t in pulls[p]]
     )
+    moved = np.cross(np.repeat(turns, TARGETS, axis=0), data.unloaded)
+    return data, (rows + moved).ravel(), moved
+
+
+def test_an_instrument_that_turns_moves_what_is_far_from_it():
+    """Its size comes out, its covariance follows the range, and no shift takes its place."""
+    found = [turning(2.0, 600.0, np.random.default_rng(k)) for k in range(6)]
+    told = [wander(data, beyond_of(rows)) for data, rows, _ in found]
+
+    assert all(one.p_value < 0.003 for one in told)
+    for one, (data, _, moved) in zip(told, found, strict=True):
+        std = np.sqrt(np.sum(one.factor**2, axis=2)) / SIGMA_M
+        assert one.process[1].sum() > 0.0
+        size = one.size / SIGMA_M
+        assert size == pytest.approx(np.sqrt(np.mean(moved**2)), rel=0.5)
+        near = np.linalg.norm(data.unloaded, axis=1) < 8.0
+        assert np.mean(std[near]) < 0.7 * np.mean(std[~near])
 
 
 def test_without_times_nothing_wanders():

@@ -17,7 +17,7 @@ from bench.worlds.__main__ import chosen
 from bench.worlds.cell import READING_S, Manner, build, random_plan
 from bench.worlds.files import line, raw
 from bench.worlds.judge import Interval, Judged, Spoilt, Truth, forces_doubted, judged, shift
-from bench.worlds.noise import SIGMA_M, Bursts, Student, Wander, White
+from bench.worlds.noise import SIGMA_M, Bursts, Student, Turn, Wander, White
 from bench.worlds.run import SEEDS, Fixture, Played, asked, contest, fixtures
 from bench.worlds.table import lines, spoken
 from bench.worlds.visible import Adjustment, from_table
@@ -213,7 +213,7 @@ def test_the_day_is_one_that_an_operator_has():
 )
 def test_noise_has_the_variance_and_the_tails_of_its_name(noise, kurtosis):
     """Student 5 has the stated variance and a kurtosis of 9, bursts 1.75 of it and 13.5."""
-    e = noise(np.zeros(400_000), np.random.default_rng(1)) / SIGMA_M
+    e = noise(np.zeros(400_000), np.zeros((400_000, 3)), np.random.default_rng(1)) / SIGMA_M
 
     assert e.var() == pytest.approx(1.75 if isinstance(noise, Bursts) else 1.0, rel=0.03)
     assert np.mean(e**4) / e.var() ** 2 == pytest.approx(kurtosis, rel=0.25)
@@ -222,7 +222,10 @@ def test_noise_has_the_variance_and_the_tails_of_its_name(noise, kurtosis):
 def test_student_noise_has_one_scale_per_reading_or_one_per_axis():
     """A reading that is far off in x is far off in y, unless each axis goes by itself."""
     rng = np.random.default_rng(2)
-    joint, apart = (np.abs(Student(3, each)(np.zeros(50_000), rng)) for each in (False, True))
+    joint, apart = (
+        np.abs(Student(3, each)(np.zeros(50_000), np.zeros((50_000, 3)), rng))
+        for each in (False, True)
+    )
 
     assert np.corrcoef(np.log(joint[:, 0]), np.log(joint[:, 1]))[0, 1] > 0.1
     assert abs(np.corrcoef(np.log(apart[:, 0]), np.log(apart[:, 1]))[0, 1]) < 0.02
@@ -231,11 +234,22 @@ def test_student_noise_has_one_scale_per_reading_or_one_per_axis():
 def test_a_wander_forgets_with_its_time():
     """Its covariance between readings t apart is s^2 exp(-t / T), beside white noise."""
     hours = np.arange(200_000) * 0.1
-    e = Wander(2, 30)(hours, np.random.default_rng(3)) / SIGMA_M
+    e = Wander(2, 30)(hours, np.zeros((200_000, 3)), np.random.default_rng(3)) / SIGMA_M
 
     lags = [np.mean(e[k:] * e[: len(e) - k]) for k in (0, 5, 10)]
     assert lags[0] == pytest.approx(1 + 4, rel=0.05)
     assert lags[1:] == pytest.approx([4 / np.e, 4 / np.e**2], abs=0.15)
+
+
+def test_a_turn_moves_what_is_far_and_across_the_beam():
+    """Twice the range, twice the error; nothing along the beam."""
+    hours = np.repeat(np.arange(50_000), 2) * 10.0
+    at = np.tile([[4.0, 0.0, 0.0], [0.0, 8.0, 0.0]], (50_000, 1))
+    e = Turn(2, 30)(hours, at, np.random.default_rng(3)) / SIGMA_M
+
+    near, far = e[::2].std(axis=0), e[1::2].std(axis=0)
+    assert near == pytest.approx([1.0, np.hypot(1, 2 * 4 / 6), np.hypot(1, 2 * 4 / 6)], rel=0.02)
+    assert far == pytest.approx([np.hypot(1, 2 * 8 / 6), 1.0, np.hypot(1, 2 * 8 / 6)], rel=0.02)
 
 
 def test_blunders_are_what_they_are_called():

@@ -101,7 +101,7 @@ def draw(fixture: Fixture, games: Path) -> None:
     force = whole.test_force
     cell = replace(_measured(whole), test_q=plan.q[-1])
     rng = np.random.default_rng([fixture.seed, 3])
-    record = np.round(cell.local + NOISES[fixture.noise](cell.hours, rng), 7)
+    record = np.round(cell.local + NOISES[fixture.noise](cell.hours, cell.local, rng), 7)
     content = raw(cell, record, STATED, (), 1.0, True)
     content["campaign.toml"] = content["campaign.toml"].replace(
         b'name = "game"', f'name = "{fixture.name}"'.encode()
@@ -166,7 +166,7 @@ def _of_catalogue(
 ) -> Iterator[tuple[Secret, float]]:
     """One cause or two in different parts of the cell, each at twice its identifiable size."""
     innocent = _measured(build(robot, plan, PULLED, fixture.seed))
-    record = innocent.local + White()(innocent.hours, rng)
+    record = innocent.local + White()(innocent.hours, innocent.local, rng)
     known, most = shown_in(raw(innocent, record, STATED, (), 1.0, True), rng), largest(robot)
     sizes = {name: TIMES * known.named.get(name, np.inf) for name in ABLE}
     sensible = [name for name in ABLE if sizes[name] <= most.get(name, np.inf)]

@@ -12,8 +12,9 @@ from pipeline.base.arrays import Array
 SIGMA_M = 3e-5
 """Standard uncertainty per axis of one reading [m], as campaign.toml states it."""
 
-Noise = Callable[[Array, np.random.Generator], Array]
-"""Hours of the readings, shape (r,) -> their errors, shape (r, 3) [m], tracker's frame."""
+Noise = Callable[[Array, Array, np.random.Generator], Array]
+"""Hours of the readings, shape (r,), and where they are [m], tracker's frame, shape (r, 3) -> their
+errors, shape (r, 3) [m], tracker's frame."""
 
 
 @dataclass(frozen=True)
@@ -26,7 +27,7 @@ class White:
 
     sigma_m: float = SIGMA_M
 
-    def __call__(self, hours: Array, rng: np.random.Generator) -> Array:
+    def __call__(self, hours: Array, at: Array, rng: np.random.Generator) -> Array:
         """Errors [m]."""
         return rng.normal(0, self.sigma_m, (len(hours), 3))
 
@@ -43,7 +44,7 @@ class Student:
     freedom: float
     per_axis: bool = False
 
-    def __call__(self, hours: Array, rng: np.random.Generator) -> Array:
+    def __call__(self, hours: Array, at: Array, rng: np.random.Generator) -> Array:
         """Errors [m]."""
         normal = rng.normal(size=(len(hours), 3))
         width = rng.chisquare(self.freedom, (len(hours), 3 if self.per_axis else 1))
@@ -62,7 +63,7 @@ class Bursts:
     share: float = 0.05
     times: float = 4.0
 
-    def __call__(self, hours: Array, rng: np.random.Generator) -> Array:
+    def __call__(self, hours: Array, at: Array, rng: np.random.Generator) -> Array:
         """Errors [m]."""
         wide = np.where(rng.random(len(hours)) < self.share, self.times, 1.0)
         return np.asarray(SIGMA_M * wide[:, None] * rng.normal(size=(len(hours), 3)))
@@ -83,13 +84,37 @@ class Wander:
     times: float
     minutes: float
 
-    def __call__(self, hours: Array, rng: np.random.Generator) -> Array:
+    def __call__(self, hours: Array, at: Array, rng: np.random.Generator) -> Array:
         """Errors [m]."""
-        white = White()(hours, rng)
-        keeps = np.exp(-60 * np.diff(hours) / self.minutes)
-        steps = rng.normal(size=(len(hours), 3))
-        d = np.empty_like(steps)
-        d[0] = steps[0]
-        for i, a in enumerate(keeps, 1):
-            d[i] = a * d[i - 1] + np.sqrt(1 - a * a) * steps[i]
-        return np.asarray(white + self.times * SIGMA_M * d)
+        white = White()(hours, at, rng)
+        return np.asarray(white + self.times * SIGMA_M * _walk(hours, self.minutes, rng))
+
+
+@dataclass(frozen=True)
+class Turn:
+    """White noise, and a slow turn of the instrument: w x p, w as the d of `Wander`.
+
+    Attributes:
+        times: What it moves per axis at the mean range of all readings, over sigma.
+        minutes: T.
+    """
+
+    times: float
+    minutes: float
+
+    def __call__(self, hours: Array, at: Array, rng: np.random.Generator) -> Array:
+        """Errors [m]."""
+        white = White()(hours, at, rng)
+        turn = _walk(hours, self.minutes, rng) / np.linalg.norm(at, axis=1).mean()
+        return np.asarray(white + self.times * SIGMA_M * np.cross(turn, at))
+
+
+def _walk(hours: Array, minutes: float, rng: np.random.Generator) -> Array:
+    """Ornstein and Uhlenbeck's process, stationary, of unit variance along three axes."""
+    keeps = np.exp(-60 * np.diff(hours) / minutes)
+    steps = rng.normal(size=(len(hours), 3))
+    d = np.empty_like(steps)
+    d[0] = steps[0]
+    for i, a in enumerate(keeps, 1):
+        d[i] = a * d[i - 1] + np.sqrt(1 - a * a) * steps[i]
+    return d

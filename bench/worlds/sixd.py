@@ -34,7 +34,7 @@ class Poses:
         self, slots: Sequence[Slot], hours: Array, local: Array, rng: np.random.Generator
     ) -> Array:
         """Errors of the readings, tracker's frame, shape (r, 3) [m]."""
-        error = White()(hours, rng)
+        error = White()(hours, local, rng)
         for rows in bodies(slots):
             body = local[rows]
             origin = body.mean(axis=0)

@@ -14,7 +14,7 @@ from bench.league.play import Plan
 from bench.worlds import blunders
 from bench.worlds.blunders import Spoil, nothing, tracker_moves
 from bench.worlds.cell import Cell, Manner, random_plan
-from bench.worlds.noise import Bursts, Noise, Student, Wander, White
+from bench.worlds.noise import Bursts, Noise, Student, Turn, Wander, White
 from bench.worlds.payloads import Carrying
 from bench.worlds.sixd import SIGMA_RAD, Poses
 from bench.worlds.tables import Table
@@ -106,7 +106,7 @@ class World:
 
     def _scatter(self, cell: Cell, points: Noise, rng: np.random.Generator) -> Array:
         if self.reads is None:
-            return points(cell.hours, rng)
+            return points(cell.hours, cell.local, rng)
         return self.reads(cell.slots, cell.hours, cell.local, rng)
 
 
@@ -211,6 +211,14 @@ NOISE = (
         "wander60x2",
         Wander(2, 60),
         "wander of 2 sigma over 60 min",
+        "tracker_wander",
+        allowed=DRIFT,
+    ),
+    _noise("turn10", Turn(1, 10), "turn of 1 sigma at mean range over 10 min", "tracker_wander"),
+    _noise(
+        "turn60x2",
+        Turn(2, 60),
+        "turn of 2 sigma at mean range over 60 min",
         "tracker_wander",
         allowed=DRIFT,
     ),

@@ -170,8 +170,8 @@ def _base(
     off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)  # small numbers keep digits for the fit
     y = (white @ off[..., None]).ravel()
     if wander is not None and wander.process.any():
-        L = linear.factor(wander.between(since))
-        common = np.einsum("kij,kn->kinj", white, L).reshape(len(y), -1)
+        F = wander.of_readings(since, points - registration.tracker)
+        common = (white @ F).reshape(len(y), -1)
         fixed = np.block(
             [
                 [fixed, common],

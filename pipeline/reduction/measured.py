@@ -62,8 +62,8 @@ class Measured(Locked):
         joint_std: Standard uncertainty of the joints' zeros [m] or [rad], shape (n,).
         zero_times: When the zeros of each pull's pose were read after the first reading [s], NaN
             behind the last and where unknown, shape (m, z).
-        wander: F with F F' the covariance of the instrument's wander between the pulls of a pose,
-            each axis alike [m], shape (m, k); None where none is looked for.
+        wander: F with F F' the covariance of the instrument's wander between the displacements of
+            a pose [m], shape (d, 3, k); None where none is looked for.
         heavy: Probability that the readings are weighed by tails heavier than stated: what is left
             of them is then smaller than their noise, but in what a model explains it is not.
         poses: What was read is a position and a rotation of the effector, targets 0 and 1.
@@ -74,6 +74,7 @@ class Measured(Locked):
             another day.
         day_rel: Relative standard uncertainty of all displacements of a day [1], see `days`.
         idle: Unloaded readings of poses without a pull; None where there are none.
+        tracker: Where the tracker stands in F_b [m], shape (3,); None where nobody knows.
     """
 
     pulls: Pulls
@@ -108,6 +109,7 @@ class Measured(Locked):
     day: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     day_rel: float = 0.0
     idle: Idle | None = None
+    tracker: Array | None = None
 
     def __post_init__(self) -> None:
         """Pulls of which nothing else is said have no weight."""
@@ -218,6 +220,7 @@ def measured(
         paper=placed is not None and bool((placed["covariance_from"] == "paper").any()),
         tracked=settings.instrument.kind == "laser_tracker",
         length_rel=settings.instrument.length_sigma_rel,
+        tracker=registration.tracker if len(registration.table) else None,
     )
     if placed is not None:
         alone = idle(settings, robot, joints, placed, np.unique(data.pulls.pose[data.pull]))

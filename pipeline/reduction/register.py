@@ -74,6 +74,11 @@ class Registration(Locked):
     from_scatter: bool = False
     growth: Growth = field(default_factory=Growth)
 
+    @property
+    def tracker(self) -> Array:
+        """Where the tracker stands in F_b [m], shape (3,)."""
+        return np.asarray(self.t / (1 + self.growth.value))
+
     def placed(self, points: Array) -> Array:
         """Points of the tracker's frame (m, 3) in F_b [m]."""
         return (points @ self.R.T + self.t) / (1 + self.growth.value)

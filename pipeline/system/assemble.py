@@ -86,8 +86,7 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
     ]
     if data.wander is not None and data.wander.any():
         pose = np.unique(data.pulls.pose, return_inverse=True)[1][data.pull]
-        feels = by_axis(data.wander[data.pull] * data.shifts[:, None])
-        blocks.append(_Block("wander", False, feels, pose, int(pose.max()) + 1))
+        blocks.append(_Block("wander", False, data.wander, pose, int(pose.max()) + 1))
     scaled = _scaled(cell, data, values)
     if data.day_rel:
         day = data.day[data.pull]
@@ -115,11 +114,6 @@ def _scaled(cell: Cell, data: Measured, values: Array) -> Array:
         return np.zeros((len(data.pull), 3, 1))
     moved = predict(cell, data.pulls, values).displacement[data.pull, data.target]
     return np.asarray((moved * data.shifts[:, None])[..., None])
-
-
-def by_axis(factor: Array) -> Array:
-    """Factors (d, k) of what moves each displacement alike along three axes, (d, 3, 3 k)."""
-    return np.einsum("dk,ab->dabk", factor, np.eye(3)).reshape(len(factor), 3, -1)
 
 
 def _of_force(data: Measured, unit: float) -> dict[str, Array]:

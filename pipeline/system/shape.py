@@ -101,8 +101,10 @@ class Shape(Locked):
 
     def differs(self, other: Shape) -> bool:
         """Whether the two weigh a campaign differently enough to look at it again."""
-        own = float(np.mean(np.sum(self.wander.factor**2, axis=1)))
-        theirs = float(np.mean(np.sum(other.wander.factor**2, axis=1)))
+        own, theirs = (
+            float(np.sum(one.wander.factor**2)) / (3 * len(one.wander.factor))
+            for one in (self, other)
+        )
         unit = self.wander.unit**2
         weights = np.log(self.variance / other.variance)
         return bool(abs(own - theirs) > _SEEN * unit or np.sqrt(np.mean(weights**2)) > _SEEN)

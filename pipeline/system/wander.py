@@ -1,4 +1,4 @@
-"""The slow wander of the instrument: common to all targets, the same in three axes, in time.
+"""The slow wander of the instrument: common to all targets, as large in three axes, in time.
 
 w(t) is an Ornstein-Uhlenbeck process of unit variance, E[w(t) w(t')] = rho(t - t') =
 exp(-|t - t'| / tau). A displacement, read at t and measured from zeros read at z_1 .. z_n, feels
@@ -6,9 +6,11 @@ w(t) - mean w(z_k), so that within a pose
 
     K_ij = rho(t_i - t_j) - mean_k rho(t_i - z_k) - mean_k rho(t_j - z_k) + mean_kl rho(z_k - z_l);
 
-poses share too little of it to matter. How large it is nobody knows: V has its posterior mean over
-sizes and times (Uhlenbeck and Ornstein, Physical Review 36, 1930; Kermarrec et al., Sensors 19,
-2019, for noise of laser instruments that is correlated in time).
+poses share too little of it to matter. w is a shift of the instrument, the same wherever a target
+is, or its turn, as of a stand that tilts or a beam that the air bends: a target at p from it then
+moves by w x p, more the farther it is. Which of both, and how large it is, nobody knows: V has its
+posterior mean over ways, sizes and times (Uhlenbeck and Ornstein, Physical Review 36, 1930;
+Kermarrec et al., Sensors 19, 2019, for noise of laser instruments that is correlated in time).
 """
 
 from __future__ import annotations
@@ -23,7 +25,6 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.machine.effects.nameless import NAMELESS
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
-from pipeline.system.assemble import by_axis
 from pipeline.system.beyond import Beyond
 
 TIMES_S = (300.0, 1200.0, 4800.0)
@@ -39,8 +40,8 @@ _TINY = 1e-300
 _NONE = 0.5
 """Probability of no wander before the data."""
 
-_BEFORE = np.log(np.append(_NONE, np.full(len(SIZES), (1 - _NONE) / len(SIZES))) / len(TIMES_S))
-"""That of no wander and of each size, at one correlation time; its logarithm."""
+_BEFORE = np.log(np.append(_NONE, np.full(len(SIZES), (1 - _NONE) / len(SIZES))))
+"""That of no wander and of each size; its logarithm."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,14 +49,14 @@ class Wander(Locked):
     """What the rows show of a wander.
 
     Attributes:
-        factor: F_p with F_p F_p' its covariance in the pulls of each pose, all sizes and times
-            together, by pull [m], shape (m, k).
+        factor: F_p with F_p F_p' its covariance in the displacements of each pose, all ways, sizes
+            and times together [m], shape (d, 3, k).
         size: Standard deviation that it adds to a displacement, mean over the posterior [m].
         std: Its standard uncertainty [m].
         time_s: Likeliest correlation time [s].
         p_value: Probability of so much by chance.
         probability: That there is any.
-        process: Variance of the process itself for each of `TIMES_S`, shape (t,) [m^2].
+        process: Variance of the shift [m^2] and of the turn [rad^2] for each of `TIMES_S`, (2, t).
         unit: Standard uncertainty of a reading per axis, root mean square [m].
     """
 
@@ -71,15 +72,29 @@ class Wander(Locked):
     @classmethod
     def none(cls, data: Measured) -> Wander:
         """No wander."""
-        factor, process = np.zeros((len(data.pulls), 1)), np.zeros(len(TIMES_S))
+        factor, process = np.zeros((len(data.pull), 3, 1)), np.zeros((2, len(TIMES_S)))
         return cls(factor, 0.0, 0.0, TIMES_S[0], 1.0, 0.0, process, _unit(data))
 
-    def between(self, times: Array) -> Array:
-        """Its covariance between times [s], shape (n, n) [m^2], each axis alike."""
+    def of_readings(self, times: Array, levers: Array) -> Array:
+        """F with F F' its covariance in single readings, shape (n, 3, k) [m].
+
+        Args:
+            times: When they were made [s], shape (n,).
+            levers: Where from the instrument, axes of F_b [m], shape (n, 3).
+        """
         apart = np.abs(times[:, None] - times)
-        return np.asarray(
-            sum(v * np.exp(-apart / tau) for v, tau in zip(self.process, TIMES_S, strict=True))
-        )
+        ways = np.tile(np.eye(3), (len(times), 1, 1)), linear.turning(levers)
+        parts = []
+        for way, variances in zip(ways, self.process, strict=True):
+            K = sum(v * np.exp(-apart / tau) for v, tau in zip(variances, TIMES_S, strict=True))
+            if variances.any():
+                parts.append(_along(way, linear.factor(np.asarray(K))))
+        return np.concatenate(parts, axis=2) if parts else np.zeros((len(times), 3, 0))
+
+
+def _along(ways: Array, factor: Array) -> Array:
+    """Rows (n, 3, 3 k) of what moves them along three `ways` (n, 3, 3), each by a factor (n, k)."""
+    return np.einsum("nia,nk->niak", ways, factor).reshape(len(ways), 3, -1)
 
 
 def _unit(data: Measured) -> float:
@@ -157,40 +172,74 @@ def wander(data: Measured, beyond: Beyond, told: bool = True, moves: Array | Non
     unit = _unit(data)
     kernels = [kernel(data, time_s) for time_s in TIMES_S]
     factors = np.stack([factor for factor, _ in kernels])
-    nothing = Wander(factors[0] * 0.0, 0.0, 0.0, TIMES_S[0], 1.0, 0.0, np.zeros(len(TIMES_S)), unit)
+    nothing = Wander.none(data)
     if not (told and factors.any()):
         return nothing
-    by_row = [unit * by_axis(one[data.pull] * data.shifts[:, None]) for one in factors]
+    ways = _ways(data)
+    by_row = [_felt(data, way, one) for way in ways for one in factors]
     a = np.append(0.0, SIZES)
-    losses = np.array([_losses(beyond, one, a) for one in by_row])
+    losses = np.array([_losses(beyond, unit * one, a) for one, _ in by_row])
     weight, p = _likely(losses)
+    p = min(1.0, p * len(ways))
     best = int(np.argmax(weight[:, 1:].max(axis=1)))
-    if p < alarms.COMPONENT and _along_one_axis(beyond, by_row[best], a[weight[best].argmax()]):
+    largest = a[weight[best].argmax()]
+    if p < alarms.COMPONENT and _along_one_axis(beyond, unit * by_row[best][0], largest):
         return nothing
     if moves is not None and weight[:, 1:].sum() > _NONE:
         weight = weight * _not_joints(data, beyond, moves, losses)
-    of_time = weight @ a**2
+    each = (weight @ a**2).reshape(len(ways), len(TIMES_S))
+    share = each / np.array([size for _, size in by_row]).reshape(each.shape)
     mean = float((weight * a).sum())
+    whole = [_together(data, one, factors) for one in share]
+    process = unit**2 * share / np.array([size for _, size in kernels])
     return Wander(
         factor=unit
-        * np.concatenate(
-            [np.sqrt(w) * one for w, one in zip(of_time, factors, strict=True)], axis=1
-        ),
-        size=unit * float(np.sqrt(of_time.sum())),
+        * np.concatenate([_shifted(data, *one) for one in zip(ways, whole, strict=True)], axis=2),
+        size=unit * float(np.sqrt(each.sum())),
         std=unit * float(np.sqrt(max((weight * a**2).sum() - mean**2, 0.0))),
-        time_s=TIMES_S[best],
+        time_s=TIMES_S[best % len(TIMES_S)],
         p_value=p,
         probability=float(weight[:, 1:].sum()),
-        process=unit**2 * of_time / np.array([size for _, size in kernels]),
+        process=np.vstack([process, np.zeros((2 - len(ways), len(TIMES_S)))]),
         unit=unit,
     )
+
+
+def _ways(data: Measured) -> list[Array]:
+    """How a unit of it moves each displacement: a shift, and a turn where places are known."""
+    shift = np.tile(np.eye(3), (len(data.pull), 1, 1))
+    if data.tracker is None or not np.isfinite(data.unloaded).all():
+        return [shift]
+    return [shift, linear.turning(data.unloaded - data.tracker)]
+
+
+def _shifted(data: Measured, way: Array, factor: Array) -> Array:
+    """Rows (d, 3, 3 k) of a factor by pull (m, k)."""
+    return _along(way, factor[data.pull] * data.shifts[:, None])
+
+
+def _felt(data: Measured, way: Array, factor: Array) -> tuple[Array, float]:
+    """The same with mean square one per axis, and what that was."""
+    rows = _shifted(data, way, factor)
+    mean = max(float(np.sum(rows**2)) / (3 * len(rows)), _TINY)
+    return rows / np.sqrt(mean), mean
+
+
+def _together(data: Measured, share: Array, factors: Array) -> Array:
+    """One factor by pull (m, k) of the covariances of all times, each with its share."""
+    pose, out = np.unique(data.pulls.pose, return_inverse=True)[1], np.zeros(factors.shape[1:])
+    for p in range(pose.max() + 1):
+        rows = np.flatnonzero(pose == p)
+        F = factors[:, rows, : len(rows)]
+        out[rows, : len(rows)] = linear.factor(np.einsum("t,tik,tjk->ij", share, F, F))
+    return out
 
 
 def _likely(losses: Array) -> tuple[Array, float]:
     """Posterior weights of times and sizes, none among these, and p of the likelihood ratio.
 
     Args:
-        losses: -2 L of each time and of no wander and `SIZES`, shape (times, 1 + sizes).
+        losses: -2 L of each way and time and of no wander and `SIZES`, shape (k, 1 + sizes).
     """
     ratio = np.maximum(losses[:, 0, None] - losses, -700.0)  # 2 (L_a - L_0)
     weight = np.asarray(special.softmax(0.5 * ratio + _BEFORE))
@@ -201,28 +250,33 @@ def _not_joints(data: Measured, beyond: Beyond, moves: Array, losses: Array) -> 
     """Probability of a wander or of nothing against joints that are `restless`."""
     others = [_unit(data) * restless(data, moves, time_s) for time_s in TIMES_S]
     theirs = np.array([_losses(beyond, one, np.asarray(SIZES)) for one in others])
-    ours = special.logsumexp(_BEFORE - 0.5 * losses)
-    joints = special.logsumexp(_BEFORE[1:] - 0.5 * theirs) + np.log(NAMELESS)
+    ours = special.logsumexp(_BEFORE - 0.5 * losses) - np.log(len(losses))
+    joints = special.logsumexp(_BEFORE[1:] - 0.5 * theirs) - np.log(len(theirs)) + np.log(NAMELESS)
     return float(special.expit(ours - joints))
 
 
 def _along_one_axis(beyond: Beyond, factor: Array, size: float) -> bool:
-    """Whether sizes of their own along the axes of F_b fit better than one, by chi2(2).
+    """Whether one axis of F_b fits better than three alike, and as well as sizes of their own.
 
-    Each in turn is put where the likelihood is largest, twice.
+    By chi2(2), each; sizes are put where the likelihood is largest one after the other, twice.
     """
+
+    def loss(one: Array) -> float:
+        each = factor * np.repeat(one, factor.shape[2] // 3)
+        return float(_losses(beyond, each, _ONE)[0])
+
     sizes = np.full(3, size)
     start = least = float(_losses(beyond, factor, np.array([size]))[0])
     for axis in (0, 1, 2) * 2:
         tried = np.tile(sizes, (1 + len(SIZES), 1))
         tried[:, axis] = np.append(0.0, SIZES)
-        found = [
-            float(_losses(beyond, factor * np.resize(one, factor.shape[2]), _ONE)[0])
-            for one in tried
-        ]
+        found = [loss(one) for one in tried]
         if min(found) < least:
             least, sizes = min(found), tried[int(np.argmin(found))]
-    return bool(special.chdtrc(2, max(start - least, 0.0)) < alarms.COMPONENT)
+    if special.chdtrc(2, max(start - least, 0.0)) >= alarms.COMPONENT:
+        return False
+    alone = loss(np.where(np.arange(3) == np.argmax(sizes), sizes, 0.0))
+    return bool(special.chdtrc(2, max(alone - least, 0.0)) >= alarms.COMPONENT)
 
 
 _ONE = np.ones(1)
