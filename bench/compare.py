@@ -69,7 +69,6 @@ SIMULATED: Mapping[str, Mapping[str, Any]] = {
     "sign_or_convention:d_5": {},
     "sign_or_convention:modified_dh": {},
     "label_swap": {},
-    "tool_point": {},
     "outlier": {},
     "rail_roll": {"tracker": {"dialect": "spatialanalyzer"}},
     "joint_tilt:3": {"tracker": {"stated": False}},
@@ -77,6 +76,7 @@ SIMULATED: Mapping[str, Mapping[str, Any]] = {
     "scale_zero": {"pulls": {"repeats": 2}},
     "tracker_drift": {"pulls": {"zero": "before"}},
     "gravity_sag": {"robot": "kr500_rail_kuka"},
+    "tool_point": {},
 }
 """What is planted in a campaign of the simulator, and what else its plan has unlike the others."""
 

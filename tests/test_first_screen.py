@@ -246,7 +246,9 @@ def test_what_went_unnoticed_is_counted_once():
 
     said, never, small = blind_spots((*spots, again))
 
-    assert said.text == "3 possible causes of typical magnitude would not have been detected."
+    assert (
+        said.text == "3 other effects could be present at typical magnitude without being detected."
+    )
     assert f"{unnoticed(3)}; they are listed" in wrong(Facts(), 3)
     assert [row[0].text for row in never.rows] == ["wrong gain of the spring scale"]
     assert [cell.text for cell in small.rows[0][1:4]] == [
@@ -283,7 +285,7 @@ def best(**more):
     ("value", "determines", "said"),
     [
         (8e7, True, "With it the standard uncertainty of E1 (k_r1) is expected to be 12 %."),
-        (None, True, "With it E1 (k_r1) is determined, to about 12 % of its typical compliance."),
+        (None, True, "standard uncertainty of about 12 % of its typical compliance. Collisions"),
         (None, False, "This alone will not determine it: its standard uncertainty is then 12 %"),
     ],
 )
@@ -292,7 +294,7 @@ def test_the_pose_for_a_joint_says_how_to_pull_and_what_it_settles(value, determ
     answer = report_sample.answer()
     joint = answer.stiffness[0].model_copy(update={"value": value, "axis": "E1"})
     at = (AxisValue(name="E1", value=2.5, unit="m"), AxisValue(name="A1", value=-30.0, unit="deg"))
-    diagnosis = SimpleNamespace(best_pose=best(axes=at, determines=determines))
+    diagnosis = SimpleNamespace(best_pose=best(axes=at, determines=determines), next_poses_in=None)
     sentence = _least_certain(SimpleNamespace(diagnosis=diagnosis), joint)
 
     assert "E1 2.500 m, A1 -30.00°, 3 load steps up to 3000 N along (0.60, 0.80, 0.00)" in sentence

@@ -288,7 +288,7 @@ def test_without_tables_there_are_both_renderings_and_no_figures(sample):
     made = render(report_sample.revised(sample[0], lambda a: a.update(rejected=[])), {})
 
     assert set(made) == {"index.html", "report.pdf", "figures/stiffness.svg"}
-    assert b"No row of the raw files was rejected" in made["index.html"]
+    assert b"No row of the raw files was unreadable or incomplete" in made["index.html"]
 
 
 def test_captions_carry_the_numbers_of_the_campaign(sample):

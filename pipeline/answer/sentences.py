@@ -98,7 +98,10 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
         stated: What the answer says.
     """
     lines: list[tuple[About, str]] = [
-        (About.TOLERANCE, "" if stated.tolerance is None else tolerated(stated.tolerance)),
+        (
+            About.TOLERANCE,
+            "" if stated.tolerance is None else tolerated(stated.tolerance, stated.pose),
+        ),
         (About.VERDICT, f"{_verdict(found)} {capital(_predicted(found))}."),
         (About.TO_DO, " ".join((*_out(stated), _to_do(found, stated.mine.stiffness)))),
         (About.MODEL, " ".join(_model(found, stated))),
@@ -167,7 +170,7 @@ def _predicted(found: Findings) -> str:
     error, without = (left_out_mm(one.values.left_out_m) for one in (found.told, found.springs))
     if error is None:
         return "no pose can be predicted from the others"
-    told = f"cross-validation error {plain(error)} mm rms per axis"
+    told = f"cross-validation error {plain(error)} mm rms per coordinate"
     if without is None or found.told.values is found.springs.values:
         return told
     return f"{told} ({plain(without)} mm {_instead(found)})"
@@ -201,7 +204,13 @@ def _to_force(stated: Stated) -> str:
     assert stated.tolerance is not None
     full = math.hypot(*stated.pose.force_n)
     least = largest_force(stated.tolerance, stated.pose, full)
-    return "" if least is None else f" (at the test pose to about {plain(least, 2)} N)"
+    return "" if least is None else f" (at the test pose to about {_at_most(least)} N)"
+
+
+def _at_most(force_n: float) -> str:
+    """A force in two digits, never more than it is."""
+    step = 10.0 ** (math.floor(math.log10(force_n)) - 1)
+    return plain(step * math.floor(force_n / step), 2)
 
 
 def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
@@ -308,12 +317,13 @@ def _for_controller(found: Findings, stated: Stated) -> str:
     if not holds or not found.told.model.hypotheses[0].beside_springs:
         return _numbers(found, stated.mine.stiffness, stated.together)
     error = left_out_mm(found.springs.values.left_out_m)
-    left = "" if error is None else f" {_WITH_THEM} {plain(error)} mm rms per axis."
+    left = "" if error is None else f" {_WITH_THEM} {plain(error)} mm rms per coordinate."
     said = entered(stated.springs.stiffness, (), known=False)
     return (
         f"Effective values, for a table of joint stiffnesses and nothing else: {said}{left} They "
-        "have no uncertainty, as joint springs alone do not explain the readings. The stiffnesses "
-        "of the joints themselves are in the table of stiffnesses."
+        "are fitted substitutes, and no uncertainty can be stated for them: joint springs alone do "
+        "not explain the readings. The stiffnesses of the joints themselves are in the table of "
+        "stiffnesses."
     )
 
 
@@ -325,7 +335,8 @@ def _uncalibrated(found: Findings, stated: Stated) -> Iterator[str]:
     if chain and known and data.scale.gain_sigma == 0:
         yield (
             "The uncertainties do not include the calibration of the scale, of which campaign.toml "
-            "states nothing (gain_sigma): if it reads 1 % too high, so is every stiffness."
+            "states nothing (gain_sigma): a scale that reads 1 % high makes every stiffness 1 % "
+            "high."
         )
 
 
@@ -362,7 +373,11 @@ def entered(
     return " ".join(
         (
             *([_each(whole, known=known)] if whole else []),
-            *([f"Not determined: {listed(lost)}."] if lost else []),
+            *(
+                [f"Not determined, leave the controller's entry as it is: {listed(lost)}."]
+                if lost
+                else []
+            ),
             *([f"No value: {listed([_stiffer(one) for one in half])}."] if half else []),
             *([f"Determined together: {counted(together)}."] if together else []),
         )
@@ -442,7 +457,7 @@ def _next(found: Findings, stated: Stated) -> str:
     """What to measure next, and whether that would settle what is open."""
     poses = stated.diagnosis.next_poses
     if poses:
-        return _proposed(poses)
+        return f"{_proposed(poses)}{_unchecked(stated)}"
     if again := _again(found):
         joint = joint_to_pull(found, stated.diagnosis, stated.mine.stiffness)
         return f"{again} {_least_certain(stated, joint)}" if joint else again
@@ -513,6 +528,13 @@ def _proposed(poses: Sequence[NextPose]) -> str:
     )
 
 
+def _unchecked(stated: Stated) -> str:
+    """That nobody knows whether a proposed pose can be reached, where campaign.toml has no cell."""
+    if stated.diagnosis.next_poses_in is not None:
+        return ""
+    return " Collisions and lines of sight were not checked."
+
+
 def pulled(pose: ToMeasure) -> str:
     """Where the robot stands and how it is pulled there."""
     at = ", ".join(f"{axis.name} {_at(axis.value, axis.unit)}" for axis in pose.axes)
@@ -535,7 +557,11 @@ def _joints(pose: ToMeasure) -> str:
 def _least_certain(stated: Stated, worst: Stiffness) -> str:
     """Which pulls would gain most, and what one such pose would settle."""
     best = stated.diagnosis.best_pose
-    more = "" if best is None else f" One pose more: {pulled(best)}. {_settled(best, worst)}"
+    more = (
+        ""
+        if best is None
+        else f" One more pose: {pulled(best)}. {_settled(best, worst)}{_unchecked(stated)}"
+    )
     pulls = capital(remarks.WORK[worst.joint_type])
     if worst.value is None:
         return f"{pulls}: {worst.called} is not determined.{more}"
@@ -552,7 +578,10 @@ def _settled(best: BestPose, joint: Stiffness) -> str:
     if joint.value is not None:
         return f"With it the standard uncertainty of {joint.called} is expected to be {after}."
     if best.determines:
-        return f"With it {joint.called} is determined, to about {after} of its typical compliance."
+        return (
+            f"With it {joint.called} is determined, with a standard uncertainty of about {after} "
+            "of its typical compliance."
+        )
     return (
         f"This alone will not determine it: its standard uncertainty is then {after} of its "
         "typical compliance."

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Iterator
 
-from pipeline.answer.contract import JudgedPath, Stretch, Tip, Tolerance
+from pipeline.answer.contract import JudgedPath, Stretch, TestPose, Tip, Tolerance
 from pipeline.answer.words import listed
 from pipeline.base.quantities import plain, with_uncertainty
 from pipeline.prediction.decision import GUARD, Decision
@@ -35,9 +35,9 @@ def expanded(one: Tip) -> str:
     return f"{value} mm, U = {u} mm (k = 2)"
 
 
-def tolerated(asked: Tolerance) -> str:
+def tolerated(asked: Tolerance, pose: TestPose | None = None) -> str:
     """The tolerance and what is decided, at the test pose and along the path."""
-    decided = " ".join(_decided(asked))
+    decided = " ".join(_decided(asked, pose))
     return (
         f"campaign.toml allows a deflection of {asked.deflection_mm:g} mm; decision rule of ISO "
         f"14253-1. {decided}"
@@ -61,9 +61,10 @@ def largest_force(asked: Tolerance, pose: Tip, force_n: float) -> float | None:
     return share * force_n if 0 < share < 1 else None
 
 
-def _decided(asked: Tolerance) -> Iterator[str]:
+def _decided(asked: Tolerance, pose: TestPose | None) -> Iterator[str]:
     if asked.test_pose is not None:
-        yield f"Test pose: {DECIDED[asked.test_pose]}."
+        by = "" if pose is None else f" with {expanded(pose)}"
+        yield f"Test pose: {DECIDED[asked.test_pose]}{by}."
     if asked.path is not None:
         yield f"{asked.path.file}: {_along(asked.path)}; {_largest(asked.path)}."
 

@@ -45,7 +45,11 @@ _PLACES = 4
 def why(facts: Facts) -> str:
     """What the verdict rests on: every finding in a sentence, but for "nothing" beside others."""
     told = _told(facts) or _FINDINGS[Finding.NOTHING](facts)
-    return f"{mistaken(facts)} With that corrected: {told}" if facts.mistakes else told
+    return (
+        f"{mistaken(facts)} The rest holds for the corrected data. {told}"
+        if facts.mistakes
+        else told
+    )
 
 
 def capital(text: str) -> str:
@@ -95,7 +99,7 @@ def wrong(facts: Facts, unseen: int, told: Sequence[str] = ()) -> str:
     also = f" {unnoticed(unseen)}; they are listed in the report." if unseen else ""
     nothing = "Nothing detectable in these readings."
     if facts.mistakes:
-        nothing = "The data, as the verdict says; nothing else detectable in these readings."
+        nothing = "The error in the data that the verdict names; nothing else was detected."
     elif told:
         nothing = "Nothing else detectable in these readings."
     return f"{nothing}{also}"
@@ -127,8 +131,8 @@ def noise_told(causes: Sequence[contract.Cause]) -> Iterator[str]:
 
 def unnoticed(count: int) -> str:
     """How many causes would not have shown at their typical magnitude."""
-    causes = "1 possible cause" if count == 1 else f"{count} possible causes"
-    return f"{causes} of typical magnitude would not have been detected"
+    causes = "1 other effect" if count == 1 else f"{count} other effects"
+    return f"{causes} could be present at typical magnitude without being detected"
 
 
 def _told(facts: Facts) -> str:
@@ -325,8 +329,9 @@ def _rough_table(facts: Facts) -> str:
     return (
         "Many of the robot's DH parameters deviate a little from nominal, none far more than the "
         "others: in cross-validation "
-        f"the unloaded reflectors are {plain(before, 2)} mm rms per axis from where the nominal DH "
-        f"parameters place them, and {plain(after, 2)} mm from where the identified ones do."
+        f"the unloaded reflectors are {plain(before, 2)} mm rms per coordinate from where "
+        f"the nominal DH parameters place them, and {plain(after, 2)} mm from where the identified "
+        "ones do."
     )
 
 

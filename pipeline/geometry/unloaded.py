@@ -297,7 +297,7 @@ def unloaded(
         pose=pose.astype(np.int64),
         target=target,
         at=at,
-        cov=cov * scale**2 + STILL_M**2 * np.eye(3),
+        cov=cov * max(scale**2, STILL_M**2 / float(np.einsum("zii->", cov) / (3 * len(cov)))),
         rotation=linear.factor(data.rotation_cov),
         joint_std=data.joint_std,
         tool_std=data.tool_std,

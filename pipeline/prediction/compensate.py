@@ -118,8 +118,8 @@ class Compensation(Locked):
         count_on = 2e3 * np.maximum(self.std.max(axis=1), least).max()
         return (
             f"{known} by its own word; poses that were left out of its estimate were missed by "
-            f"{1e3 * self.held_out:.3f} mm rms per axis, noise of the readings included: count on "
-            f"±{count_on:.3f} mm"
+            f"{1e3 * self.held_out:.3f} mm rms per coordinate, noise of the readings included: "
+            f"count on ±{count_on:.3f} mm"
         )
 
 

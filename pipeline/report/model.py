@@ -103,7 +103,7 @@ def _judged(answer: Answer) -> Headline | None:
         return None
     doubtful = words.VERDICTS[answer.diagnosis.verdict][1] == "bad"
     word, tone = words.JUDGED[worst, doubtful]
-    return Headline(word, tone, tolerated(answer.tolerance))
+    return Headline(word, tone, tolerated(answer.tolerance, answer.test_pose))
 
 
 _ABOUT = {False: "Joint stiffness", True: "Where the robot stands"}

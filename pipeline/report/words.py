@@ -51,7 +51,7 @@ _SHOWN_IN = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "N": (1.0, "N"), "1": (1.0,
 
 VERDICTS = {
     "adequate": ("The model fits", "good"),
-    "explained": ("A cause beside the joint springs is identified", "attention"),
+    "explained": ("A cause besides the joint springs is identified", "attention"),
     "ambiguous": ("Causes cannot be distinguished yet", "attention"),
     "unexplained": ("The model misses something unknown", "bad"),
     "bad_data": ("The data need attention", "bad"),

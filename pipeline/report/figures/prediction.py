@@ -69,8 +69,9 @@ def _write_measured(answer: Answer, tables: Tables) -> Figure | None:
         return None
     miss = np.abs((rows["measured"] - rows["predicted"]).to_numpy(float))
     worst = rows.iloc[int(np.argmax(miss))]
+    most = plain(float(rows["measured"].abs().max()))
     said = (
-        f"Displacements reach {plain(float(rows['measured'].abs().max()))} mm and are predicted to "
+        f"Single coordinates of the displacements reach {most} mm and are predicted to "
         f"{plain(rms(miss))} mm rms; the largest error is {plain(float(miss.max()))} mm, at "
         f"{worst['target']} {worst['axis']} in pose {worst['pose']}."
     )

@@ -143,8 +143,8 @@ def _write_residual_force(answer: Answer, tables: Tables) -> Figure | None:
         return None
     low, high = points["force_n"].min(), points["force_n"].max()
     said = (
-        f"Pulls reach from {plain(low)} N to {plain(high)} N and the largest residual is "
-        f"{plain(points['mm'].abs().max())} mm."
+        f"Pulls reach from {plain(low)} N to {plain(high)} N and the largest residual of a "
+        f"coordinate is {plain(points['mm'].abs().max())} mm."
     )
     return Figure(
         "residual-force",

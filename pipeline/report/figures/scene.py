@@ -326,7 +326,7 @@ def _write(answer: Answer, tables: Tables) -> Figure:
     first = _names(answer)[0]
     said = (
         f"{len(poses)} poses{_of_all(poses)}. Blue: {first}, {moved:,.0f} times magnified; "
-        f"orange: residual, {left:,.0f} times. The largest residual is "
+        f"orange: residual, {left:,.0f} times. The longest residual vector is "
         f"{plain(MM * _size(vectors, _LEFT).max())} mm, at {at['target']} in "
         f"{label[0].lower()}{label[1:]}."
     )

@@ -140,7 +140,7 @@ def _size_sentence(parameters: Sequence[Amplitude]) -> str:
         f"{p.name} = {bracketed(p.value, p.std)} {p.unit.replace(' ', '·')}".rstrip()
         for p in parameters
     ]
-    return f"Its size: {', '.join(sizes)}." if sizes else ""
+    return f"Size: {', '.join(sizes)}." if sizes else ""
 
 
 def _gain_sentences(what: str, one: Cause) -> str:
@@ -175,7 +175,8 @@ def _share(gain: Gain) -> str:
 def _test_pose_changes(gain: Gain) -> Iterator[str]:
     change = gain.test_pose_change_mm
     if change is not None:
-        yield f"The predicted deflection at the test pose changes by {plain(change)} mm."
+        moved = "The vector of the predicted deflection at the test pose changes by"
+        yield f"{moved} {plain(change)} mm."
 
 
 def _rivals(place: int, rivals: Sequence[Rival]) -> Table | None:

@@ -241,7 +241,7 @@ def _harm(single: pd.DataFrame) -> Text | None:
             f"it shifts {row.moves_most}."
         )
     return Text(
-        f"An undetected error does most harm in {who}: up to {size} of it may remain undetected "
+        f"An undetected error does most harm in {who}: one of up to {size} may go unnoticed "
         f"and shift {row.moves_most} by {plain(row.moves_sigmas, 2)} standard uncertainties."
     )
 
@@ -283,7 +283,7 @@ def rejected(answer: Answer) -> Section | None:
 
 def _left_out(count: int) -> str:
     if not count:
-        return "No row of the raw files was rejected."
+        return "No row of the raw files was unreadable or incomplete."
     rows = "1 row was" if count == 1 else f"{count} rows were"
     return f"{rows} left out of the estimate; nothing was corrected silently."
 

@@ -23,8 +23,8 @@ from pipeline.report.columns import Cells, number, roughly, said, table_of
 from pipeline.report.record import Block, Column, Table, Text, entry, present
 
 _ARRIVES = {
-    1.0: "carriage arrives with its position rising",
-    -1.0: "carriage arrives with its position falling",
+    1.0: "carriage approaches in the positive direction",
+    -1.0: "carriage approaches in the negative direction",
 }
 
 _WIDE = 300.0
