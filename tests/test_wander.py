@@ -189,8 +189,23 @@ def test_one_axis_alone_is_told_from_three():
     alone = wander(data, beyond_of(drawn(3.0, 600.0, rng(3), (0.0, 1.0, 0.0))))
     together = wander(data, beyond_of(drawn(3.0, 600.0, rng(3))))
 
+    two = wander(data, beyond_of(drawn(3.0, 600.0, rng(3), (1.0, 0.0, 1.0))))
+
     assert (alone.size, alone.p_value) == (0.0, 1.0)
     assert together.p_value < 1e-6
+    assert two.p_value < 1e-6  # an instrument need not wander as far in all of them
+
+
+def test_sizes_of_their_own_belong_to_the_axes():
+    """A factor whose columns come axis by axis is scaled axis by axis, whatever its rank."""
+    data, y = measured(), drawn(3.0, 600.0, np.random.default_rng(3), (0.0, 1.0, 0.0))
+    alike = np.tile(np.eye(3), (len(data.pull), 1, 1))
+    factor = module._shifted(data, alike, kernel(data, 600.0)[0])
+
+    for axis in range(3):
+        part = factor[:, :, axis * (factor.shape[2] // 3) : (axis + 1) * (factor.shape[2] // 3)]
+        assert np.abs(np.delete(part, axis, axis=1)).max() == 0.0
+    assert module._along_one_axis(beyond_of(y), SIGMA_M * factor, 1.8)
 
 
 def sprung(rng):
