@@ -17,7 +17,16 @@ from pipeline.base.arrays import Array
 from pipeline.base.bootstrap import interval
 from pipeline.base.linear import rms
 from pipeline.diagnosis.facts import NOTHING, Gain, Named, Off, Standing
-from pipeline.geometry.roughness import Cells, Suspect, cells, left_out, products, same, straight
+from pipeline.geometry.roughness import (
+    Cells,
+    Suspect,
+    cells,
+    left_out,
+    products,
+    same,
+    straight,
+    unrefined,
+)
 from pipeline.geometry.unloaded import USUAL, Rows, Unloaded, off, unloaded
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, Geometry, Observation
@@ -159,14 +168,13 @@ class _Search:
     def likeliest(self) -> _Suspect:
         """What explains most if it is off."""
         rest = [one for one in self.asked if one not in self.found.free]
-        return max(rest, key=lambda one: round(_evidence(self.found, one), 6))
+        return max(rest, key=lambda one: round(self.found.evidence(one), 6))
 
     def with_free(self, free: tuple[_Suspect, ...]) -> _Search:
         """The estimate with some causes free, linearised where the robot then stands."""
-        x, rows, found = self.x, self.rows, self.found
+        x, rows = self.x, self.rows
         for _ in range(_ROUNDS):
-            found = cells(self.zeros, products(rows), free)
-            x, before = found.mean, x
+            x, before = unrefined(self.zeros, products(rows), free).mean, x
             rows = self.zeros.about(x)
             if np.max(np.abs(x - before)[self.zeros.columns.table], initial=0.0) < _STILL:
                 break
@@ -194,10 +202,6 @@ _ROUNDS = 4
 
 _STILL = 1e-6
 """A step below this [m], [rad] is the last."""
-
-
-def _evidence(found: Cells, one: Suspect) -> float:
-    return float(special.logsumexp(found.freed(one)))
 
 
 def _rest(found: Cells, one: Suspect) -> float:
@@ -258,9 +262,9 @@ def _off(search: _Search, number: int) -> Off:
     zeros, one = search.zeros, search.free[number]
     rest = tuple(other for other in search.free if other is not one)
     sums = products(search.rows)
-    beside = cells(zeros, sums, rest)
+    beside = unrefined(zeros, sums, rest)
     others = [other for other in search.asked if other not in rest]
-    odds = special.softmax([_evidence(beside, other) for other in others])
+    odds = special.softmax([beside.evidence(other) for other in others])
     twins = [other for other in others if other is not one and same(zeros, sums, one, other)]
     order = np.argsort(-np.round(odds, 9), kind="stable")
     at, units = list(one.columns), _units(one)

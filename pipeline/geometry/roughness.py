@@ -3,7 +3,8 @@
     y ~ N(D x, V(t)),   x_k ~ N(0, s_k^2),   s_k = r_L for lengths, r_A for angles
 
 The three scales r_L, r_A and t (the joints' errors at a pose) are integrated over a grid, each
-logarithmically uniform: with a dozen poses their likeliest values are far too certain. A suspect is
+logarithmically uniform: with a dozen poses their likeliest values are far too certain. The grid is
+refined where the likelihood changes from node to node. A suspect is
 a parameter, or several, that is no part of the rest: its prior is wide. What that does to every
 cell of the grid follows from the cell's own covariance C,
 
@@ -16,7 +17,7 @@ inverse.
 from __future__ import annotations
 
 from collections.abc import Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -27,8 +28,18 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.geometry.unloaded import Rows, Unloaded
 
 _SCALES = np.geomspace(1e-2, 10.0, 7)
-"""Of lengths [mm] and angles [mrad], and of the joints' errors over what they usually are: steps of
-a half of a decade, over which a standard deviation found from ten numbers spreads anyway."""
+"""Of lengths [mm] and angles [mrad], and of the joints' errors over what they usually are, before
+the grid is refined."""
+
+_HALVINGS = 2
+"""From half a decade to a factor of 1.33; a standard deviation found from ten numbers is uncertain
+by a factor of 1.25."""
+
+_CHANGES = 0.5
+"""Natural log of the density from one node to the next from which on the interval is halved."""
+
+_NEGLIGIBLE = 9.0
+"""Natural logs below the largest density at which a node, and its neighbours, are left out."""
 
 _COUNTS = 1e-3
 """Cells of the grid with less than this part of the weight take no part in estimates."""
@@ -51,23 +62,43 @@ class Suspect:
 
 @dataclass(frozen=True, eq=False)
 class Products(Locked):
-    """Sums over poses for each size of the joints' errors.
+    """Sums over poses for some sizes of the joints' errors.
 
     Attributes:
+        rows: What they are sums of.
+        sizes: Of the joints' errors, over what they usually are, shape (t,).
         A: D' V^-1 D, shape (t, K, K).
         b: D' V^-1 y, shape (t, K).
         square: y' V^-1 y + log det V, shape (t,).
     """
 
+    rows: Rows
+    sizes: Array
     A: Array
     b: Array
     square: Array
 
+    def with_sizes(self, sizes: Array) -> Products:
+        """The sums for other sizes."""
+        known = {size: k for k, size in enumerate(self.sizes.tolist())}
+        new = [size for size in sizes.tolist() if size not in known]
+        if not new:
+            at = [known[size] for size in sizes.tolist()]
+            return Products(self.rows, sizes, self.A[at], self.b[at], self.square[at])
+        more = products(self.rows, np.array(new))
+        both = (np.concatenate(pair) for pair in zip(self._sums, more._sums, strict=True))
+        every = Products(self.rows, np.append(self.sizes, more.sizes), *both)
+        return every.with_sizes(sizes)
 
-def products(rows: Rows) -> Products:
+    @property
+    def _sums(self) -> tuple[Array, Array, Array]:
+        return self.A, self.b, self.square
+
+
+def products(rows: Rows, sizes: Array = _SCALES) -> Products:
     """Sums of some rows."""
-    each = [_sums(rows, size) for size in _SCALES]
-    return Products(*(np.stack(some) for some in zip(*each, strict=True)))
+    each = [_sums(rows, size) for size in sizes.tolist()]
+    return Products(rows, sizes, *(np.stack(some) for some in zip(*each, strict=True)))
 
 
 def _sums(rows: Rows, size: float) -> tuple[Array, Array, Array]:
@@ -87,30 +118,30 @@ class Cells(Locked):
         free: What was free.
         std: Standard deviations before the data, shape (c, K).
         rough: Roughness of lengths [m] and angles [rad], shape (c, 2).
-        transmission: Index of the size of the joints' errors, shape (c,).
+        transmission: Size of the joints' errors, over what they usually are, shape (c,).
+        width: Natural log of the part of the grid that a cell stands for, shape (c,).
         x: Estimates, shape (c, K).
         cov: Their covariances, shape (c, K, K).
         log: Natural log of the likelihood, whatever the unknowns are, shape (c,).
+        unrefined: The same for the whole grid; None where this is it. What has no weight now may
+            have all of it with one more suspect free.
     """
 
     zeros: Unloaded
     free: tuple[Suspect, ...]
     std: Array
     rough: Array
-    transmission: Ints
+    transmission: Array
+    width: Array
     x: Array
     cov: Array
     log: Array
+    unrefined: Cells | None = None
 
     @cached_property
     def weight(self) -> Array:
         """Probability of each cell, shape (c,)."""
-        return np.asarray(special.softmax(self.log))
-
-    @property
-    def evidence(self) -> float:
-        """Natural log of the likelihood, whatever scales and unknowns are."""
-        return float(special.logsumexp(self.log))
+        return np.asarray(special.softmax(self.log + self.width))
 
     @property
     def best(self) -> int:
@@ -151,6 +182,11 @@ class Cells(Locked):
         ratio = 2 * (self.log.max() - self.log[smooth].max())
         return float(special.chdtrc(2, ratio))
 
+    def evidence(self, one: Suspect) -> float:
+        """Natural log of the likelihood with one more free, whatever scales and unknowns are."""
+        whole = self.unrefined or self
+        return float(special.logsumexp(whole.freed(one) + whole.width))
+
     def freed(self, one: Suspect) -> Array:
         """Likelihood with one more of the suspects free, natural log, shape (c,).
 
@@ -190,16 +226,66 @@ def cells(zeros: Unloaded, sums: Products, free: Sequence[Suspect] = ()) -> Cell
         sums: Their products.
         free: Suspects that are off.
     """
-    t, L, A = np.meshgrid(np.arange(len(_SCALES)), _SCALES, _SCALES, indexing="ij")
+    found = whole = unrefined(zeros, sums, free)
+    nodes = _WHOLE
+    for _ in range(_HALVINGS):
+        nodes = _finer(found, nodes)
+        found = _over(zeros, sums, free, nodes)
+    return replace(found, unrefined=whole)
+
+
+def unrefined(zeros: Unloaded, sums: Products, free: Sequence[Suspect] = ()) -> Cells:
+    """The same on a coarse grid: enough for what to linearise about, and for what to ask next."""
+    return _over(zeros, sums, free, _WHOLE)
+
+
+_Nodes = tuple[Array, Array, Array]
+"""Sizes of the joints' errors, of lengths [mm] and of angles [mrad], ascending."""
+
+_WHOLE: _Nodes = (_SCALES, _SCALES, _SCALES)
+
+
+def _over(zeros: Unloaded, sums: Products, free: Sequence[Suspect], nodes: _Nodes) -> Cells:
+    """Estimates for every cell between nodes."""
+    which, L, A = np.meshgrid(np.arange(len(nodes[0])), *nodes[1:], indexing="ij")
+    widths = np.meshgrid(*(np.log(_widths(one)) for one in nodes), indexing="ij")
     rough = 1e-3 * np.column_stack([L.ravel(), A.ravel()])
-    return _estimated(zeros, sums, free, _std(zeros, rough, free), rough, t.ravel())
+    std = _std(zeros, rough, free)
+    width = np.sum(widths, axis=0).ravel()
+    return _estimated(zeros, sums.with_sizes(nodes[0]), free, std, rough, which.ravel(), width)
+
+
+def _widths(nodes: Array) -> Array:
+    """Part of the logarithmic axis that each node stands for, by the trapezoidal rule."""
+    along = np.log(nodes)
+    edges = np.concatenate([along[:1], 0.5 * (along[1:] + along[:-1]), along[-1:]])
+    return np.diff(edges)
+
+
+def _finer(found: Cells, nodes: _Nodes) -> _Nodes:
+    """The nodes, without those of no weight, and with new ones where the density changes."""
+    weight = found.weight.reshape([len(one) for one in nodes])
+    return tuple(
+        _halved(one, np.log(np.maximum(weight.sum(axis=rest), 1e-300) / _widths(one)))
+        for one, rest in zip(nodes, ((1, 2), (0, 2), (0, 1)), strict=True)
+    )  # type: ignore[return-value]
+
+
+def _halved(nodes: Array, density: Array) -> Array:
+    """One axis: `density` is the natural log of that at each node."""
+    counts = density > density.max() - _NEGLIGIBLE
+    beside = np.pad(counts, 1)
+    kept = np.flatnonzero(beside[:-2] | counts | beside[2:])
+    nodes, density = nodes[kept], density[kept]
+    steep = np.pad(np.abs(np.diff(density)) > _CHANGES, 1)
+    halve = steep[:-2] | steep[1:-1] | steep[2:]
+    return np.sort(np.concatenate([nodes, np.sqrt(nodes[1:] * nodes[:-1])[halve]]))
 
 
 def straight(zeros: Unloaded, sums: Products) -> Cells:
     """The table as it is, its joints without errors: only place, stated turn and tool are free."""
-    still = np.zeros((1, 2))
-    std = zeros.held()[None]
-    return _estimated(zeros, sums, (), std, still, np.zeros(1, dtype=np.int64))
+    std, whole = zeros.held()[None], np.zeros(1)
+    return _estimated(zeros, sums, (), std, np.zeros((1, 2)), np.zeros(1, dtype=np.int64), whole)
 
 
 def _std(zeros: Unloaded, rough: Array, free: Iterable[Suspect]) -> Array:
@@ -217,10 +303,11 @@ def _estimated(
     free: Sequence[Suspect],
     std: Array,
     rough: Array,
-    transmission: Ints,
+    which: Ints,
+    width: Array,
 ) -> Cells:
     """Estimates with unknowns in units of their standard deviations, which numbers like better."""
-    A, b = sums.A[transmission], sums.b[transmission]
+    A, b = sums.A[which], sums.b[which]
     M = np.eye(std.shape[1]) + std[:, :, None] * A * std[:, None, :]
     size = np.sqrt(np.einsum("cii->ci", M))
     scaled = M / (size[:, :, None] * size[:, None, :])
@@ -229,8 +316,9 @@ def _estimated(
     cov = unit[:, :, None] * inverse * unit[:, None, :]
     x = np.einsum("cij,cj->ci", cov, b)
     log_det = linear.log_det(scaled) + 2 * np.log(size).sum(axis=1)
-    log = -0.5 * (sums.square[transmission] - np.einsum("ci,ci->c", b, x) + log_det)
-    return Cells(zeros, tuple(free), std, rough, transmission, x, cov, log)
+    log = -0.5 * (sums.square[which] - np.einsum("ci,ci->c", b, x) + log_det)
+    size_of = sums.sizes[which]
+    return Cells(zeros, tuple(free), std, rough, size_of, width, x, cov, log)
 
 
 def left_out(found: Cells, rows: Rows) -> Array:
@@ -239,7 +327,7 @@ def left_out(found: Cells, rows: Rows) -> Array:
     e_i / (1 - H_i), H_i = X_i C X_i' in whitened rows: the estimate without pose i, exactly.
     """
     cell = found.best
-    W = linear.whitening(rows.cov(_SCALES[found.transmission[cell]]))
+    W = linear.whitening(rows.cov(found.transmission[cell]))
     X = W @ rows.D
     e = np.einsum("pij,pj->pi", W, rows.y) - X @ found.x[cell]
     rest = np.eye(X.shape[1]) - X @ found.cov[cell] @ np.swapaxes(X, 1, 2)
