@@ -8,7 +8,10 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.base.errors import InputError
+from pipeline.diagnosis.unloaded_geometry import standing
+from pipeline.geometry.roughness import cells, products
 from pipeline.machine import six
+from pipeline.machine.effects import catalogue
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import parse
@@ -206,3 +209,57 @@ def test_an_instrument_that_cannot_be_is_refused(name):
 
     with pytest.raises(InputError, match=re.escape(told)):
         parse(text)
+
+
+@pytest.mark.parametrize("hidden", ["link_length:4=0.02", "joint_offset:3=3e-3", "link_twist:5=5e-3"])
+def test_a_wrong_entry_of_the_table_is_identified_from_6d_poses(hidden):
+    """In size too, and springs rest on the corrected table as they do on a right one."""
+    name, _, rest = hidden.partition(":")
+    joint, _, size = rest.partition("=")
+    files = made(poses=16, tracker=SIX, hidden={"effects": [hidden]})
+    said = answered("six", in_memory(files)).answer
+    plain_said = answered("six", in_memory(made(poses=16, tracker=SIX))).answer
+    (cause,) = said.diagnosis.causes
+    (found,) = cause.parameters
+    springs = zip(said.stiffness, plain_said.stiffness, strict=True)
+
+    assert (cause.name, cause.where) == (name, int(joint))
+    assert found.value == pytest.approx(float(size), abs=4 * found.std)
+    assert found.std < 5e-5
+    assert said.recommended.table == "estimated"
+    assert all(abs(a.compliance - b.compliance) < 0.5 * b.compliance_std for a, b in springs)
+    before, after = said.diagnosis.unloaded_off_mm
+    assert after < 0.05 < 1 < before
+    assert plain_said.recommended.table == "as_delivered"
+
+
+def test_positions_and_rotations_of_6d_poses_are_weighed_by_what_is_stated_of_each():
+    """A rotation that is known badly says nothing of an entry that only turns the effector."""
+    stds = []
+    for rad in (1e-5, 1e-2):
+        tracker = SIX | {"stated": True, "sigma_rad": rad}
+        data = case_of(made(poses=16, tracker=tracker))
+        reduced = bring(data)
+        stood = standing(data.cell, reduced.data, 1.0, catalogue(data.robot))
+        zeros = stood.cells.zeros
+        k = zeros.columns.table.start + [one.label for one in zeros.letters].index("joint_offset:6")
+        alone = cells(zeros, products(zeros.about(np.zeros(zeros.columns.count))))
+        stds.append(np.sqrt(alone.covariance[k, k]))
+        size = six.radius(data.tool.points)
+        ratio = np.einsum("pii->p", zeros.errors[1::2]) / np.einsum("pii->p", zeros.errors[0::2])
+        assert ratio == pytest.approx(np.full(16, (size * rad / SIX["sigma_m"]) ** 2))
+
+    assert stds[1] > 2 * stds[0]
+
+
+def test_without_noise_6d_poses_give_the_entry_back():
+    """To 1e-9: the rows hold a turn of whatever size once they are linearised where it is."""
+    still = SIX | {"stated": True}
+    plan = Plan(name="s", seed=3, poses={"count": 16}, tracker=still,
+                hidden={"effects": ["link_twist:5=0.02"]}).without_noise()  # fmt: skip
+    case = case_of(dict(simulate(plan).files))
+    stood = standing(case.cell, bring(case).data, 0.1, catalogue(case.robot))
+
+    (one,) = stood.causes
+    assert one.effect.label == "link_twist:5"
+    assert one.value[0] == pytest.approx(0.02, abs=2e-9)

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from pipeline.answer import contract
 from pipeline.answer.combinations import combination_entries, told
 from pipeline.answer.common_factor import common_factor, told_factor
@@ -148,7 +150,7 @@ def answer(found: Findings) -> Answer:
 def _identity(found: Findings) -> contract.Identity:
     """What the report is filed by."""
     readings, data = found.given.reduced.shown["readings"], found.right.data
-    alone = 0 if data.idle is None else data.idle.poses
+    alone = 0 if data.idle is None else len(np.setdiff1d(data.idle.pulls.pose, data.pulls.pose))
     return identity_entry(
         found.raw.settings, readings["time"], data.pulls.pose, data.pulls.force, alone
     )

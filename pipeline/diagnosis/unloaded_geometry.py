@@ -128,8 +128,7 @@ def _fits(zeros: Unloaded, rows: Rows, plain: Cells) -> bool:
     """Whether place, stated turn, tool and the readings' scatter explain where they stand."""
     left = rows.y - rows.D @ plain.mean
     chi2 = float(np.sum(np.einsum("pij,pj->pi", linear.whitening(rows.N), left) ** 2))
-    dof = zeros.at.size - 3 - 3 * len(zeros.tool.points)
-    return dof < 1 or bool(special.chdtrc(dof, chi2) > _MISFIT)
+    return zeros.dof < 1 or bool(special.chdtrc(zeros.dof, chi2) > _MISFIT)
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,7 +294,7 @@ def _gain(missed: tuple[Array, Array], zeros: Unloaded, found: Cells) -> Gain:
     """What the corrected table is worth at poses that were left out, against the table as it is."""
     before, after = (part.ravel() for part in missed)
     rng = np.random.default_rng(_SEED)
-    reduction, ci95 = interval(before, after, np.repeat(zeros.pose, 3), rng)
+    reduction, ci95 = interval(before, after, np.repeat(zeros.read, 3), rng)
     chosen = (tuple(one.label for one in found.free),) * zeros.poses
     return Gain(before, after, reduction, ci95, chosen, "unloaded positions")
 

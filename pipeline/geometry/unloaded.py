@@ -96,6 +96,9 @@ class Unloaded(Locked):
             likelihoods, which are differences of squares, their digits.
         misshapen: Poses without a pull that are left out: their targets are not where a rigid
             effector has them, so that one of the readings is spoilt.
+        turned: Covariance of the rotation of each pose at the radius of the targets [m^2], shape
+            (p, 3, 3), where all targets of a pose were computed from one 6D pose, in place of which
+            its position, of covariance `cov`, and its rotation are read; else None.
     """
 
     robot: Robot
@@ -111,6 +114,7 @@ class Unloaded(Locked):
     tool_std: float = 0.0
     place: Array = field(default_factory=lambda: np.zeros(3))
     misshapen: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
+    turned: Array | None = None
 
     @cached_property
     def letters(self) -> tuple[Letter, ...]:
@@ -134,6 +138,17 @@ class Unloaded(Locked):
     def poses(self) -> int:
         """Number of poses p."""
         return int(self.pose.max()) + 1
+
+    @property
+    def read(self) -> Ints:
+        """Pose of each point that is read, or of position and rotation; shape (v,)."""
+        return self.pose if self.turned is None else np.repeat(np.arange(self.poses), 2)
+
+    @property
+    def dof(self) -> int:
+        """Degrees of freedom where nothing but place and tool is estimated."""
+        tool = 6 if self.turned is not None else 3 * len(self.tool.points)
+        return 3 * len(self.read) - 3 - tool
 
     def usual(self) -> Array:
         """Standard deviation of each geometric parameter as delivered and stated, shape (k,)."""
@@ -175,7 +190,7 @@ class Unloaded(Locked):
         q = self.sag.geometry(self.robot, self.pulls, self.masses(x))
         return robot, replace(self.pulls, q=q)
 
-    def turned(self, x: Array) -> Array:
+    def base_turn(self, x: Array) -> Array:
         """Turn of F_b against the base reflectors [rad], shape (3,)."""
         return np.asarray(self.rotation @ x[self.columns.turn] + x[self.columns.loose])
 
@@ -185,7 +200,7 @@ class Unloaded(Locked):
         here, where, z = configure(robot, pulls.q), self.columns, np.arange(len(self.target))
         points = (self.tool.points + x[where.tool].reshape(-1, 3))[self.target]
         p = here.flange_origin + np.einsum("zij,zj->zi", here.flange_axes, points)
-        R = Rotation.from_rotvec(self.turned(x)).as_matrix()
+        R = Rotation.from_rotvec(self.base_turn(x)).as_matrix()
         stands = p @ R.T + self.place + x[where.shift]
         D = np.zeros((len(z), 3, where.count))
         D[:, :, where.shift] = np.eye(3)
@@ -198,7 +213,25 @@ class Unloaded(Locked):
         D[:, :, where.table] = R @ reach(twists(here, self.letters), p[:, None])[:, :3]
         if self.sag is not None:
             D[:, :, where.masses] = Z @ self._sagging()
-        return _by_pose(self, self.at - stands + D @ x, D, Z)
+        y = self.at - stands + D @ x
+        if self.turned is not None:
+            y, D, Z = self._in_poses(y[..., None])[..., 0], self._in_poses(D), self._in_poses(Z)
+        return _by_pose(self, y, D, Z)
+
+    def _in_poses(self, moved: Array) -> Array:
+        """Position and rotation of each pose for small motions of its targets, (v, 3, k)."""
+        t = len(self.tool.points)
+        here = configure(self.robot, self.pulls.q[::t])
+        six = replace(self.tool, six=True).coordinates(here, moved.reshape(-1, t, *moved.shape[1:]))
+        return np.asarray(six.reshape(-1, *moved.shape[1:]))
+
+    @property
+    def errors(self) -> Array:
+        """Covariance of what is read [m^2], shape (v, 3, 3)."""
+        if self.turned is None:
+            return self.cov
+        own = self.cov[:: len(self.tool.points)]
+        return np.asarray(np.stack([own, self.turned], axis=1).reshape(-1, 3, 3))
 
     def _sagging(self) -> Array:
         """How far each of the masses, at its usual size, turns the joints, shape (z, n, masses)."""
@@ -208,7 +241,7 @@ class Unloaded(Locked):
         return np.stack(each, axis=2)
 
     def seen(self, x: Array) -> Array:
-        """What unknowns leave of the positions [m], without the joints' errors, shape (z, 3)."""
+        """What unknowns leave of what is read [m], without the joints' errors, shape (v, 3)."""
         rows = self.about(x)
         return np.asarray((rows.y - rows.D @ x)[rows.place])
 
@@ -222,7 +255,7 @@ class Rows(Locked):
         D: Derivatives by the unknowns, shape (p, r, K).
         Z: Derivatives by the joints, shape (p, r, n).
         N: Covariance of the readings [m^2], 1 where there is none, shape (p, r, r).
-        place: Pose and rows of each zero: y[place] has shape (z, 3).
+        place: Pose and rows of each point that is read: y[place] has shape (v, 3).
         slides: Joints that slide, shape (n,).
     """
 
@@ -245,12 +278,13 @@ class Rows(Locked):
 
 
 def _by_pose(zeros: Unloaded, y: Array, D: Array, Z: Array) -> Rows:
-    first = np.searchsorted(np.sort(zeros.pose), zeros.pose)
-    order = np.argsort(zeros.pose, kind="stable")
+    pose = zeros.read
+    first = np.searchsorted(np.sort(pose), pose)
+    order = np.argsort(pose, kind="stable")
     slot = np.empty(len(order), dtype=np.int64)
     slot[order] = np.arange(len(order)) - first[order]
     most, p = int(slot.max()) + 1, zeros.poses
-    place = zeros.pose[:, None], 3 * slot[:, None] + np.arange(3)
+    place = pose[:, None], 3 * slot[:, None] + np.arange(3)
 
     def rows(part: Array) -> Array:
         out = np.zeros((p, 3 * most, *part.shape[2:]))
@@ -258,7 +292,7 @@ def _by_pose(zeros: Unloaded, y: Array, D: Array, Z: Array) -> Rows:
         return out
 
     N = np.tile(np.eye(3 * most), (p, 1, 1))
-    N[place[0][:, :, None], place[1][:, :, None], place[1][:, None, :]] = zeros.cov
+    N[place[0][:, :, None], place[1][:, :, None], place[1][:, None, :]] = zeros.errors
     return Rows(rows(y), rows(D), rows(Z), N, place, zeros.robot.prismatic)
 
 
@@ -278,7 +312,9 @@ def unloaded(
     first = first[np.isfinite(data.unloaded[first]).all(axis=1)]
     pulls, target = data.pulls.part(data.pull[first]), data.target[first]
     at, cov, misshapen = data.unloaded[first], data.zero_cov[first], np.zeros(0, np.int64)
-    if data.idle is not None and len(first):
+    if data.idle is not None and data.idle.turned is not None:
+        pulls, target, at, cov = data.idle.pulls, data.idle.target, data.idle.at, data.idle.cov
+    elif data.idle is not None and len(first):
         misshapen = _misshapen(data.idle, _Shape.of(pulls.pose, target, at, cov), scale)
         more = np.flatnonzero(~np.isin(data.idle.pulls.pose, misshapen))
         pulls, target = (
@@ -289,6 +325,8 @@ def unloaded(
     poses, pose = np.unique(pulls.pose, return_inverse=True)
     if len(poses) < _FEWEST or not np.isfinite(scale):
         return None
+    better = max(scale**2, STILL_M**2 / float(np.einsum("zii->", cov) / (3 * len(cov))))
+    turned = data.idle.turned if data.idle is not None else None
     found = Unloaded(
         robot=robot,
         tool=tool,
@@ -297,13 +335,15 @@ def unloaded(
         pose=pose.astype(np.int64),
         target=target,
         at=at,
-        cov=cov * max(scale**2, STILL_M**2 / float(np.einsum("zii->", cov) / (3 * len(cov)))),
+        cov=cov * better,
         rotation=linear.factor(data.rotation_cov),
         joint_std=data.joint_std,
         tool_std=data.tool_std,
         misshapen=misshapen,
+        turned=None if turned is None else turned * better,
     )
-    return replace(found, place=found.seen(np.zeros(found.columns.count)).mean(axis=0))
+    off = found.seen(np.zeros(found.columns.count))
+    return replace(found, place=(off if turned is None else off[::2]).mean(axis=0))
 
 
 @dataclass(frozen=True, eq=False)

@@ -1,7 +1,12 @@
-"""Poses in which reflectors were read and nothing was pulled: they tell of the robot's table."""
+"""Unloaded positions that belong to no displacement: they tell of the robot's table.
+
+Those of poses without a pull; and, where an instrument reads one 6D pose, those of every pose, as
+displacements are then no longer those of targets.
+"""
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,12 +32,16 @@ class Idle(Locked):
         at: Where it stands [m], F_b, shape (z, 3).
         cov: Covariance of that [m^2], shape (z, 3, 3); 1 m^2 over the number of readings where no
             noise is stated.
+        turned: Covariance of the rotation of each pose at the radius of the targets [m^2], shape
+            (p, 3, 3), where all targets of a pose were computed from one 6D pose, of which `cov` is
+            that of the position; else None.
     """
 
     pulls: Pulls
     target: Ints
     at: Array
     cov: Array
+    turned: Array | None = None
 
     def __len__(self) -> int:
         """Number of positions z."""
@@ -45,20 +54,42 @@ class Idle(Locked):
 
     def scaled(self, factor: float) -> Idle:
         """The same with the standard uncertainties of the readings multiplied."""
-        return replace(self, cov=self.cov * factor**2)
+        return replace(self.with_rotation(factor), cov=self.cov * factor**2)
+
+    def with_rotation(self, factor: float) -> Idle:
+        """The same with the standard uncertainties of the rotations multiplied."""
+        return replace(self, turned=None if self.turned is None else self.turned * factor**2)
+
+    def in_poses(self, targets: int, rotation: Callable[[Array], Array]) -> Idle:
+        """Those that have all targets, computed from one 6D pose.
+
+        Args:
+            targets: How many targets there are.
+            rotation: Covariance of the rotation, by that of the position, (p, 3, 3) both.
+        """
+        count = np.bincount(self.pulls.pose)
+        every = np.flatnonzero(count[self.pulls.pose] == targets)
+        cov = self.cov[every].reshape(-1, targets, 3, 3).mean(axis=1)
+        return Idle(
+            self.pulls.part(every),
+            self.target[every],
+            self.at[every],
+            np.repeat(cov, targets, axis=0),
+            rotation(cov),
+        )
 
 
 def idle(
     settings: Settings, robot: Robot, joints: pd.DataFrame, placed: pd.DataFrame, pulled: Ints
 ) -> Idle:
-    """Unloaded readings of poses without a pull.
+    """Unloaded readings of all poses but some.
 
     Args:
         settings: Names of the measured targets.
         robot: The robot, for its joints.
         joints: Table of joint values, `tables.joints(robot)`.
         placed: Table PLACED, F_b.
-        pulled: Poses in which something was pulled.
+        pulled: Poses that are left out, shape (p,).
     """
     read = zeros(settings, placed)
     read = read[~read["pose"].isin(pulled)].merge(joints, on="pose")

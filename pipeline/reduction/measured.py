@@ -73,7 +73,8 @@ class Measured(Locked):
         day: Day of each pull, counted from 0, shape (m,); empty where no pose was repeated on
             another day.
         day_rel: Relative standard uncertainty of all displacements of a day [1], see `days`.
-        idle: Unloaded readings of poses without a pull; None where there are none.
+        idle: Unloaded readings of poses without a pull, of all poses where `poses`; None where
+            there are none.
         tracker: Where the tracker stands in F_b [m], shape (3,); None where nobody knows.
     """
 
@@ -222,10 +223,11 @@ def measured(
         length_rel=settings.instrument.length_sigma_rel,
         tracker=registration.tracker if len(registration.table) else None,
     )
-    if placed is not None:
-        alone = idle(settings, robot, joints, placed, np.unique(data.pulls.pose[data.pull]))
-        data = replace(data, idle=alone if len(alone) else None)
     effector = tool(settings)
+    if placed is not None:
+        pulled = np.unique(data.pulls.pose[data.pull])
+        alone = idle(settings, robot, joints, placed, pulled[:0] if effector.six else pulled)
+        data = replace(data, idle=alone if len(alone) else None)
     return in_poses(data, robot, effector, settings.instrument) if effector.six else data
 
 
@@ -240,7 +242,7 @@ def in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) -> 
     """The same with position and rotation of the effector in place of its targets.
 
     Errors of both are those of a target, the rotation's at the radius of the targets, unless its
-    own standard uncertainty is stated. Where it stands unloaded is left open.
+    own standard uncertainty is stated.
 
     Raises:
         InputError: No pull has all targets.
@@ -267,11 +269,17 @@ def in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) -> 
     loaded, zero = (
         cov[rows].reshape(-1, t, 3, 3).mean(axis=1) for cov in (data.loaded_cov, data.zero_cov)
     )
-    turned = (loaded, zero)
-    if data.noise_stated and said.sigma_rad is not None:
-        own = (six.radius(effector.points) * said.sigma_rad) ** 2 * np.eye(3)
-        fewer = np.trace(zero, axis1=1, axis2=2) / np.trace(loaded, axis1=1, axis2=2)
-        turned = (np.broadcast_to(own, loaded.shape), fewer[:, None, None] * own)
+    rad = said.sigma_rad if data.noise_stated else None
+    own = None if rad is None else (six.radius(effector.points) * rad) ** 2 * np.eye(3)
+
+    def rotation(position: Array) -> Array:
+        """Covariance of the rotation; of a mean of several readings it is less."""
+        if own is None:
+            return position
+        one = np.trace(loaded, axis1=1, axis2=2).mean()
+        fewer = np.trace(position, axis1=1, axis2=2) / one
+        return np.asarray(fewer[:, None, None] * own)
+
     kind = np.tile([0, 1], len(pull))
     which = np.unique(data.pulls.pose[pull], return_inverse=True)[1]
     return replace(
@@ -282,9 +290,9 @@ def in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) -> 
         name=effector.read[kind],
         delta=delta.reshape(-1, 3),
         unloaded=np.full((2 * len(pull), 3), np.nan),
-        idle=None,
-        loaded_cov=np.stack([loaded, turned[0]], axis=1).reshape(-1, 3, 3),
-        zero_cov=np.stack([zero, turned[1]], axis=1).reshape(-1, 3, 3),
+        idle=data.idle and data.idle.in_poses(t, rotation),
+        loaded_cov=np.stack([loaded, rotation(loaded)], axis=1).reshape(-1, 3, 3),
+        zero_cov=np.stack([zero, rotation(zero)], axis=1).reshape(-1, 3, 3),
         zero=2 * np.repeat(which, 2) + kind,
     )
 

@@ -58,7 +58,8 @@ def apart(
         ratio = _ratio(rows)
         if ratio is not None:
             variance = np.where(data.target == ROWS.index("rotation"), ratio**2, 1.0)
-            return data.reweighed(variance, variance)
+            idle = data.idle and data.idle.with_rotation(ratio)
+            return replace(data.reweighed(variance, variance), idle=idle)
     return data
 
 
