@@ -9,7 +9,7 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.geometry.curves import matern, over
 from pipeline.geometry.laws import Inputs, Law
-from pipeline.geometry.mechanism import Payloads, Weights, linearised
+from pipeline.geometry.mechanism import Payloads, Weights, layout, linearised
 from pipeline.geometry.readings import Readings
 from pipeline.geometry.study import Step, study
 from pipeline.geometry.worth import Parting
@@ -190,6 +190,104 @@ def test_a_curve_is_forgotten_beyond_its_knots():
 
 def test_a_law_of_temperature_stays_where_it_was_taught():
     law = Law(1, "smooth", "temperature", None, 1.0, 20.0, 2.0)
-    inputs = Inputs(np.zeros((4, 6)), np.zeros((4, 6)), np.array([20, 21, 30, np.nan]), np.zeros(4))
+    none = np.zeros(4)
+    air = np.array([20, 21, 30, np.nan])
+    inputs = Inputs(np.zeros((4, 6)), np.zeros((4, 6)), air, none, none)
 
     assert law.basis(inputs)[:, 0].tolist() == [0.0, 0.5, 1.0, 0.0]
+
+
+@pytest.fixture(scope="module")
+def slipped():
+    """Joint 3 slips by 0.4 mrad before pose 250 of 420, at a third of the second series."""
+
+    def slip(q):
+        out = np.zeros_like(q)
+        out[250:, 2] = 4e-4
+        return out
+
+    readings = made(420, np.random.default_rng(4), slip)
+    second = np.arange(420) >= 180
+    readings = replace(
+        readings, series=second.astype(np.int64), names=np.array(["one", "two"], dtype=object),
+        pose=np.where(second, readings.pose - 180, readings.pose),
+    )  # fmt: skip
+    return readings, studied(readings)
+
+
+def test_a_joint_that_slipped_once_is_named_with_its_pose(slipped):
+    """Though no other series could tell it: parts of joint space do."""
+    _, found = slipped
+
+    (law,) = found.laws
+    assert (law.joint, law.kind, law.variable) == (3, "step", "time")
+    assert law.since == ("two", 70)
+    assert 2 * law.amplitude == pytest.approx(4e-4, abs=5 * 2 * law.std)
+    assert found.moved == ()
+    assert found.stages[-1].mean(Parting.BETWEEN) < 0.03e-3
+
+
+def test_predictions_are_of_the_robot_after_it_slipped(slipped):
+    """Of no known time: whatever is predicted comes after what was read."""
+    _, found = slipped
+    model = loads(dumps(standing("made", found.final)), "positions.npz")
+    rng = np.random.default_rng(9)
+
+    def after(q):
+        out = np.zeros_like(q)
+        out[:, 2] = 4e-4
+        return out
+
+    fresh = made(200, rng, after, joint=0.0, noise=0.0)
+    none = np.full(200, np.nan)
+    told = predict(model, fresh.q, np.zeros((200, 3)), np.zeros(200, dtype=np.int64), none)
+    R, t = found.final.mechanism.frames[0, :3, :3], found.final.mechanism.frames[0, :3, 3]
+    off = told.at[:, 0] - (fresh.at[:, 0] - t) @ R
+
+    assert np.linalg.norm(off, axis=1).mean() < 0.03e-3
+    assert told.std[:, 0, :3].max() < 0.1e-3
+
+
+def test_a_step_of_torque_makes_no_prediction_uncertain_for_its_torque():
+    """It is as high at any torque: only its amplitude is uncertain, as it is of a joint at rest."""
+    found = studied(made(120, np.random.default_rng(8))).final
+    step = Law(2, "step", "torque", 2, 0.0)
+    plain = replace(standing("made", found), gravity=np.array([0, 0, -9.80665]))
+    where = layout(found.mechanism).laws.start
+    cov = np.insert(np.insert(plain.cov, where, 0.0, axis=0), where, 0.0, axis=1)
+    cov[where, where] = 1e-12
+    there = replace(found.mechanism, laws=(step,), amplitudes=np.array([3e-4]))
+    model = replace(plain, mechanism=there, cov=cov)
+    q = np.random.default_rng(1).uniform(-1, 1, (50, 6))
+    asked = (q, np.zeros((50, 3)), np.ones(50, dtype=np.int64), np.full(50, np.nan))
+
+    assert predict(model, *asked).std.max() < 1.1 * predict(plain, *asked).std.max() + 1e-5
+
+
+@pytest.mark.parametrize("size", [2e-4, 0.05])
+def test_an_instrument_that_was_knocked_begins_a_series(size):
+    """Between two poses; no joint is blamed, and a blunder beyond is listed where it was read."""
+    readings = made(420, np.random.default_rng(4))
+    at, turn = readings.at.copy(), readings.turn.copy()
+    R = Rotation.from_rotvec([0, size / 10, size / 5]).as_matrix()
+    at[301:], turn[301:] = at[301:] @ R.T + [size, 0, -size / 2], R @ turn[301:]
+    at[310, 0] += [0.004, 0, 0]
+    found = studied(replace(readings, at=at, turn=turn))
+
+    (moved,) = found.moved
+    assert (moved.series, moved.pose) == ("", 301)
+    assert moved.turn_rad == pytest.approx(size * np.sqrt(0.05), rel=0.3)
+    assert moved.p < 1e-3
+    assert found.laws == ()
+    assert [(one.series, one.line) for one in found.bad] == [("", 312)]
+    assert found.stages[-1].mean(Parting.BETWEEN) < 0.03e-3
+
+
+@pytest.mark.slow
+def test_instruments_and_joints_that_stay_are_not_said_to_move():
+    """Thirty robots; joints that err by a hundredth or by a tenth of a milliradian."""
+    said = 0
+    for seed in range(30):
+        found = studied(made(200, np.random.default_rng(seed), joint=(1e-5, 1e-4)[seed % 2]))
+        said += len(found.moved) + len(found.laws)
+    assert said == 0

@@ -211,7 +211,9 @@ def test_an_instrument_that_cannot_be_is_refused(name):
         parse(text)
 
 
-@pytest.mark.parametrize("hidden", ["link_length:4=0.02", "joint_offset:3=3e-3", "link_twist:5=5e-3"])
+@pytest.mark.parametrize(
+    "hidden", ["link_length:4=0.02", "joint_offset:3=3e-3", "link_twist:5=5e-3"]
+)
 def test_a_wrong_entry_of_the_table_is_identified_from_6d_poses(hidden):
     """In size too, and springs rest on the corrected table as they do on a right one."""
     name, _, rest = hidden.partition(":")

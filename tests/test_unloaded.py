@@ -9,7 +9,15 @@ from functools import cache
 import numpy as np
 import pytest
 
-from pipeline.geometry.roughness import Suspect, cells, left_out, products, same, straight, unrefined
+from pipeline.geometry.roughness import (
+    Suspect,
+    cells,
+    left_out,
+    products,
+    same,
+    straight,
+    unrefined,
+)
 from pipeline.geometry.unloaded import HELD, Unloaded, off, unloaded
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import Pulls

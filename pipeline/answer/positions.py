@@ -35,7 +35,7 @@ from pipeline.answer.words import capital
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
-from pipeline.base.quantities import percent, plain
+from pipeline.base.quantities import p_value, percent, plain
 from pipeline.base.tails import chi2_beyond
 from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.geometry.identify import Identified
@@ -104,7 +104,7 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
         budget=(),
         noise=contract.Noise(from_=_noise_from(last.found), contrasts=0, components=()),
         rejected=rejected_entries(rejected),
-        findings=tuple(contradicted(payloads, "positions")),
+        findings=(*contradicted(payloads, "positions"), *_instrument(found)),
         registration=None,
         instrument=instrument_entry(raw.settings),
         robot_unit=unit_entry(raw.settings),
@@ -374,7 +374,8 @@ def _cause(law: NamedLaw, robot: Robot) -> contract.Cause:
 def text_of(law: NamedLaw, robot: Robot) -> str:
     """The law in one sentence."""
     slides = bool(robot.prismatic[law.joint - 1])
-    size = f"{plain(1e3 * law.amplitude, 2)} {'mm' if slides else 'mrad'}"
+    unit = "mm" if slides else "mrad"
+    size = f"{plain(1e3 * law.amplitude, 2)} {unit}"
     turn = "per metre" if slides else "per turn"
     moves = f"{_called(robot, law.joint)} {'slides' if slides else 'turns'}"
     if law.kind == "periodic":
@@ -385,6 +386,13 @@ def text_of(law: NamedLaw, robot: Robot) -> str:
     if law.variable == "angle":
         way = "its place" if slides else "its angle"
         return f"{moves} by a smooth error over {way}, {size} in amplitude"
+    if law.since is not None:
+        series, pose = law.since
+        where = f"pose {pose} of series {series}" if series else f"pose {pose}"
+        whole = f"{plain(2e3 * law.amplitude, 2)} {unit}"
+        return f"{_called(robot, law.joint)} stands {whole} elsewhere from {where} on"
+    if law.kind == "step":
+        return f"{moves} to the other side as its torque changes sign, by {size} each way"
     return f"{moves} with {_OF[law.variable]}, {size}"
 
 
@@ -398,6 +406,22 @@ _OF = {
     "temperature": "the temperature of the air",
     "time": "the time since the series began",
 }
+
+
+def _instrument(found: Study) -> Iterator[str]:
+    """When the instrument moved, and what was made of it."""
+    for one in found.moved:
+        where = f"pose {one.pose} of series {one.series}" if one.series else f"pose {one.pose}"
+        yield (
+            f"From {where} on the instrument sees the robot's base "
+            f"{plain(1e3 * one.shift_m, 2)} mm and {plain(1e3 * one.turn_rad, 2)} mrad from where "
+            f"it was (p {_less(one.p)}): the instrument moved, or the base. These poses count as a series of "
+            "their own, with a frame of their own."
+        )
+
+
+def _less(p: float) -> str:
+    return p_value(p) if p_value(p).startswith("<") else f"= {p_value(p)}"
 
 
 def _first_screen(campaign: str, found: Study, robot: Robot, left_out: int) -> Iterator[Line]:
@@ -473,7 +497,8 @@ def _wrong(found: Study, robot: Robot, left_out: int) -> Iterator[str]:
             f"The joints have transmission errors: {count} outside the catalogue, the largest "
             f"that {text_of(found.laws[0], robot)}."
         )
-    elif not left_out:
+    yield from _instrument(found)
+    if not (found.laws or found.moved or left_out):
         yield "Nothing detectable in these readings."
     if left_out:
         rows = "1 row of the files was" if left_out == 1 else f"{left_out} rows of the files were"

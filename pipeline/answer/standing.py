@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from dataclasses import dataclass
 
 import numpy as np
@@ -15,6 +16,7 @@ from pipeline.answer.scene import scene_of_positions
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
 from pipeline.geometry.identify import Identified
+from pipeline.geometry.laws import Law
 from pipeline.geometry.mechanism import layout
 from pipeline.geometry.positioned import Positioned, positioned
 from pipeline.geometry.study import Study, study
@@ -73,6 +75,7 @@ def stood(name: str, raw: Raw, keep: Keep, step: Step) -> Stood:
         "curve_readings": keep(
             "51_curve_readings", _curve_readings(found.final), tables.CURVE_READINGS
         ),
+        "laws": keep("53_laws", _laws(found), tables.LAWS),
         "held_out": keep("60_held_out", _held_out(found), tables.HELD_OUT),
         **kept_scene(step(scene_of_positions)(read, found), keep),
     }
@@ -146,6 +149,63 @@ def _curve_readings(found: Identified) -> pd.DataFrame:
             parts.append((curve.joint + 1, mean, error.mean(), std, len(group)))
     table = pd.DataFrame(parts, columns=_CURVE)
     return table.astype({"joint": "i4", "poses": "i4"})
+
+
+def _laws(whole: Study) -> pd.DataFrame:
+    """Table LAWS: what each pose says of each law but curves, all else as identified.
+
+    As of a curve; with the standard uncertainty from the scatter of the poses.
+    """
+    found = whole.final
+    shifts = np.tile([True] * 3 + [False] * 3, len(found.readings.targets))
+    left, inputs, readings = found.left[:, shifts], found.linear.inputs, found.readings
+    every = found.mechanism.laws
+    ends = np.cumsum([0, *(law.amplitudes for law in every)])
+    parts: list[pd.DataFrame] = []
+    count: Counter[int] = Counter()
+    for named in whole.laws:
+        count[named.joint] += 1
+        if named.number is None:
+            continue
+        law = every[named.number]
+        b = found.mechanism.amplitudes[ends[named.number] : ends[named.number + 1]]
+        slides = bool(found.mechanism.table.prismatic[law.joint - 1])
+        Z = found.linear.Z[:, shifts, law.joint - 1]
+        square = np.sum(Z**2, axis=1)
+        told = np.flatnonzero(square > 0.05 * np.median(square))
+        value = (law.basis(inputs) @ b)[told]
+        rest = np.sum(Z * left, axis=1)[told] / square[told]
+        of, unit, x = _over(law, found)
+        parts.append(
+            pd.DataFrame(
+                {
+                    "cause": f"{positions.UNLISTED}:{law.joint}",
+                    "part": np.int32(count[law.joint]),
+                    "pose": readings.pose[told].astype(np.int32),
+                    "repeat": readings.series[told].astype(np.int32),
+                    "of": of,
+                    "x_unit": unit,
+                    "x": x[told],
+                    "is": "shift" if slides else "turn",
+                    "y_unit": "m" if slides else "rad",
+                    "y": value + rest,
+                    "y_std": np.full(len(told), np.std(rest)),
+                    "law": value,
+                }
+            )
+        )
+    return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=tables.LAWS.names)
+
+
+def _over(law: Law, found: Identified) -> tuple[str, str, Array]:
+    """What a law is shown over, its unit, and that of each pose."""
+    x = law.of(found.linear.inputs)
+    if law.variable == "time":
+        return "order", "1", np.arange(1.0, len(x) + 1)
+    if law.variable != "angle":
+        return law.variable, {"torque": "N m", "temperature": "°C"}[law.variable], x
+    slides = bool(found.mechanism.table.prismatic[(law.source or law.joint) - 1])
+    return ("position", "m", x) if slides else ("angle", "rad", x)
 
 
 _TOGETHER = 40

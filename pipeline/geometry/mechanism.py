@@ -126,12 +126,14 @@ class Mechanism(Locked):
         """The robot with its table corrected."""
         return changed(self.table, self.letters, self.values)
 
-    def inputs(self, q: Array, weights: Weights, temperature: Array, time: Array) -> Inputs:
+    def inputs(
+        self, q: Array, weights: Weights, temperature: Array, time: Array, series: Array
+    ) -> Inputs:
         """What laws may be of, on the corrected robot."""
         robot = self.robot
         mass, centre = weights.at_poses(self.payload)
         tau = gravity_torque(robot, configure(robot, q), weights.gravity, mass, centre)
-        return Inputs(q, tau, temperature, time)
+        return Inputs(q, tau, temperature, time, series)
 
     def hung(self, here: Configuration, weights: Weights) -> Array:
         """How far the joints turn by a unit of each payload's mass and centre, (m, n, 4 p)."""
@@ -279,7 +281,8 @@ class Linear(Locked):
 def linearised(readings: Readings, mechanism: Mechanism, weights: Weights) -> Linear:
     """Readings about a mechanism."""
     robot, where = mechanism.robot, layout(mechanism)
-    inputs = mechanism.inputs(readings.q, weights, readings.temperature, within(readings))
+    when = within(readings), readings.series.astype(float)
+    inputs = mechanism.inputs(readings.q, weights, readings.temperature, *when)
     here = mechanism.stands(inputs, robot)
     at, turn = mechanism.targets(here)
     own = mechanism.frames[readings.series]

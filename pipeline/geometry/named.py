@@ -38,11 +38,13 @@ class NamedLaw(Locked):
         source: The joint it is of, from 1; None for temperature and time.
         order: Periods per turn (per metre of a sliding joint), or degree; of a curve 1 / l in
             turns, with l the length over which it remembers.
-        amplitude: Half height of a wave; standard deviation times root two of a curve; at the end
-            of its range of others [m] or [rad].
+        amplitude: Half height of a wave or step; standard deviation times root two of a curve; at
+            the end of its range of others [m] or [rad].
         std: Its standard uncertainty.
         range: Of the variable where it was taught.
         p: Chance of so much somewhere without any law.
+        since: Series and pose from which on a step in time has happened; None of others.
+        number: Which of the mechanism's laws it is, from 0; None of a curve.
         gain: At left-out neighbours in time.
         carried: At left-out series, or parts of joint space where there is one series.
     """
@@ -55,6 +57,8 @@ class NamedLaw(Locked):
     amplitude: float
     std: float
     range: tuple[float, float]
+    since: tuple[str, int] | None = None
+    number: int | None = None
     p: float = 1.0
     gain: Gain = NO_GAIN
     carried: Gain = NO_GAIN
@@ -151,14 +155,16 @@ def _of_all_else(
     p: dict[_Key, float] = {}
     free = list(others)
     for _ in range(_MOST_LAWS):
-        left = search.clues(search.score(found, signs), found.linear.inputs, free)
+        here, inputs = search.score(found, signs), found.linear.inputs
+        left = search.clues(here, inputs, free)
         if not left or left[0].p >= search.ALPHA or left[0].law is None:
             break
-        new = (*found.mechanism.laws, left[0].law)
+        law = search.sharpened(here, left[0].law, inputs)
+        new = (*found.mechanism.laws, law)
         more = data.identify(found.mechanism, replace(found.wanted, laws=new), found)
-        if not judge.carries(more, _of_law(more.mechanism, len(new) - 1)):
+        if not judge.carries(more, _of_law(more.mechanism, len(new) - 1), law.once):
             break
-        found, p[_key(left[0].law)] = more, left[0].p
+        found, p[_key(law)] = more, left[0].p
         free.remove(left[0].law)
     return found, p
 
@@ -177,17 +183,18 @@ def _better(data: Data, bent: Identified, waves: Sequence[Law], judge: Judge) ->
     return found
 
 
-_Key = tuple[str, int, str, int | None, float]
+_Key = tuple[str, int, str, int | None, float, float]
 
 
-def _key(law: Law | NamedLaw) -> _Key:
+def _key(law: Law) -> _Key:
     """Tells laws apart."""
-    return law.kind, law.joint, law.variable, law.source, law.order
+    at = law.middle if law.once else 0.0
+    return law.kind, law.joint, law.variable, law.source, law.order, at
 
 
 def _curve_of(joint: int) -> _Key:
     """The same of a curve of a joint, from 0."""
-    return "curve", joint + 1, "angle", joint + 1, 0.0
+    return "curve", joint + 1, "angle", joint + 1, 0.0, 0.0
 
 
 def _of_law(mechanism: Mechanism, number: int) -> slice:
@@ -234,7 +241,7 @@ def _named(found: Identified, p: dict[_Key, float], judge: Judge) -> tuple[Named
     """The laws that predict what was left out better."""
     out = []
     for law, key, part in _slices(found):
-        near, carried = judge.gains(found, part)
+        near, carried = judge.gains(found, part, law.since is not None)
         if near.sure and carried.sure:
             out.append(replace(law, p=p[key], gain=near, carried=carried))
     return tuple(sorted(out, key=lambda law: -law.gain.reduction))
@@ -254,6 +261,8 @@ def _slices(found: Identified) -> Iterator[tuple[NamedLaw, _Key, slice]]:
             law.order,
             *_size(x[part], cov[part, part]),
             range=_ends(law.of(inputs)),
+            since=_since(law, found) if law.once else None,
+            number=k,
         )
         yield one, _key(law), part
     at = where.knots.start
@@ -272,6 +281,13 @@ def _slices(found: Identified) -> Iterator[tuple[NamedLaw, _Key, slice]]:
         )
         yield one, _curve_of(curve.joint), part
         at = part.stop
+
+
+def _since(law: Law, found: Identified) -> tuple[str, int]:
+    """Series and pose that came next after a step in time."""
+    pose = int(np.argmax(law.of(found.linear.inputs) > law.middle))
+    series = int(found.readings.series[pose])
+    return str(found.readings.names[series]), int(found.readings.pose[pose])
 
 
 def _ends(v: Array) -> tuple[float, float]:

@@ -152,7 +152,7 @@ def _by_pose(
     first = np.unique(number, return_index=True)[1]
     head = rows.iloc[first]
     targets, target = np.unique(rows["target"].to_numpy(str), return_inverse=True)
-    names, series = np.unique(head["series"].to_numpy(str), return_inverse=True)
+    series, names = pd.factorize(head["series"].to_numpy(str))  # in the order of measurement
     m, t = len(first), len(targets)
     at, turn = np.full((m, t, 3), np.nan), np.tile(np.eye(3), (m, t, 1, 1))
     at[number, target] = rows[list(AXES)].to_numpy(float)

@@ -56,6 +56,17 @@ class Readings(Locked):
         both = np.stack([seen, seen & self.six], axis=2)
         return np.repeat(both, 3, axis=2).reshape(len(self), -1)
 
+    def apart(self, pose: int) -> Readings:
+        """The same with another series from a pose of one on, behind that of the poses before."""
+        old = int(self.series[pose])
+        later = (self.series == old) & (np.arange(len(self)) >= pose)
+        name = f"{self.names[old]} from pose {self.pose[pose]}".strip()
+        return replace(
+            self,
+            series=self.series + ((self.series > old) | later),
+            names=np.insert(self.names, old + 1, name),
+        )
+
     def part(self, which: Ints | Bools) -> Readings:
         """Some of the poses."""
         per_pose = ("series", "pose", "line", "q", "at", "turn", "payload", "temperature")

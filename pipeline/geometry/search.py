@@ -13,7 +13,7 @@ flipped, which keeps what neighbours share and destroys what depends on the robo
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,6 +24,7 @@ from pipeline.geometry import curves
 from pipeline.geometry.estimate import Rows
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.laws import Inputs, Law, Variable
+from pipeline.geometry.mechanism import layout
 from pipeline.geometry.readings import Readings
 
 _ORDERS = np.arange(0.5, 130.01, 0.25)
@@ -54,6 +55,8 @@ class Score(Locked):
         P: z_j' D, shape (m, n, dense).
         Q: z_j' K, shape (m, n, 2 c).
         cov: N^-1 with the priors, shape (k, k).
+        left: Whitened residuals, shape (m, r).
+        x: What the estimates of the copies are, shape (k, copies).
     """
 
     u: Array
@@ -62,6 +65,8 @@ class Score(Locked):
     P: Array
     Q: Array
     cov: Array
+    left: Array
+    x: Array
 
     def products(self, g: Array, joint: int) -> Array:
         """X'z_j g of columns g (m, k): what they share with all that is estimated, (K, k)."""
@@ -70,6 +75,19 @@ class Score(Locked):
         for k in range(self.Q.shape[2]):
             np.add.at(tail, self.rows.at[:, k], self.Q[:, joint, k, None] * g)
         return np.vstack([head, tail])
+
+
+@dataclass(frozen=True, eq=False)
+class Moved(Locked):
+    """A time from which on the instrument stood elsewhere.
+
+    Attributes:
+        pose: The first of its series that was read from there.
+        p: Chance of so much somewhere if it never moved.
+    """
+
+    pose: int
+    p: float
 
 
 def score(found: Identified, signs: Array) -> Score:
@@ -99,7 +117,7 @@ def score(found: Identified, signs: Array) -> Score:
         for k in range(K.shape[1]):
             beside += Q[:, joint, k, None] * x[dense:][rows.at[:, k]]
         u[1:, :, joint] = signs * own[:, joint] - beside.T
-    return Score(u, np.einsum("mrn,mrn->mn", Z, Z), rows, P, Q, cov)
+    return Score(u, np.einsum("mrn,mrn->mn", Z, Z), rows, P, Q, cov, e, x)
 
 
 def blocks(readings: Readings) -> Ints:
@@ -130,6 +148,31 @@ def candidates(inputs: Inputs, prismatic: Bools) -> Iterator[Law]:
                 for order in _COUPLED:
                     yield Law(joint, "coupling", "angle", other, order)
         yield from _of_surroundings(inputs, joint)
+        yield from steps_in_time(inputs, joint)
+
+
+def steps_in_time(inputs: Inputs, joint: int) -> Iterator[Law]:
+    """A joint that stands elsewhere from some time on: it slipped, or was referenced anew."""
+    return _steps(inputs, joint, times(inputs))
+
+
+def _steps(inputs: Inputs, joint: int, poses: Iterable[int]) -> Iterator[Law]:
+    """The same before some of the poses."""
+    when = inputs.series + inputs.time
+    for pose in poses:
+        before, after = when[[pose - 1, pose]]
+        if before < after:
+            yield Law(joint, "step", "time", None, 0.0, float(0.5 * (before + after)))
+
+
+def times(inputs: Inputs) -> list[int]:
+    """Poses before which something may have happened: every fortieth of all, blocks apart."""
+    m = len(inputs.q)
+    apart = max(m // _TIMES, _BLOCK)
+    return list(range(apart, m - apart + 1, apart))
+
+
+_TIMES = 40
 
 
 def _of_torque(inputs: Inputs, joint: int) -> Iterator[Law]:
@@ -194,6 +237,79 @@ _NOTHING = 1e-30
 """Of a column that is zero."""
 
 
+def moved(found: Identified, signs: Array) -> Moved | None:
+    """Whether the instrument stood elsewhere from some pose of a series on; None where it did not.
+
+    Six columns, zero before that pose, of turn and shift of the frame of its series. Joints that
+    stand elsewhere from some time on explain the same readings; the model with the larger
+    T - k log N is preferred, k its amplitudes and N the number of readings (Schwarz, Annals of
+    Statistics 6, 1978).
+
+    Args:
+        found: The estimate.
+        signs: Of copies whose residuals have other signs, shape (copies, m).
+    """
+    here, inputs = score(found, signs), found.linear.inputs
+    at = [pose for pose in times(inputs) if inputs.series[pose - 1] == inputs.series[pose]]
+    if not at:
+        return None
+    frames = np.stack([_frame_moved(found, here, pose, signs) for pose in at])
+    joints = [
+        explained(here, list(steps_in_time(inputs, joint)), inputs)
+        for joint in range(1, inputs.q.shape[1] + 1)
+    ]
+    p = _chance(_standard(np.concatenate([frames, *joints])))
+    best = int(np.argmax(frames[:, 0]))
+    cost = float(np.log(found.linear.read.sum()))
+    rival = max(float(T[:, 0].max()) for T in joints) - cost
+    if p[best] >= ALPHA or frames[best, 0] - 6 * cost < rival:
+        return None
+    none = signs[:0]
+    beside = [
+        pose for pose in _near(inputs, at[best]) if inputs.series[pose] == inputs.series[at[best]]
+    ]
+    sharp = max(beside, key=lambda pose: float(_frame_moved(found, here, pose, none)[0]))
+    return Moved(sharp, float(p[best]))
+
+
+def _frame_moved(found: Identified, here: Score, pose: int, signs: Array) -> Array:
+    """T of the instrument's having moved before a pose of a series, (1 + copies,)."""
+    series = int(found.readings.series[pose])
+    after = np.flatnonzero(found.readings.series == series)
+    after = after[after >= pose]
+    first = layout(found.mechanism).frames.start + 6 * series
+    rows = found.rows
+    F = rows.D[after][:, :, first : first + 6]
+    shared = np.zeros((len(here.cov), 6))
+    dense = rows.D.shape[2]
+    shared[:dense] = np.einsum("mrd,mrk->dk", rows.D[after], F)
+    beside = np.swapaxes(rows.K[after], 1, 2) @ F
+    for k in range(rows.K.shape[2]):
+        np.add.at(shared[dense:], rows.at[after, k], beside[:, k])
+    own = np.einsum("mrk,mr->mk", F, here.left[after])
+    num = np.column_stack([own.sum(axis=0), own.T @ signs[:, after].T])
+    num[:, 1:] -= shared.T @ here.x[:, : len(signs)]
+    whole = np.einsum("mrk,mrl->kl", F, F)
+    inverse, _ = linear.left(whole - shared.T @ here.cov @ shared, np.diag(whole))
+    return np.asarray(np.einsum("ks,kl,ls->s", num, inverse, num))
+
+
+def sharpened(here: Score, law: Law, inputs: Inputs) -> Law:
+    """A step in time before the pose that explains most, beside that of the search."""
+    if not law.once:
+        return law
+    pose = int(np.argmax(inputs.series + inputs.time > law.middle))
+    near = list(_steps(inputs, law.joint, _near(inputs, pose)))
+    T = explained(here, near, inputs)[:, 0]
+    return near[int(np.argmax(T))]
+
+
+def _near(inputs: Inputs, pose: int) -> range:
+    """Poses between the one before and the one after of `times`."""
+    apart = max(len(inputs.q) // _TIMES, _BLOCK)
+    return range(max(pose - apart + 1, 1), min(pose + apart, len(inputs.q)))
+
+
 def curved(here: Score, joint: int, q: Array, slides: bool) -> Array:
     """How much smooth curves over a joint's own angle would explain: h' R h, (1 + copies,).
 
@@ -230,18 +346,22 @@ def clues(
         T.append(curved(here, joint, inputs.q, slides)[None])
         of.append((None, joint + 1))
     each = np.concatenate(T)
-    z = _standard(each)
-    most = z[:, 1:].max(axis=0)
-    from scipy import stats  # half a second to import, and laws of joints alone need it
-
-    place, scale = stats.gumbel_r.fit(most)
-    rank = (1 + (most >= z[:, :1]).sum(axis=1)) / (1 + len(most))
-    p = np.where(rank > 1 / len(most), rank, stats.gumbel_r.sf(z[:, 0], place, scale))
+    p = _chance(_standard(each))
     found = [
         Clue(law, joint, float(t), float(chance))
         for (law, joint), t, chance in zip(of, each[:, 0], p, strict=True)
     ]
     return sorted(found, key=lambda clue: -clue.statistic)
+
+
+def _chance(z: Array) -> Array:
+    """Chance of as much somewhere in the copies, of each row of (k, 1 + copies) standardised."""
+    from scipy import stats  # half a second to import, and laws of joints alone need it
+
+    most = z[:, 1:].max(axis=0)
+    place, scale = stats.gumbel_r.fit(most)
+    rank = (1 + (most >= z[:, :1]).sum(axis=1)) / (1 + len(most))
+    return np.where(rank > 1 / len(most), rank, stats.gumbel_r.sf(z[:, 0], place, scale))
 
 
 def _standard(T: Array) -> Array:

@@ -6,15 +6,17 @@ listed: each step with what it is worth at poses that were left out.
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
 from scipy import special
+from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Bools, Locked
-from pipeline.geometry import leftout
+from pipeline.geometry import leftout, search
 from pipeline.geometry.begin import begin
 from pipeline.geometry.identify import Identified, Wanted
 from pipeline.geometry.mechanism import Mechanism, Weights, linearised
@@ -33,6 +35,19 @@ _GROSS = 20.0
 
 _BLUNDER = 1e-3
 """Chance that the largest of all residuals is called a blunder where there is none."""
+
+
+class Moved(NamedTuple):
+    """From which pose of a series on the instrument stood elsewhere, how far, and by what chance.
+
+    Shift and turn are those of the robot's base in its frame.
+    """
+
+    series: str
+    pose: int
+    shift_m: float
+    turn_rad: float
+    p: float
 
 
 class Bad(NamedTuple):
@@ -79,11 +94,13 @@ class Study(Locked):
         stages: From the nominal table to the whole model.
         laws: Named, the largest first.
         bad: Poses that were left out, with their distance from the model [m].
+        moved: When the instrument moved; what was read afterwards is a series of its own.
     """
 
     stages: tuple[Stage, ...]
     laws: tuple[NamedLaw, ...]
     bad: tuple[Bad, ...]
+    moved: tuple[Moved, ...] = ()
 
     @property
     def final(self) -> Identified:
@@ -119,9 +136,13 @@ def study(
     springs = table
     if weighs(robot) or weights.any:
         springs = data.identify(table.mechanism, Wanted(), table)
+    data, of, chances = _apart(data, springs, rng)
+    if chances:
+        springs = data.again(_with_frames(springs, of))
     data, late = _without_blunders(data, springs)
-    if late:
-        nominal, table, springs = (data.again(one) for one in (nominal, table, springs))
+    if late or chances:
+        nominal, table = (data.again(_with_frames(one, of)) for one in (nominal, table))
+        springs = data.again(springs)
     parts = partings(data.readings, rng)
     whole = with_laws(data, springs, parts, rng)
     data, last = _without_blunders(data, whole.found)  # curves show what springs leave hidden
@@ -136,7 +157,61 @@ def study(
         Stage(step, found, {k: distances(found, part) for k, part in parts.items()})
         for step, found in steps
     )
-    return Study(stages, whole.laws, tuple(sorted([*bad, *late, *last])))
+    was = dict(zip(data.readings.names.tolist(), readings.names[of].tolist(), strict=True))
+    bad = sorted([*bad, *(one._replace(series=was[one.series]) for one in [*late, *last])])
+    return Study(stages, whole.laws, tuple(bad), tuple(_moves(whole.found, chances)))
+
+
+# --- the instrument -------------------------------------------------------------------------------
+
+
+def _apart(
+    data: Data, found: Identified, rng: np.random.Generator
+) -> tuple[Data, list[int], dict[str, float]]:
+    """The readings with another series wherever the instrument moved.
+
+    Returns:
+        The readings, what series each of them was before, and by what chance each began, by name.
+    """
+    of = list(range(len(data.readings.names)))
+    chances: dict[str, float] = {}
+    for _ in range(_MOST_MOVES):
+        moved = search.moved(found, search.flips(data.readings, rng))
+        if moved is None:
+            break
+        data = replace(data, readings=data.readings.apart(moved.pose))
+        new = int(data.readings.series[moved.pose])
+        of.insert(new, of[new - 1])
+        chances[str(data.readings.names[new])] = moved.p
+        found = data.again(_with_frames(found, np.insert(np.arange(len(of) - 1), new, new - 1)))
+    return data, of, chances
+
+
+_MOST_MOVES = 8
+"""An instrument that moves more often wanders."""
+
+
+def _with_frames(found: Identified, of: Sequence[int] | Array) -> Identified:
+    """The estimate with a frame for every series, that of the series that it was before."""
+    mechanism = replace(found.mechanism, frames=found.mechanism.frames[list(of)])
+    return replace(found, mechanism=mechanism)
+
+
+def _moves(found: Identified, chances: dict[str, float]) -> Iterator[Moved]:
+    """How far the robot's base is from where the instrument saw it before."""
+    readings, frames = found.readings, found.mechanism.frames
+    for name, p in chances.items():
+        k = readings.names.tolist().index(name)
+        first = int(np.flatnonzero(readings.series == k)[0])
+        shift = frames[k, :3, 3] - frames[k - 1, :3, 3]
+        turn = Rotation.from_matrix(frames[k - 1, :3, :3].T @ frames[k, :3, :3]).magnitude()
+        yield Moved(
+            str(readings.names[k - 1]),
+            int(readings.pose[first]),
+            float(np.linalg.norm(shift)),
+            float(turn),
+            p,
+        )
 
 
 # --- blunders -------------------------------------------------------------------------------------

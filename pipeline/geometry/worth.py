@@ -86,21 +86,32 @@ class Judge:
     """What parameters are worth at poses that were left out."""
 
     def __init__(self, parts: dict[Parting, Ints], rng: np.random.Generator) -> None:
-        self._near = parts[Parting.BETWEEN]
-        self._far = parts.get(Parting.SERIES, parts[Parting.SPACE])
+        self._parts = parts
         self._rng = rng
-        self._made: tuple[Identified | None, list[Array]] = (None, [])
+        self._made: tuple[Identified | None, dict[Parting, Array]] = (None, {})
 
-    def gains(self, found: Identified, part: slice) -> tuple[Gain, Gain]:
-        """At left-out neighbours in time, and at left-out series or parts of joint space."""
-        if self._made[0] is not found:
-            self._made = found, [leftout.errors(found, one) for one in (self._near, self._far)]
-        near, far = self._made[1]
-        return self._gain(found, near, self._near, part), self._gain(found, far, self._far, part)
+    @property
+    def _far(self) -> Ints:
+        return self._parts.get(Parting.SERIES, self._parts[Parting.SPACE])
 
-    def carries(self, found: Identified, part: slice) -> bool:
+    def gains(self, found: Identified, part: slice, once: bool = False) -> tuple[Gain, Gain]:
+        """At left-out neighbours in time, and at left-out series or parts of joint space.
+
+        Args:
+            found: The estimate.
+            part: Where the parameters stand.
+            once: They tell what happened at one time, of which no other series knows.
+        """
+        series = Parting.SERIES in self._parts and not once
+        near, far = (
+            self._gain(found, one, part)
+            for one in (Parting.BETWEEN, Parting.SERIES if series else Parting.SPACE)
+        )
+        return near, far
+
+    def carries(self, found: Identified, part: slice, once: bool = False) -> bool:
         """Both fall for certain."""
-        return all(gain.sure for gain in self.gains(found, part))
+        return all(gain.sure for gain in self.gains(found, part, once))
 
     def as_good(self, one: Identified, other: Identified) -> bool:
         """The first predicts what was left out as well as the second, within chance."""
@@ -109,8 +120,13 @@ class Judge:
         block = np.broadcast_to(search.blocks(one.readings)[:, None], seen.shape)[seen]
         return interval(errors[0][seen], errors[1][seen], block, self._rng)[1][1] >= 0
 
-    def _gain(self, found: Identified, with_it: Array, part: Ints, without: slice) -> Gain:
-        bare = leftout.errors(found, part, [without])
+    def _gain(self, found: Identified, parting: Parting, without: slice) -> Gain:
+        if self._made[0] is not found:
+            self._made = found, {}
+        known, part = self._made[1], self._parts[parting]
+        if parting not in known:
+            known[parting] = leftout.errors(found, part)
+        with_it, bare = known[parting], leftout.errors(found, part, [without])
         seen = np.tile(np.arange(6) < 3, with_it.shape[1] // 6) & found.readings.read
         block = np.broadcast_to(search.blocks(found.readings)[:, None], seen.shape)[seen]
         _, ci95 = interval(bare[seen], with_it[seen], block, self._rng)

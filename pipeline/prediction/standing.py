@@ -131,7 +131,8 @@ def _predict(
 ) -> tuple[Array, Array, Array]:
     mechanism = model.mechanism
     weights = model.weights(payload)
-    inputs = mechanism.inputs(q, weights, temperature, np.full(len(q), np.nan))
+    never = np.full(len(q), np.nan)
+    inputs = mechanism.inputs(q, weights, temperature, never, never)
     pulled = _torque(mechanism, robot, inputs, force)
     here = mechanism.stands(replace(inputs, tau=inputs.tau + pulled), robot)
     at, turn = mechanism.targets(here)
@@ -195,7 +196,7 @@ def _spread(cov: Array, D: Array, K: Array, knots: Ints) -> Array:
 def _unknown(law: Law, mechanism: Mechanism, inputs: Inputs) -> Array:
     """Variance of a law where its variable is not known, or beyond where it was taught, (m,)."""
     v = (law.of(inputs) - law.middle) / law.scale
-    if law.periodic:
+    if law.periodic or law.kind == "step":
         return np.zeros(len(v))
     at = sum(one.amplitudes for one in mechanism.laws[: mechanism.laws.index(law)])
     size = float(np.sum(mechanism.amplitudes[at : at + law.amplitudes] ** 2))

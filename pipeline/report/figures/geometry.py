@@ -119,7 +119,13 @@ def _grid(canvas: Canvas, count: int) -> list[Axes]:
 
 def _write_curves(answer: Answer, tables: Tables) -> Figure:
     largest = max(
-        (one for one in answer.diagnosis.causes if one.law is not None),
+        (
+            one
+            for one in answer.diagnosis.causes
+            if one.law is not None
+            and one.law.variable in ("angle", "position")
+            and one.law.source_joint is None
+        ),
         key=lambda one: one.parameters[0].value or 0.0,
         default=None,
     )

@@ -22,7 +22,8 @@ _MOST_LAWS = 4
 _NAMES = {"torque": "torque about its axis", "force": "force along it", "load": "size of the load"}
 _NAMES |= {"time": "time after the first reading", "turn": "turn", "shift": "shift"}
 _NAMES |= {"angle": "angle of the joint", "position": "position along the rail"}
-_NAMES |= {"compliance": "extra compliance"}
+_NAMES |= {"compliance": "extra compliance", "temperature": "temperature of the air"}
+_NAMES |= {"order": "pose, in the order of measuring"}
 
 
 def _laws(tables: Tables) -> list[pd.DataFrame]:
@@ -56,12 +57,12 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         view.axhline(0, color=MUTED, linewidth=0.8)
         view.vlines(x, (y - u) / factor, (y + u) / factor, color=BLUE, linewidth=0.7, alpha=0.5)
         said = [
-            f"pose {r.pose}, pull {r.repeat}: {plain(r.y / factor)} {unit} "
-            f"at {plain(r.x)} {r.x_unit}"
+            f"pose {r.pose}{'' if answer.position_steps else f', pull {r.repeat}'}: "
+            f"{plain(r.y / factor)} {unit} at {plain(r.x)} {r.x_unit}"
             for r in each_row(shown)
         ]
         style = {"linewidths": 0, "zorder": 3}
-        label = "each pull ± standard uncertainty"
+        label = f"each {_reading(answer)} ± standard uncertainty"
         tips |= dots(
             view,
             f"law-{k}-pulls",
@@ -91,39 +92,50 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
         )
         view.set_ylim(low, reach)
         name = capital(_NAMES[first["is"]]) if first["is"] in _NAMES else first["is"]
-        view.set(xlabel=f"{capital(_NAMES[first['of']])} [{first['x_unit']}]")
+        of = capital(_NAMES[first["of"]])
+        view.set(xlabel=of if first["x_unit"] == "1" else f"{of} [{first['x_unit']}]")
         view.set_ylabel(f"{name} [{unit}]" if unit else name)
-        title(view, _called(answer, str(first["cause"])))
+        title(view, _called(answer, str(first["cause"]), int(first["part"])))
     legend_below(canvas)
     return tips
 
 
-def _called(answer: Answer, label: str) -> str:
+def _called(answer: Answer, label: str, part: int) -> str:
     """A cause; a law that nobody listed by what it is, with its amplitude."""
     name, _, where = label.partition(":")
-    for cause in answer.diagnosis.causes:
-        if cause.law is not None and (cause.name, str(cause.where or "")) == (name, where):
-            return cause.law.text
-    return words.from_label(label, answer.axes)
+    said = [
+        cause.law.text
+        for cause in answer.diagnosis.causes
+        if cause.law is not None and (cause.name, str(cause.where or "")) == (name, where)
+    ]
+    return said[min(part, len(said)) - 1] if said else words.from_label(label, answer.axes)
+
+
+def _reading(answer: Answer) -> str:
+    """What tells of a law by itself."""
+    return "pose" if answer.position_steps else "pull"
 
 
 def _write(answer: Answer, tables: Tables) -> Figure | None:
     told = [rows for rows in _laws(tables) if len(rows) > 1]
     if not told:
         return None
-    causes = pd.concat(told).groupby("cause", sort=False)
+    every = pd.concat(told)
+    apart = every["part"] if answer.position_steps else np.ones(len(every))
     parts = [
-        f"{_called(answer, str(label))} explains {percent(_explained(rows))}"
-        for label, rows in causes
+        f"{_called(answer, str(rows['cause'].iloc[0]), int(rows['part'].iloc[0]))} explains "
+        f"{percent(_explained(rows))}"
+        for _, rows in every.groupby([every["cause"], apart], sort=False)
     ]
-    said = f"Of the variation between pulls {', '.join(parts)}."
+    one = _reading(answer)
+    said = f"Of the variation between {one}s {', '.join(parts)}."
     return Figure(
         "laws",
         "Laws of the identified causes",
-        f"{said} Each point is the motion, or the parameter, estimated from one pull alone with "
+        f"{said} Each point is the motion, or the parameter, estimated from one {one} alone with "
         "everything else as identified. Points that bend away from the law indicate a cause of "
         "another form.",
-        f"Estimates from each pull of {len(told)} laws, over the variable of each law. {said}",
+        f"Estimates from each {one} of {len(told)} laws, over the variable of each law. {said}",
     )
 
 

@@ -41,7 +41,7 @@ def laws(answer: Answer, tables: Tables) -> Section | None:
     return section_of(
         "laws",
         "Laws of the joints",
-        [_laws(answer), *figures(("curves",), answer, tables)],
+        [_laws(answer), *figures(("curves", "laws"), answer, tables)],
     )
 
 
