@@ -54,6 +54,7 @@ def made(m, rng, law=lambda q: 0.0 * q, joint=1e-5, noise=1e-5):
         series=np.zeros(m, dtype=np.int64),
         names=np.array([""], dtype=object),
         pose=number,
+        file=np.full(m, "poses.csv", dtype=object),
         line=number + 2,
         q=q,
         targets=np.array(["T"], dtype=object),
@@ -143,7 +144,7 @@ def test_a_reading_metres_off_is_left_out_and_moves_nothing():
 
     found = studied(replace(readings, at=at))
 
-    assert [(one.series, one.line) for one in found.bad] == [("", 19)]
+    assert [(one.file, one.line) for one in found.bad] == [("poses.csv", 19)]
     assert found.stages[-1].mean(Parting.BETWEEN) < 0.04e-3
 
 
@@ -279,7 +280,7 @@ def test_an_instrument_that_was_knocked_begins_a_series(size):
     assert moved.turn_rad == pytest.approx(size * np.sqrt(0.05), rel=0.3)
     assert moved.p < 1e-3
     assert found.laws == ()
-    assert [(one.series, one.line) for one in found.bad] == [("", 312)]
+    assert [(one.file, one.line) for one in found.bad] == [("poses.csv", 312)]
     assert found.stages[-1].mean(Parting.BETWEEN) < 0.03e-3
 
 

@@ -112,6 +112,7 @@ class Machine:
             series=np.zeros(m, dtype=np.int64),
             names=np.array([""], dtype=object),
             pose=np.arange(m),
+            file=np.full(m, "poses.csv", dtype=object),
             line=np.arange(m) + 2,
             q=self.q,
             targets=np.array(["T"], dtype=object),

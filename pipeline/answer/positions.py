@@ -415,13 +415,9 @@ def _instrument(found: Study) -> Iterator[str]:
         yield (
             f"From {where} on the instrument sees the robot's base "
             f"{plain(1e3 * one.shift_m, 2)} mm and {plain(1e3 * one.turn_rad, 2)} mrad from where "
-            f"it was (p {_less(one.p)}): the instrument moved, or the base. These poses count as a series of "
-            "their own, with a frame of their own."
+            f"it was ({p_value(one.p)}): the instrument moved, or the base. These poses count "
+            "as a series of their own, with a frame of their own."
         )
-
-
-def _less(p: float) -> str:
-    return p_value(p) if p_value(p).startswith("<") else f"= {p_value(p)}"
 
 
 def _first_screen(campaign: str, found: Study, robot: Robot, left_out: int) -> Iterator[Line]:
@@ -492,11 +488,9 @@ _NOT_JUDGED = (
 
 def _wrong(found: Study, robot: Robot, left_out: int) -> Iterator[str]:
     if found.laws:
-        count = "1 law" if len(found.laws) == 1 else f"{len(found.laws)} laws"
-        yield (
-            f"The joints have transmission errors: {count} outside the catalogue, the largest "
-            f"that {text_of(found.laws[0], robot)}."
-        )
+        first, count = capital(text_of(found.laws[0], robot)), len(found.laws)
+        of = "a law" if count == 1 else f"the largest of {count} laws"
+        yield f"{first}: {of} outside the catalogue."
     yield from _instrument(found)
     if not (found.laws or found.moved or left_out):
         yield "Nothing detectable in these readings."

@@ -12,7 +12,6 @@ from pipeline import tables
 from pipeline.answer.recommended import Values
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import PAIRS, PLACES
-from pipeline.geometry.positioned import Positioned
 from pipeline.geometry.study import Study
 from pipeline.machine import bodies
 from pipeline.machine.bodies import Bodies
@@ -184,7 +183,7 @@ def _typed(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
 # --- positions ------------------------------------------------------------------------------------
 
 
-def scene_of_positions(read: Positioned, found: Study) -> Tables:
+def scene_of_positions(found: Study) -> Tables:
     """Tables SCENE, POSES and VECTORS of a campaign of absolute positions."""
     final = found.final
     readings, mechanism = final.readings, final.mechanism
@@ -203,7 +202,7 @@ def scene_of_positions(read: Positioned, found: Study) -> Tables:
     standing = [bodies.points(bodies.TRACKER, {name: np.array(p) for name, p in named.items()})]
     return {
         "scene": _bodies(mechanism.robot, here, tool, shown, standing),
-        "poses": _poses_read(read, found, at),
+        "poses": _poses_read(found, at),
         "vectors": vectors[vectors["pose"].isin(shown)].reset_index(drop=True),
     }
 
@@ -226,17 +225,15 @@ def _off(found: Study) -> pd.DataFrame:
     return pd.DataFrame(parts)[seen].reset_index(drop=True)
 
 
-def _poses_read(read: Positioned, found: Study, at: Ints) -> pd.DataFrame:
+def _poses_read(found: Study, at: Ints) -> pd.DataFrame:
     """Table POSES."""
-    given, readings = read.readings, found.final.readings
-    keys = zip(given.series.tolist(), given.line.tolist(), strict=True)
-    file = dict(zip(keys, read.files, strict=True))
+    readings = found.final.readings
     several = len(readings.names) > 1
     rows = []
     for k in at.tolist():
         line, series = int(readings.line[k]), int(readings.series[k])
         name = f", series {readings.names[series]}" if several else ""
-        one = {"file": file[series, line], "first_line": line, "last_line": line}
+        one = {"file": readings.file[k], "first_line": line, "last_line": line}
         own = {"joints_file": one["file"], "joints_line": line, "pulls": 0, "force_n": np.nan}
         rows.append({"pose": k + 1, "label": f"Pose {readings.pose[k]}{name}", **one, **own})
     return _typed(rows)

@@ -77,7 +77,7 @@ def stood(name: str, raw: Raw, keep: Keep, step: Step) -> Stood:
         ),
         "laws": keep("53_laws", _laws(found), tables.LAWS),
         "held_out": keep("60_held_out", _held_out(found), tables.HELD_OUT),
-        **kept_scene(step(scene_of_positions)(read, found), keep),
+        **kept_scene(step(scene_of_positions)(found), keep),
     }
     kept = standing(name, found.final)
     return Stood(given, shown, _model(name, found.final, given), {MODEL: dumps(kept)})
@@ -85,17 +85,14 @@ def stood(name: str, raw: Raw, keep: Keep, step: Step) -> Stood:
 
 def _rejected(read: Positioned, found: Study) -> pd.DataFrame:
     """What was left out when it was read, and the blunders."""
-    readings = read.readings
-    series = readings.names[readings.series].tolist()
-    file = dict(zip(zip(series, readings.line.tolist(), strict=True), read.files, strict=True))
     bad = pd.DataFrame(
         [
             (
-                file[name, line],
-                line,
-                f"stands {plain(1e3 * off, 3)} mm from where all others put it",
+                one.file,
+                one.line,
+                f"stands {plain(1e3 * one.off_m, 3)} mm from where all others put it",
             )
-            for name, line, off in found.bad
+            for one in found.bad
         ],
         columns=["file", "line", "reason"],
     )

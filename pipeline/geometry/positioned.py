@@ -36,14 +36,12 @@ class Positioned:
         weights: What pulls at the arm.
         rejected: File, line and reason of what was left out.
         table: Every row that was used, table POSITIONS.
-        files: File of each pose.
     """
 
     readings: Readings
     weights: Weights
     rejected: pd.DataFrame
     table: pd.DataFrame
-    files: tuple[str, ...]
 
 
 def positioned(settings: Settings, robot: Robot, raw: Mapping[str, bytes]) -> Positioned:
@@ -73,8 +71,8 @@ def positioned(settings: Settings, robot: Robot, raw: Mapping[str, bytes]) -> Po
             "measure more, or correct the rows that were left out",
             file=said.named[0],
         )
-    readings, files = _by_pose(rows, robot, said, list(settings.payload))
-    return Positioned(readings, weights_of(settings, readings), frame, rows, files)
+    readings = _by_pose(rows, robot, said, list(settings.payload))
+    return Positioned(readings, weights_of(settings, readings), frame, rows)
 
 
 def weights_of(settings: Settings, readings: Readings) -> Weights:
@@ -144,9 +142,7 @@ def _within_limits(
     return rows[~bad].reset_index(drop=True), out
 
 
-def _by_pose(
-    rows: pd.DataFrame, robot: Robot, said: Positions, payloads: list[str]
-) -> tuple[Readings, tuple[str, ...]]:
+def _by_pose(rows: pd.DataFrame, robot: Robot, said: Positions, payloads: list[str]) -> Readings:
     """Readings pose by pose; of targets that are read twice the first counts."""
     number = rows.groupby(["series", "pose"], sort=False).ngroup().to_numpy()
     first = np.unique(number, return_index=True)[1]
@@ -163,10 +159,11 @@ def _by_pose(
         turned = _turned(angles[known], said.rotation)
         turn[number[known], target[known]] = turned
     places = {"": 0, **{name: k for k, name in enumerate(payloads, 1)}}
-    readings = Readings(
+    return Readings(
         series=series.astype(np.int64),
         names=names.astype(object),
         pose=head["pose"].to_numpy(np.int64),
+        file=head["file"].to_numpy(object),
         line=head["line"].to_numpy(np.int64),
         q=head[[joint.name for joint in robot.joints]].to_numpy(float),
         targets=targets.astype(object),
@@ -177,7 +174,6 @@ def _by_pose(
         payloads=np.array(payloads, dtype=object),
         temperature=head["temperature"].to_numpy(float),
     )
-    return readings, tuple(head["file"])
 
 
 def _six(angles: Array, target: Ints, count: int) -> Bools:

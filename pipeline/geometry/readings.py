@@ -21,7 +21,8 @@ class Readings(Locked):
         series: Series of each pose, 0..s-1, shape (m,).
         names: Names of the series, shape (s,).
         pose: Number of each pose in its series, shape (m,).
-        line: Its line in the file, shape (m,).
+        file: Name of the file that has it, shape (m,).
+        line: Its line there, shape (m,).
         q: Joint values of the controller [m] or [rad], shape (m, n).
         targets: Names of the targets, shape (t,).
         six: Targets whose orientation is read, shape (t,).
@@ -35,6 +36,7 @@ class Readings(Locked):
     series: Ints
     names: Strings
     pose: Ints
+    file: Strings
     line: Ints
     q: Array
     targets: Strings
@@ -69,6 +71,6 @@ class Readings(Locked):
 
     def part(self, which: Ints | Bools) -> Readings:
         """Some of the poses."""
-        per_pose = ("series", "pose", "line", "q", "at", "turn", "payload", "temperature")
+        per_pose = ("series", "pose", "file", "line", "q", "at", "turn", "payload", "temperature")
         kept = {f.name: getattr(self, f.name)[which] for f in fields(self) if f.name in per_pose}
         return replace(self, **kept)

@@ -53,7 +53,7 @@ class Moved(NamedTuple):
 class Bad(NamedTuple):
     """A pose that was left out."""
 
-    series: str
+    file: str
     line: int
     off_m: float
 
@@ -157,8 +157,7 @@ def study(
         Stage(step, found, {k: distances(found, part) for k, part in parts.items()})
         for step, found in steps
     )
-    was = dict(zip(data.readings.names.tolist(), readings.names[of].tolist(), strict=True))
-    bad = sorted([*bad, *(one._replace(series=was[one.series]) for one in [*late, *last])])
+    bad = sorted([*bad, *late, *last])
     return Study(stages, whole.laws, tuple(bad), tuple(_moves(whole.found, chances)))
 
 
@@ -242,6 +241,7 @@ def _without_blunders(data: Data, found: Identified) -> tuple[Data, list[Bad]]:
 
 def _listed(readings: Readings, bad: Bools, off: Array) -> list[Bad]:
     """Poses that are left out, with their distance from the model [m]."""
-    named = readings.names[readings.series[bad]]
-    rows = zip(named.tolist(), readings.line[bad].tolist(), off[bad].tolist(), strict=True)
+    rows = zip(
+        readings.file[bad].tolist(), readings.line[bad].tolist(), off[bad].tolist(), strict=True
+    )
     return [Bad(*row) for row in rows]

@@ -123,12 +123,12 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
     every = pd.concat(told)
     apart = every["part"] if answer.position_steps else np.ones(len(every))
     parts = [
-        f"{_called(answer, str(rows['cause'].iloc[0]), int(rows['part'].iloc[0]))} explains "
+        f"{_called(answer, str(rows['cause'].iloc[0]), int(rows['part'].iloc[0]))}: "
         f"{percent(_explained(rows))}"
         for _, rows in every.groupby([every["cause"], apart], sort=False)
     ]
     one = _reading(answer)
-    said = f"Of the variation between {one}s {', '.join(parts)}."
+    said = f"Share of the variation between {one}s that is explained: {'; '.join(parts)}."
     return Figure(
         "laws",
         "Laws of the identified causes",
