@@ -119,7 +119,7 @@ def test_a_chain_that_is_the_wrong_way_round_everywhere_is_no_exchange():
 
 
 def test_an_exchange_leaves_the_ends_as_far_apart_as_they_are():
-    """A first end beyond the second, and nearer to it than 3 cm to where they usually are."""
+    """And hung as in the other pulls: one end that is read elsewhere is no exchange."""
     table = chain_distances(good(), *aligned(good())).set_index("group")
     group = table.index[0]
     rows = good().readings.set_index(["group", "target"])
@@ -130,8 +130,34 @@ def test_an_exchange_leaves_the_ends_as_far_apart_as_they_are():
     assert labels(moved(group, "Pl1", (gap + 0.04) * along)) == []
     assert labels(moved(group, "Pl1", 3 * gap * along)) == []
     assert labels(moved(group, "Pl1", (2 * gap + 0.04) * along)) == []
-    (found,) = labels(moved(group, "Pl1", (2 * gap + 0.02) * along))
+    assert labels(moved(group, "Pl1", (2 * gap + 0.02) * along)) == []
+    (found,) = labels(written([group], {"Pl1": "Pl2", "Pl2": "Pl1"}))
     assert found.before > found.after
+
+
+def test_an_exchange_puts_every_reading_that_it_renames_in_its_place():
+    """Two readings that are off, one of which stands at the other's place by chance, are none."""
+    group, rows = "pose03_rep1_loaded", good().readings.set_index(["group", "target"])
+    p1, p2 = (rows.loc[(group, end), XYZ].to_numpy(float) for end in ("P1", "P2"))
+    both = good().readings.copy()
+    here = both["group"] == group
+    both.loc[here & (both["target"] == "P2"), XYZ] = p1 + np.array([0.005, 0.0, 0.0])
+    both.loc[here & (both["target"] == "P1"), XYZ] = p1 + np.array([0.9, -0.3, 0.2])
+
+    assert labels(replace(good(), readings=both)) == []
+    swapped = written([group], {"P1": "P2", "P2": "P1"})
+    assert [one.where for one in labels(swapped)] == [group]
+    assert np.linalg.norm(p1 - p2) > 0.1
+
+
+def test_a_target_and_an_end_of_the_chain_may_be_exchanged():
+    """The end then hangs as it does in the other pulls."""
+    group = "pose03_rep1_loaded"
+
+    (found,) = labels(written([group], {"P1": "Pl1", "Pl1": "P1"}))
+
+    assert found.where == group
+    assert "Pl1" in found.evidence
 
 
 def test_the_readings_are_aligned_though_some_are_misnamed():

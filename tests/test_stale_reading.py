@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.faults.screen import screen
-from pipeline.faults.stale_reading import stale
+from pipeline.faults.stale_reading import repeated, stale
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
@@ -68,3 +68,60 @@ def test_a_stale_target_is_named_once_by_where_it_stands(files):
 def test_a_failed_lock_is_no_wrong_unit(files, group, target):
     """Metres from its triangle in one state of many: the file's unit is right."""
     assert named(written(files, {(group, target): None})) == {f"{group}/{target}"}
+
+
+def again(files, group, of, targets, digits=None):
+    """Targets of a group as read in an earlier one, the export with fewer digits."""
+    rows = list(csv.reader(io.StringIO(files["tracker.csv"].decode())))
+    before = {row[1]: row[2:5] for row in rows if row[0] == of}
+    for row in rows:
+        if row[0] == group and row[1] in targets:
+            row[2:5] = before[row[1]]
+    if digits is not None:
+        for row in rows[1:]:
+            row[2:5] = [f"{float(x):.{digits}f}" for x in row[2:5]]
+    text = io.StringIO()
+    csv.writer(text).writerows(rows)
+    changed = {**files, "tracker.csv": text.getvalue().encode()}
+    return ingested(in_memory(changed), conformed, plain, plausible=False)
+
+
+EVERY = ("P1", "P2", "P3", "Pl1", "Pl2")
+
+
+@pytest.mark.parametrize("targets", [EVERY, ("P2",)])
+def test_a_state_that_was_stored_twice_is_named_reading_by_reading(files, targets):
+    """The force of that pull is right: nothing else is accused, and the later state is left out."""
+    case = again(files, "pose03_rep2_loaded", "pose03_rep1_loaded", targets)
+
+    found = screen(case, bring(case))
+
+    assert {one.where for one in found.findings} == {f"pose03_rep2_loaded/{t}" for t in targets}
+    assert all("repeats that of pose03_rep1_loaded" in one.evidence for one in found.findings)
+    left = found.case.readings
+    assert not ((left["group"] == "pose03_rep2_loaded") & left["target"].isin(targets)).any()
+
+
+def test_equal_digits_say_nothing_where_they_are_few(files):
+    """To 0.01 mm one target repeats itself by chance; five at once do not."""
+    one = again(files, "pose03_rep2_loaded", "pose03_rep1_loaded", ("P2",), digits=2)
+    five = again(files, "pose03_rep2_loaded", "pose03_rep1_loaded", EVERY, digits=2)
+
+    assert repeated(one) == []
+    assert {found.where for found in repeated(five)} >= {f"pose03_rep2_loaded/{t}" for t in EVERY}
+
+
+def test_base_reflectors_copied_from_the_first_round_are_named(files):
+    """Then nobody knows whether the tracker moved."""
+    case = again(files, "base_end", "base_start", ("B1", "B2", "B3"))
+
+    assert {found.where for found in repeated(case)} == {f"base_end/B{k}" for k in (1, 2, 3)}
+
+
+def test_data_without_noise_repeat_themselves(files):
+    """As simulated ones may; and readings with noise do not."""
+    still = simulate(PLAN.without_noise(), np.random.default_rng(5)).files
+    case = again(still, "pose03_rep2_loaded", "pose03_rep1_loaded", EVERY)
+
+    assert repeated(case) == []
+    assert repeated(written(files, {})) == []

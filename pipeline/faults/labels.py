@@ -9,7 +9,7 @@ from functools import partial
 import numpy as np
 import pandas as pd
 
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, Bools
 from pipeline.base.linear import rigid
 from pipeline.faults.conventions import FEWEST_POSES, pairs, unloaded
 from pipeline.faults.fault import Fault
@@ -69,8 +69,51 @@ def _measured(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
     for group in dict.fromkeys(wrong["group"]):
         state = case.readings[case.readings["group"] == group]
         swaps = list(_swaps(wrong[wrong["group"] == group], state, places, 3 * usual))
-        if swaps:
-            yield _finding(case, str(group), swaps, off, rows)
+        names = dict(swaps)
+        names |= {b: a for a, b in swaps if b not in names}
+        if names and _in_place(case, names, state, places, (R, t), max(GROSS_M, 3 * usual)):
+            yield _finding(case, str(group), names, off, rows)
+
+
+def _in_place(
+    case: Case,
+    names: dict[str, str],
+    state: pd.DataFrame,
+    places: dict[int, Array],
+    base: tuple[Array, Array],
+    near: float,
+) -> bool:
+    """Whether an exchange puts every reading it renames where its reflector should be.
+
+    An end of the chain should be as far from the load point as it usually is.
+    """
+    at = state.drop_duplicates("target").set_index("target")[XYZ]
+    index = dict(zip(state["target"], state.index, strict=True))
+    for name, other in names.items():
+        here = at.loc[other].to_numpy(float)
+        if index[name] in places:
+            off = float(np.linalg.norm(here - places[index[name]]))
+        else:
+            off = _off_chain(case, base, int(state["pose"].iloc[0]), name, here)
+        if off >= near:
+            return False
+    return True
+
+
+def _off_chain(case: Case, base: tuple[Array, Array], pose: int, name: str, here: Array) -> float:
+    """How much farther from the load point than usual an end of the chain would be [m].
+
+    What is usual spreads: so many times 3 cm as ten median deviations are count as 3 cm.
+    """
+    R, t = base
+    ends = chain_distances(case, R, t)
+    if not len(ends) or name not in case.settings.naming.chain:
+        return np.inf
+    usual = ends[("near", "far")[case.settings.naming.chain.index(name)]]
+    load = configure(case.robot, case.q(np.array([pose]))).points(case.tool.load_point[None])[0, 0]
+    off = abs(float(np.linalg.norm(here - load @ R.T - t)) - float(usual.median()))
+    spread = _USUAL * float((usual - usual.median()).abs().median())
+    return off / max(1.0, spread / GROSS_M)
 
 
 def _swaps(
@@ -88,10 +131,9 @@ def _swaps(
 
 
 def _finding(
-    case: Case, group: str, swaps: list[tuple[str, str]], off: Array, rows: pd.DataFrame
+    case: Case, group: str, names: dict[str, str], off: Array, rows: pd.DataFrame
 ) -> Mistake:
-    names = dict(swaps)
-    names |= {b: a for a, b in swaps if b not in names}
+    """`names` has the name of the reading that stands where each should be."""
     before = 1e3 * float(off[(rows["group"] == group).to_numpy()].max())
     after = 1e3 * float(np.median(off))
     said = " and ".join(sorted(set(names)))
@@ -124,16 +166,17 @@ def _exchanged(case: Case, groups: list[str], true: dict[str, str]) -> Case:
 
 
 def chain_distances(case: Case, R: Array, t: Array) -> pd.DataFrame:
-    """Distance of both ends of the chain from the load point [m]: group, near, far."""
+    """Distance of both ends of the chain from the load point [m]: group, pose, near, far."""
     near, far = case.settings.naming.chain
     rows = case.readings
     rows = rows[rows["pose"].isin(case.joints["pose"]) & rows["target"].isin([near, far])]
     poses, at = np.unique(rows["pose"].to_numpy(int), return_inverse=True)
     if not len(poses):
-        return pd.DataFrame({"group": [], "near": [], "far": []})
+        return pd.DataFrame({"group": [], "pose": [], "near": [], "far": []})
     points = configure(case.robot, case.q(poses)).points(case.tool.load_point[None])[at, 0]
     away = np.linalg.norm(rows[XYZ].to_numpy(float) - points @ R.T - t, axis=1)
-    table = rows.assign(away=away).pivot_table(index="group", columns="target", values="away")
+    rows = rows.assign(away=away)
+    table = rows.pivot_table(index=["group", "pose"], columns="target", values="away")
     table = table.reindex(columns=[near, far]).dropna().set_axis(["near", "far"], axis=1)
     return table.reset_index()
 
@@ -165,7 +208,10 @@ def aligned(case: Case) -> tuple[Array, Array] | None:
 
 
 def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
-    """An exchange leaves the ends as far apart as in the other pulls, a bad reading does not."""
+    """An exchange leaves the chain as long as in the other pulls, and hung as there.
+
+    A bad reading does not.
+    """
     table = chain_distances(case, R, t)
     if not len(table):
         return
@@ -173,8 +219,10 @@ def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
     if reversed_.mean() > 0.5:
         return
     reversed_ = reversed_ & ~unlike(case)["gross"].reindex(table["group"]).to_numpy(bool)
+    reversed_ = reversed_ & _hung_alike(table, reversed_)
     near, far = case.settings.naming.chain
-    for group, a, b in table[reversed_].itertuples(index=False, name=None):
+    wrong = table.loc[reversed_, ["group", "near", "far"]]
+    for group, a, b in wrong.itertuples(index=False, name=None):
         at = of_group(case, str(group), (near, far))
         yield Mistake(
             name="label_swap",
@@ -189,6 +237,20 @@ def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
             correct=partial(_exchanged, groups=[str(group)], true={near: far, far: near}),
             at=at,
         )
+
+
+def _hung_alike(table: pd.DataFrame, reversed_: Bools) -> Bools:
+    """Whether both ends are as far from the load point as usual once the names are exchanged.
+
+    As in `unlike`: within 3 cm or ten times what is usual, of all pulls or of those of the pose.
+    """
+    swapped = np.where(reversed_[:, None], table[["far", "near"]], table[["near", "far"]])
+    ends = pd.DataFrame(swapped, columns=["near", "far"])
+    usual = ends.mask(pd.Series(reversed_))
+    of_pose = usual.groupby(table["pose"]).transform("median")
+    away = (ends - of_pose).abs().fillna(np.inf).clip(upper=(ends - usual.median()).abs())
+    gross = away > np.maximum(GROSS_M, _USUAL * away[~reversed_].median())
+    return np.asarray(~gross.any(axis=1))
 
 
 FAULT = Fault(

@@ -1,13 +1,34 @@
-"""Readings of the chain that repeat the other end's: a pull without direction, left out as read.
+"""Readings that repeat another one to the last digit: they were not measured again.
 
-Any other stale reading is in the campaign, and in the wrong place: the tests of readings name it.
+An end of a chain that repeats the other end leaves a pull without direction, left out as read.
+Another target that repeats the one before it is in the wrong place: the tests of readings name it.
+A target that repeats its own reading of an earlier state is in a likely place, and no test of
+places would find it; equal digits do, where the noise makes them as good as impossible.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+from functools import partial
+from itertools import combinations
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base import covariance
+from pipeline.base.arrays import Array
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, outlying
+from pipeline.faults.reading import without
 from pipeline.reduction.case import Case
+from pipeline.reduction.measured import STILL_M
+from pipeline.reduction.register import XYZ
+from pipeline.system import alarms
+from pipeline.system.one_pose import rounding
+
+_SCATTERS = 0.5
+"""Where more readings than this part of those taken twice under equal conditions are equal, the
+data have no noise, and equal digits say nothing."""
 
 
 def stale(case: Case) -> list[Mistake]:
@@ -31,4 +52,87 @@ def stale(case: Case) -> list[Mistake]:
     ]
 
 
-FAULT = Fault("outlier", "outlying reading", lambda asked: stale(asked.case), in_files=True)
+def repeated(case: Case) -> list[Mistake]:
+    """Readings of a target that repeat its reading in an earlier state of the same pose.
+
+    Or of a base reflector in an earlier round. Two readings with noise s agree in all digits of
+    width h along an axis with chance h / (sqrt(4 pi) s) at most, which is multiplied over axes and
+    over all targets that repeat the same group. That is said where it is below `alarms.READING`
+    after counting all pairs of groups.
+    """
+    rows = case.readings
+    rows = rows[rows["pose"].notna() | rows["target"].isin(case.settings.base_frame)]
+    rows = rows[rows[XYZ].any(axis=1)]  # a lost lock is (0, 0, 0) however often
+    rows = rows.assign(at=rows["pose"].fillna(-1)).drop_duplicates(["group", "target"])
+    equal = rows.duplicated(["at", "target", *XYZ], keep=False)
+    if not equal.any() or _without_noise(rows):
+        return []
+    h = np.sqrt(12) * rounding(case.readings)
+    std = np.sqrt(np.maximum(np.einsum("mii->mi", covariance.matrices(rows)), STILL_M**2))
+    likely = np.prod(np.minimum(h / (np.sqrt(4 * np.pi) * _known(std, rows)), 1.0), axis=1)
+    chance = pd.Series(likely, rows.index)
+    pairs = rows.groupby("at")["group"].nunique()
+    count = float((pairs * (pairs - 1) / 2).sum())
+    found: dict[int, Mistake] = {}
+    for earlier, later, same in _twice(rows[equal]):
+        p = count * float(np.prod(chance[same].to_numpy(float)))
+        if p < alarms.READING:
+            for k in same:
+                found.setdefault(k, _repeats(rows.loc[[k]].iloc[0], earlier, later, p))
+    return [found[k] for k in sorted(found)]
+
+
+def _twice(rows: pd.DataFrame) -> Iterator[tuple[str, str, list[int]]]:
+    """Pairs of groups that share readings: both names, and the rows of the later one."""
+    for _, here in rows.groupby("at"):
+        groups = list(dict.fromkeys(here["group"].astype(str)))
+        of = {name: here[here["group"].astype(str) == name] for name in groups}
+        for earlier, later in combinations(groups, 2):
+            keys = set(of[earlier][["target", *XYZ]].itertuples(index=False, name=None))
+            mine = of[later][["target", *XYZ]].itertuples(index=True, name=None)
+            if same := [k for k, *key in mine if tuple(key) in keys]:
+                yield earlier, later, same
+
+
+def _without_noise(rows: pd.DataFrame) -> bool:
+    """Whether zeros and base reflectors that were read again are mostly equal."""
+    still = rows[(rows["state"] == "unloaded") | rows["pose"].isna()]
+    groups = still.groupby(["at", "target"], observed=True)
+    more = int((groups.size() - 1).sum())
+    again = still.duplicated(["at", "target", *XYZ]).sum()
+    return more > 0 and again > _SCATTERS * more
+
+
+def _known(std: Array, rows: pd.DataFrame) -> Array:
+    """Standard uncertainties of readings per axis [m], of zeros read again where none is stated."""
+    if np.isfinite(std).all():
+        return std
+    still = rows[(rows["state"] == "unloaded") | rows["pose"].isna()]
+    off = still.groupby(["at", "target"], observed=True)[XYZ].diff().to_numpy(float)
+    off = np.abs(off[np.isfinite(off).all(axis=1) & off.any(axis=1)])
+    usual = float(np.median(off)) if off.size else STILL_M
+    return np.where(np.isfinite(std), std, max(usual, STILL_M))
+
+
+def _repeats(row: pd.Series, earlier: str, later: str, p: float) -> Mistake:
+    where = f"{later}/{row['target']}"
+    line = f"{row['file']}:{row['line']}"
+    return outlying(
+        where,
+        f"the reading {where} ({line}) repeats that of {earlier} to the last digit: it was not "
+        "measured again",
+        f"recomputed without {where}",
+        before=0.0,
+        unit="mm",
+        p_value=p,
+        correct=partial(without, file=str(row["file"]), line=int(row["line"])),
+        at=(line,),
+    )
+
+
+FAULT = Fault(
+    "outlier",
+    "outlying reading",
+    lambda asked: [*stale(asked.case), *repeated(asked.case)],
+    in_files=True,
+)

@@ -82,7 +82,7 @@ def one_pose(case: Case, data: Measured) -> OnePose | None:
         return None
     lever = _OFF_RAD * turned if np.isnan(data.unloaded).any() else 0.0 * turned
     bow = turned**2 / (2 * radius(case.tool.points))
-    limit = np.sqrt(STILL_M**2 + (2 * _rounding(case.readings)) ** 2 + lever**2 + bow**2)
+    limit = np.sqrt(STILL_M**2 + (2 * rounding(case.readings)) ** 2 + lever**2 + bow**2)
     if rms(change / limit) > 1:
         return None
     left = identify(case.cell, data, case.robot.nominal_compliance)[1]
@@ -115,7 +115,7 @@ def _changes(case: Case, data: Measured) -> tuple[Array, Array]:
     return np.array(change), np.sqrt(np.mean(about**2, axis=(1, 2)))
 
 
-def _rounding(readings: pd.DataFrame) -> float:
+def rounding(readings: pd.DataFrame) -> float:
     """Standard uncertainty of a coordinate by the digits of the export [m]; 0 without an export."""
     x = readings[XYZ].head(_LOOKED_AT).to_numpy(float).ravel()
     for digits in range(_DIGITS):
