@@ -171,3 +171,20 @@ def test_the_picture_shows_where_the_robot_stands(hall):
         assert "9000,0" not in line  # the pose that was left out is not drawn
     assert (read["51_curve_readings"]["poses"] > 0).all()
     assert set(read["51_curve_readings"]["joint"]) == set(read["50_curves"]["joint"])
+
+
+def test_a_joint_that_errs_from_pose_to_pose_is_said(tmp_path):
+    """Nothing explains it, and the readings are not called faultless."""
+    folder = tmp_path / "data" / "raw" / "hall"
+    folder.mkdir(parents=True)
+    text = TOML.replace(', tuesday = "tuesday.csv"', "")
+    (folder / "campaign.toml").write_text(text)
+    loose = np.array([1e-5, 4e-4, 1e-5, 1e-5, 1e-5, 1e-5])
+    readings = made(90, np.random.default_rng(3), joint=loose)
+    (folder / "monday.csv").write_text(table(readings, ","))
+
+    said = run(find(tmp_path, "hall"))
+
+    (wrong,) = (line.text for line in said.first_screen if line.about == "wrong")
+    assert wrong.startswith("Joint 2 (shoulder_lift_joint) errs by 0.4")
+    assert "Nothing detectable" not in wrong

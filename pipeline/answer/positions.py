@@ -41,6 +41,7 @@ from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import layout
 from pipeline.geometry.named import NamedLaw
+from pipeline.geometry.scatter import START
 from pipeline.geometry.study import Stage, Step, Study
 from pipeline.geometry.worth import Parting
 from pipeline.machine.effect import in_place
@@ -492,11 +493,38 @@ def _wrong(found: Study, robot: Robot, left_out: int) -> Iterator[str]:
         of = "a law" if count == 1 else f"the largest of {count} laws"
         yield f"{first}: {of} outside the catalogue."
     yield from _instrument(found)
-    if not (found.laws or found.moved or left_out):
+    erring = _erring(found, robot)
+    if erring:
+        yield erring
+    elif not (found.laws or found.moved or left_out):
         yield "Nothing detectable in these readings."
     if left_out:
         rows = "1 row of the files was" if left_out == 1 else f"{left_out} rows of the files were"
         yield f"{rows} left out; see Rejected rows for file and line of each."
+
+
+def _erring(found: Study, robot: Robot) -> str | None:
+    """The joint that moves the targets most from pose to pose beyond all laws, if unusually."""
+    joints, Z = found.final.scatter.joints, found.final.linear.Z
+    usual = np.where(robot.prismatic, START[True], START[False])
+    positions = Z.reshape(len(Z), -1, 6, Z.shape[2])[:, :, :3]
+    moves = np.mean(np.sum(positions**2, axis=2), axis=(0, 1)) * joints**2
+    worst = int(np.argmax(moves))
+    if joints[worst] < _UNUSUAL * usual[worst] or moves[worst] < _SHARE * moves.sum():
+        return None
+    unit = "mm" if robot.prismatic[worst] else "mrad"
+    return (
+        f"{capital(_called(robot, worst + 1))} errs by {plain(1e3 * joints[worst], 2)} {unit} from "
+        f"pose to pose (standard deviation; usual is {plain(1e3 * usual[worst], 2)}), which no law "
+        "that was tried explains: backlash, a slipping encoder, several effects that hide each "
+        "other, or poses that are not those of the joint log."
+    )
+
+
+_UNUSUAL = 2.0
+"""Error of a joint at a pose from which on it is said, over the usual one."""
+_SHARE = 0.25
+"""Part of what joints that err move the targets by, squared, from which on one is said."""
 
 
 def _next(found: Study, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
