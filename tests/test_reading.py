@@ -215,9 +215,9 @@ def freer(normal, drop):
 def test_a_freer_model_confirms_a_quarter_of_what_it_must_see(normal, drop, seen, said):
     """A shift of one: what it would cost there, and what is found of that."""
     unit = np.array([1.0, 0.0, 0.0])
-    assert reading._confirmed(freer(normal, drop), 0, unit, 1.0, seen) is said
-    assert reading._confirmed(freer(4 * normal, 4 * drop), 0, unit, 4.0, seen) is said
-    assert reading._confirmed(freer(normal / 4, drop), 0, 2 * unit, 1.0, seen) is said
+    assert reading.confirmed(freer(normal, drop), 0, unit, 1.0, seen) is said
+    assert reading.confirmed(freer(4 * normal, 4 * drop), 0, unit, 4.0, seen) is said
+    assert reading.confirmed(freer(normal / 4, drop), 0, 2 * unit, 1.0, seen) is said
 
 
 def find(case):

@@ -167,4 +167,4 @@ def test_the_deflected_robot_stands_where_the_straight_one_does():
 
     (cause,) = said(files | {"campaign.toml": toml.encode()}).causes
 
-    assert (cause["name"], cause["where"]) == ("joint_offset", 3)
+    assert (cause.name, cause.where) == ("joint_offset", 3)

@@ -30,6 +30,7 @@ class Mistake:
         correct: The corrected campaign.
         at: Where what is accused stands, `file:line`; nothing where it is no single row.
         axes: Coordinates that the square of `before` is the sum of, where it is in sigma.
+        together: Several readings are moved alike, which no tail of single ones does.
     """
 
     name: str
@@ -46,6 +47,7 @@ class Mistake:
     beside_model: bool = False
     at: tuple[str, ...] = ()
     axes: int = 3
+    together: bool = False
 
     @property
     def of_reading(self) -> bool:
@@ -55,7 +57,8 @@ class Mistake:
     @property
     def may_be_noise(self) -> bool:
         """Whether it does so by a probability, which heavy tails change."""
-        return self.of_reading and self.unit == "sigma" and self.p_value is not None
+        single = self.of_reading and not self.together
+        return single and self.unit == "sigma" and self.p_value is not None
 
 
 def of_group(case: Case, group: str, targets: Collection[str]) -> tuple[str, ...]:

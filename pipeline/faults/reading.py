@@ -162,11 +162,11 @@ def outlier(
         p = len(shifts.drop) * float(shifts.p(variance, known_from)[best])
         shift = shifts.size[best]
         size = float(np.linalg.norm(shift))
-        confirmed = _confirmed(poses, best, shift, scale**2)
-        confirmed &= _confirmed(pulls, best, shift, scale**2, seen=not must_fit)
+        sure = confirmed(poses, best, shift, scale**2)
+        sure &= confirmed(pulls, best, shift, scale**2, seen=not must_fit)
         whole = shifted.whole_pull(bases[base], best)
-        confirmed &= whole < shifts.drop[best] + _TOO_FEW * variance
-        if p < alarms.READING and size > smallest(reduced.placed, scale) and confirmed:
+        sure &= whole < shifts.drop[best] + _TOO_FEW * variance
+        if p < alarms.READING and size > smallest(reduced.placed, scale) and sure:
             row = _row(case, reduced, shifted.readings, best)
             sigmas = float(np.sqrt(shifts.drop[best] / variance))
             return [bad_reading(row, "all other readings", size, sigmas, p, beside_model=True)]
@@ -185,7 +185,7 @@ def shifted_readings(
     return Shifted(stack, white, readings, blocks, _columns(stack, white, readings, blocks))
 
 
-def _confirmed(freer: Beside, k: int, shift: Array, variance: float, seen: bool = False) -> bool:
+def confirmed(freer: Beside, k: int, shift: Array, variance: float, seen: bool = False) -> bool:
     """Whether a freer model leaves of the shift what it would leave of a true one.
 
     A weak fault of the model can look like a bad reading; beside free poses or pulls it vanishes.

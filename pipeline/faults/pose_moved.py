@@ -1,0 +1,136 @@
+"""A pose in which tracker or robot moved between its states, as a whole and under no load.
+
+All pulls from some one on are then displaced alike, which no load is: a rigid motion of the
+effector, six columns beside the model, is common to them (see `system.beside`). It is a mistake in
+the data where everything else fits once one pose has it. What happens in every pose is something of
+the machine (lost motion, backlash), and left to the diagnosis.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+from scipy import special
+
+from pipeline.base.arrays import Array, Ints
+from pipeline.faults.fault import Fault, Screening
+from pipeline.faults.mistake import Mistake, apart, length, of_group, outlying
+from pipeline.faults.reading import Shifted, confirmed, shifted_readings
+from pipeline.reduction.case import Case
+from pipeline.system import alarms
+from pipeline.system.beside import Beside
+
+_FITS = 1e-3
+"""A model whose misfit is this probable fits."""
+
+_FEWEST = 2
+"""One pull that is displaced may as well have another force."""
+
+
+def moved(asked: Screening) -> list[Mistake]:
+    """The pose that moved between two of its states, where that is all that is wrong.
+
+    p = P[F > (T / 6) / s^2], s^2 = max(1, what is left over its degrees of freedom), times the
+    number of suspects, against `alarms.READING`; a free stiffness of the pose must leave it.
+    """
+    system, estimate = asked.system, asked.estimate
+    if estimate.p_value is None or estimate.p_value > _FITS:
+        return []
+    shifted = shifted_readings(asked.case, asked.reduced, asked.zeros, system, estimate)
+    D, from_pull = _columns(shifted)
+    found = _flat(shifted.springs(system).beside(D))
+    if not found.rank.any():
+        return []
+    best = int(np.argmax(found.drop))
+    rest = float(found.variance()[best])
+    dof = max(found.dof - int(found.rank[best]), 1)
+    scale, contrasts = asked.spread
+    if special.fdtrc(dof, contrasts, rest / scale**2) < _FITS:
+        return []
+    p = int((found.rank > 0).sum()) * float(found.p(max(rest, 1.0), dof)[best])
+    size = found.size[best]
+    freer = _flat(shifted.poses_free(asked.reduced.data).beside(D))
+    if p >= alarms.READING or not confirmed(freer, best, size, scale**2, seen=True):
+        return []
+    pose = int(np.unique(shifted.stack.pose)[best // from_pull])
+    return [_finding(asked.case, pose, best % from_pull, size, float(found.drop[best]), p)]
+
+
+def _columns(shifted: Shifted) -> tuple[Array, int]:
+    """Six motions common to all pulls of a pose from its n-th on, whitened, (p, s, n, 6), and n.
+
+    None where fewer than `_FEWEST` follow, nor after the first where the zero was read again.
+    """
+    stack, white = shifted.stack, shifted.white
+    loaded = stack.pull >= 0
+    order = _order(stack.pose, stack.pull)
+    last = np.zeros(int(stack.pose.max()) + 1, dtype=np.int64)
+    np.maximum.at(last, stack.pose[loaded], order[loaded])
+    again = np.zeros(len(last), dtype=bool)
+    again[stack.pose[~loaded]] = True
+    most = max(int(last.max()) + 2 - _FEWEST, 1)
+    each = []
+    for first in range(most):
+        asked = (last[stack.pose] + 1 - first >= _FEWEST) & ((first == 0) | ~again[stack.pose])
+        one = stack.modes * (loaded & (order >= first) & asked)[:, None]
+        each.append(white.blocks.padded(white.by_pose(one)))
+    return np.stack(each, axis=2), most
+
+
+def _order(pose: Ints, pull: Ints) -> Ints:
+    """Place of the pull of each row among those of its pose, from 0; -1 for zeros."""
+    out = np.full(len(pose), -1, dtype=np.int64)
+    for one in np.unique(pose):
+        mine = (pose == one) & (pull >= 0)
+        out[mine] = np.unique(pull[mine], return_inverse=True)[1]
+    return out
+
+
+def _flat(found: Beside) -> Beside:
+    """The suspects of all poses in one row."""
+    return replace(
+        found,
+        N=found.N.reshape(-1, *found.N.shape[2:]),
+        g=found.g.reshape(-1, found.g.shape[-1]),
+        whole=found.whole.reshape(-1, found.whole.shape[-1]),
+    )
+
+
+def _finding(case: Case, pose: int, first: int, size: Array, drop: float, p: float) -> Mistake:
+    rows = case.readings[case.readings["pose"] == pose]
+    loaded = rows[rows["state"] == "loaded"]
+    repeats = np.sort(loaded["repeat"].dropna().unique().astype(int))
+    zeros = rows[rows["state"] == "unloaded"]
+    out = zeros if first == 0 else loaded[loaded["repeat"] >= repeats[first]]
+    group = str((zeros if first == 0 else out)["group"].iloc[0])
+    between = (
+        "its unloaded state and the first pull" if first == 0 else f"pulls {first} and {first + 1}"
+    )
+    sigmas = float(np.sqrt(drop))
+    at = of_group(case, group, set(rows["target"]))
+    return outlying(
+        group,
+        f"in pose {pose} the effector moved by {length(float(np.linalg.norm(size[:3])))} between "
+        f"{between}, alike in all pulls that follow and whatever their force, {apart(sigmas)}: "
+        "the tracker was knocked there, or the robot moved",
+        f"recomputed without {'pose ' + str(pose) if first == 0 else 'the pulls that follow'}",
+        before=sigmas,
+        size=float(np.linalg.norm(size[:3])),
+        p_value=p,
+        beside_model=True,
+        together=True,
+        correct=partial(_without, lines=tuple(zip(out["file"], out["line"], strict=True))),
+        at=at,
+    )
+
+
+def _without(case: Case, lines: tuple[tuple[str, int], ...]) -> Case:
+    """The campaign without some readings."""
+    rows, out = case.readings, set(lines)
+    kept = [one not in out for one in zip(rows["file"], rows["line"], strict=True)]
+    return replace(case, readings=rows[kept])
+
+
+FAULT = Fault("outlier", "outlying reading", moved, beside_model=True)

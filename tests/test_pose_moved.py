@@ -1,0 +1,110 @@
+"""A tracker that is knocked, or a robot that moves, between two states of a pose."""
+
+import csv
+import io
+
+import numpy as np
+import pytest
+from scipy.spatial.transform import Rotation
+
+from pipeline.faults.fault import Screening
+from pipeline.faults.pose_moved import moved
+from pipeline.faults.screen import screen
+from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.run import answered, ingested
+from pipeline.simulate import Plan, simulate
+from pipeline.store.campaign import in_memory
+
+PULLS = {"steps_n": [1000.0, 2000.0, 3000.0], "zero": "before"}
+
+
+def files(seed=5, **more):
+    """A campaign whose zeros are read once, before the pulls."""
+    plan = Plan(name="knocked", seed=seed, poses={"count": 8}, pulls=PULLS, **more)
+    return dict(simulate(plan).files)
+
+
+def rows_of(made):
+    return list(csv.reader(io.StringIO(made["tracker.csv"].decode())))
+
+
+def written(rows):
+    text = io.StringIO()
+    csv.writer(text).writerows(rows)
+    return text.getvalue().encode()
+
+
+def knocked(made, group, size_mm=0.6, until=None):
+    """Everything from a group on is read by a tracker that stands elsewhere."""
+    rows = rows_of(made)
+    begun = next(k for k, row in enumerate(rows) if row[0] == group)
+    end = len(rows) if until is None else next(k for k, r in enumerate(rows) if r[0] == until)
+    R = Rotation.from_rotvec([0, 0, 2e-5]).as_matrix()
+    for row in rows[begun:end]:
+        at = R @ np.array([float(x) for x in row[2:5]])
+        row[2:5] = [f"{x:.5f}" for x in at + np.array([size_mm, -size_mm / 2, size_mm / 3])]
+    return made | {"tracker.csv": written(rows)}
+
+
+def case_of(made):
+    return ingested(in_memory(made), conformed, plain, plausible=False)
+
+
+def found(made):
+    case = case_of(made)
+    return screen(case, bring(case)).findings
+
+
+def test_a_knock_between_zero_and_pulls_is_named_with_its_pose():
+    """The zero of that pose is left out, and springs are those of the clean campaign."""
+    clean = answered("clean", in_memory(files())).answer
+    said = answered("knocked", in_memory(knocked(files(), "pose04_rep1_loaded"))).answer
+
+    (cause,) = [one for one in said.diagnosis.causes if one.name == "outlier"]
+    assert cause.where == "pose04_rep0_unloaded"
+    assert cause.parameters[0].value == pytest.approx(0.7e-3, rel=0.25)
+    assert said.diagnosis.verdict == "bad_data"
+    assert said.recommended.data == "corrected"
+    for one, other in zip(said.stiffness, clean.stiffness, strict=True):
+        if one.value is not None and other.value is not None:
+            assert abs(one.compliance - other.compliance) < 3 * one.compliance_std
+
+
+def test_a_knock_between_two_pulls_leaves_the_later_ones_out():
+    """The pull before it has its zero, and stays."""
+    case = case_of(knocked(files(), "pose04_rep2_loaded"))
+
+    (one,) = screen(case, bring(case)).findings
+
+    assert one.where == "pose04_rep2_loaded"
+    left = one.correct(case).readings
+    assert set(left[left["pose"] == 4]["group"]) == {"pose04_rep0_unloaded", "pose04_rep1_loaded"}
+
+
+@pytest.mark.parametrize(
+    "hidden", [[], ["joint_lost_motion:3=3x"], ["rail_roll=2x"], ["joint_hysteresis:2=3x"]]
+)
+def test_what_the_machine_does_in_every_pose_is_no_knock(hidden):
+    """Offsets that do not depend on the size of the load belong to the diagnosis."""
+    assert [one.where for one in found(files(hidden={"effects": hidden}))] == []
+
+
+def test_one_reading_that_is_off_moves_no_pose():
+    """The triangle of the effector tells a reading from a motion of the whole."""
+    made = files()
+    rows = rows_of(made)
+    (row,) = (row for row in rows if row[:2] == ["pose04_rep0_unloaded", "P2"])
+    row[2] = f"{float(row[2]) + 1.5:.5f}"
+
+    assert [one.where for one in found(made | {"tracker.csv": written(rows)})] == [
+        "pose04_rep0_unloaded/P2"
+    ]
+
+
+def test_a_campaign_that_fits_is_not_asked():
+    """Nothing is computed, and nothing said, where the joint springs explain the readings."""
+    case = case_of(files())
+    asked = Screening(case, case.cell, case.robot.nominal_compliance)
+
+    assert asked.estimate.p_value > 1e-3
+    assert moved(asked) == []
