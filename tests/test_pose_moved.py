@@ -108,3 +108,12 @@ def test_a_campaign_that_fits_is_not_asked():
 
     assert asked.estimate.p_value > 1e-3
     assert moved(asked) == []
+
+
+def test_the_engineer_is_told_to_measure_that_pose_again():
+    """No record corrects a tracker that was knocked."""
+    said = answered("knocked", in_memory(knocked(files(), "pose04_rep1_loaded"))).answer
+    (to_do,) = [one.text for one in said.first_screen if one.about == "to_do"]
+
+    assert to_do.startswith("Measure that pose again")
+    assert "in pose 4 the effector moved by 0." in said.first_screen[0].text

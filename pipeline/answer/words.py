@@ -551,6 +551,8 @@ _CORRECT: Mapping[str, str] = {
 
 def correct(facts: Facts) -> str:
     """What to do about the mistakes in the data, up to what to use until then."""
+    if all(one.together for one in facts.mistakes):
+        return f"Measure that pose again, all its states in one go{_AGAIN}"
     kinds = {one.name for one in facts.mistakes}
     if len(kinds) == 1 and kinds <= _CORRECT.keys():
         return _CORRECT[kinds.pop()]
