@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from scipy.spatial.transform import Rotation
 
+from pipeline.faults import pose_moved
 from pipeline.faults.fault import Screening
 from pipeline.faults.pose_moved import moved
 from pipeline.faults.screen import screen
@@ -101,10 +102,11 @@ def test_one_reading_that_is_off_moves_no_pose():
     ]
 
 
-def test_a_campaign_that_fits_is_not_asked():
+def test_a_campaign_that_fits_is_not_asked(monkeypatch):
     """Nothing is computed, and nothing said, where the joint springs explain the readings."""
     case = case_of(files())
     asked = Screening(case, case.cell, case.robot.nominal_compliance)
+    monkeypatch.setattr(pose_moved, "shifted_readings", None)
 
     assert asked.estimate.p_value > 1e-3
     assert moved(asked) == []
@@ -117,3 +119,13 @@ def test_the_engineer_is_told_to_measure_that_pose_again():
 
     assert to_do.startswith("Measure that pose again")
     assert "in pose 4 the effector moved by 0." in said.first_screen[0].text
+
+
+def test_a_pose_that_a_cause_displaces_is_acquitted():
+    """The cause is identified without that pose, and explains it."""
+    made = files(1, hidden={"effects": ["link_bending:upper_arm=2x"]})
+    said = answered("bent", in_memory(made)).answer
+
+    assert [one.where for one in found(made)] == ["pose05_rep2_loaded"]
+    assert [one.name for one in said.diagnosis.causes] == ["link_bending"]
+    assert said.diagnosis.verdict == "explained"
