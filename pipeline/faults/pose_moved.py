@@ -25,6 +25,9 @@ from pipeline.system.beside import Beside
 _FITS = 1e-3
 """A model whose misfit is this probable fits."""
 
+_ALONE = 0.01
+"""Where another pose moves with a chance below this, too, it is something of the machine."""
+
 _FEWEST = 2
 """One pull that is displaced may as well have another force."""
 
@@ -36,17 +39,18 @@ def moved(asked: Screening) -> list[Mistake]:
     number of suspects, against `alarms.READING`; a free stiffness of the pose must leave it.
     """
     system, estimate = asked.system, asked.estimate
-    if estimate.p_value is None or estimate.p_value > _FITS:
+    scale, contrasts = asked.spread
+    whole = estimate.chi2 / max(estimate.dof, 1) / scale**2
+    if estimate.p_value is None or special.fdtrc(estimate.dof, contrasts, whole) > _FITS:
         return []
     shifted = shifted_readings(asked.case, asked.reduced, asked.zeros, system, estimate)
-    D, from_pull = _columns(shifted)
+    D, from_pull, columns = _columns(shifted)
     found = _flat(shifted.springs(system).beside(D))
     if not found.rank.any():
         return []
     best = int(np.argmax(found.drop))
     rest = float(found.variance()[best])
     dof = max(found.dof - int(found.rank[best]), 1)
-    scale, contrasts = asked.spread
     if special.fdtrc(dof, contrasts, rest / scale**2) < _FITS:
         return []
     p = int((found.rank > 0).sum()) * float(found.p(max(rest, 1.0), dof)[best])
@@ -54,14 +58,25 @@ def moved(asked: Screening) -> list[Mistake]:
     freer = _flat(shifted.poses_free(asked.reduced.data).beside(D))
     if p >= alarms.READING or not confirmed(freer, best, size, scale**2, seen=True):
         return []
-    pose = int(np.unique(shifted.stack.pose)[best // from_pull])
-    return [_finding(asked.case, pose, best % from_pull, size, float(found.drop[best]), p)]
+    place, first = divmod(best, from_pull)
+    pose = int(np.unique(shifted.stack.pose)[place])
+    beside = _flat(shifted.springs(system, columns[first] * _of(shifted, pose)).beside(D))
+    others = np.arange(len(found.drop)) // from_pull != place
+    if len(found.drop) * float(beside.p(max(rest, 1.0), dof)[others].min(initial=1.0)) < _ALONE:
+        return []
+    return [_finding(asked.case, pose, first, size, float(found.drop[best]), p)]
 
 
-def _columns(shifted: Shifted) -> tuple[Array, int]:
-    """Six motions common to all pulls of a pose from its n-th on, whitened, (p, s, n, 6), and n.
+def _of(shifted: Shifted, pose: int) -> Array:
+    """Which rows are of a pose, shape (R, 1)."""
+    return (shifted.stack.pose == pose)[:, None].astype(float)
 
-    None where fewer than `_FEWEST` follow, nor after the first where the zero was read again.
+
+def _columns(shifted: Shifted) -> tuple[Array, int, list[Array]]:
+    """Six motions common to all pulls of a pose from its n-th on.
+
+    Whitened by pose, (p, s, n, 6); n; and as they are, one (R, 6) for each n. None where fewer than
+    `_FEWEST` pulls follow, nor after the first where the zero was read again.
     """
     stack, white = shifted.stack, shifted.white
     loaded = stack.pull >= 0
@@ -71,12 +86,13 @@ def _columns(shifted: Shifted) -> tuple[Array, int]:
     again = np.zeros(len(last), dtype=bool)
     again[stack.pose[~loaded]] = True
     most = max(int(last.max()) + 2 - _FEWEST, 1)
-    each = []
+    each, plain = [], []
     for first in range(most):
         asked = (last[stack.pose] + 1 - first >= _FEWEST) & ((first == 0) | ~again[stack.pose])
         one = stack.modes * (loaded & (order >= first) & asked)[:, None]
+        plain.append(one)
         each.append(white.blocks.padded(white.by_pose(one)))
-    return np.stack(each, axis=2), most
+    return np.stack(each, axis=2), most, plain
 
 
 def _order(pose: Ints, pull: Ints) -> Ints:

@@ -92,11 +92,11 @@ class Shifted(Locked):
         """The best shift of every reading [m], beside a base."""
         return base.beside(self.D).rows(self.blocks)
 
-    def springs(self, system: System) -> Base:
-        """Springs, causes and common errors."""
+    def springs(self, system: System, more: Array | None = None) -> Base:
+        """Springs, causes and common errors, and further columns (R, k) [1]."""
         B = np.zeros((len(self.stack.c), system.B.shape[1]))
         B[: len(system.B)] = system.B * system.typical
-        return self.white.base(B, self.stack.c)
+        return self.white.base(B if more is None else np.hstack([B, more]), self.stack.c)
 
     def poses_free(self, data: Measured) -> Base:
         """Six rigid motions of each pose in proportion to the pull."""

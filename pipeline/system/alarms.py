@@ -18,8 +18,8 @@ LACK_OF_FIT = 0.001
 """The same of each of the two tests of lack of fit, by poses and by pulls [1]."""
 
 READING = 5e-4
-"""The same of each family of readings: of poses, of pulls that are left out, of the base, of whole
-base reflectors, of the chain and of the scale [1]."""
+"""The same of each family of readings: of poses, of pulls that are left out, of whole poses, of the
+base, of whole base reflectors, of the chain, of the scale and of those with equal digits [1]."""
 
 DRIFT = 0.001
 """The same of a motion of the tracker that the base reflectors show [1]."""
@@ -46,6 +46,8 @@ ACCUSING = {
     "a reading of the chain": READING,
     "a reading of the scale": READING,
     "a reading of a pull that is left out": READING,
+    "a pose that moved": READING,
+    "a reading that repeats another": READING,
     "a tracker that moved": DRIFT,
     "a misfit": MISFIT,
 }
