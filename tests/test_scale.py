@@ -118,3 +118,15 @@ def test_a_tracker_knocked_during_a_pull_is_not_laid_on_the_scale():
     knocked = "\n".join(",".join(row) for row in rows).encode()
 
     assert not screened({**files, "tracker.csv": knocked}).findings
+
+
+@pytest.mark.parametrize(("factor", "named"), [(0.8, 0), (4.0, 3)])
+def test_a_pose_that_is_off_by_one_factor_has_no_mistyped_readings(factor, named):
+    """Nobody mistypes all its pulls alike, unless by more than any machine is soft."""
+    pulls = {"steps_n": [1000.0, 2000.0, 3000.0]}
+    files = simulate(revised(PLAN, {"poses": {"count": 16}, "pulls": pulls})).files
+    for line in (5, 6, 7):
+        files = mistyped(files, times(factor), line)
+
+    places = [f"loads.csv pose02 rep{k}" for k in (1, 2, 3)]
+    assert sorted(f.where for f in screened(files).findings) == places[:named]

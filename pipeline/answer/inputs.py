@@ -11,7 +11,7 @@ from scipy import special
 
 from pipeline.answer import contract
 from pipeline.answer.contract import Input, Rejected
-from pipeline.base import files
+from pipeline.base import covariance, files
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import listed
 from pipeline.base.linear import rms
@@ -21,10 +21,11 @@ from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.machine.robot import configure
 from pipeline.machine.room import accepted
 from pipeline.reduction.case import Case
+from pipeline.reduction.digits import rounding
 from pipeline.reduction.growth import REFERENCE_C, STEEL, Growth
 from pipeline.reduction.limits import beyond
 from pipeline.reduction.pose_of_interest import Where
-from pipeline.reduction.register import Registration
+from pipeline.reduction.register import XYZ, Registration
 from pipeline.reduction.settings import Instrument, Scale, Settings, Unit
 from pipeline.reduction.torques import Weighed, weighed
 from pipeline.store.campaign import Raw
@@ -264,6 +265,24 @@ def limit_findings(case: Case) -> list[str]:
         f"farthest is {worst.file}:{worst.line}: {worst.said}. They are used: check the limits in "
         "the robot file."
     ]
+
+
+def rounding_findings(case: Case) -> list[str]:
+    """A sentence where the digits of the export are as coarse as its readings scatter."""
+    h = rounding(case.readings[XYZ].to_numpy(float))
+    if h == 0:
+        return []
+    variance = float(covariance.matrices(case.readings)[:, 0, 0].mean())
+    if not h**2 > _COARSE * variance:
+        return []
+    return [
+        f"The export is rounded to {plain(1e3 * np.sqrt(12) * h, 1)} mm, an uncertainty of "
+        f"{plain(1e3 * h, 2)} mm per coordinate, which is included: export more digits."
+    ]
+
+
+_COARSE = 0.1
+"""Part of the variance of a reading from which on its rounding is said."""
 
 
 def shot_findings(case: Case, pulls: Pulls) -> list[str]:

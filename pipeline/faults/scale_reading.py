@@ -17,6 +17,7 @@ from functools import partial
 import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.tails import chi2_beyond
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, outlying
 from pipeline.machine.cell import Cell
@@ -50,6 +51,12 @@ or a joint does, it does in many pulls."""
 
 _LEFT = 0.1
 """Part of what its pull contradicted that may be left there: other faults leave more."""
+
+_SOFT = 2.0
+"""No pose is softer or stiffer than expected by more, whatever the machine has."""
+
+_ALIKE = 1e-3
+"""Factors that differ by less than chance may make them differ are one."""
 
 _ROUNDS = 8
 """Iterations to the reading that fits best."""
@@ -152,6 +159,7 @@ def scale_outliers(
             return []
         if righted.alone:
             sure = bool((righted.p <= alarms.READING).all()) and righted.explained
+            sure = sure and not _by_pose(data, righted)
             return _findings(case, data, righted) if sure else []
         which.append(righted.next)
     return []
@@ -163,6 +171,25 @@ def _matters(righted: _Righted, scale: Scale) -> bool:
     given = np.minimum(fits + off, np.abs(fits - off))
     least = np.maximum(_MATTERS * np.minimum(fits, given), _STATED * reading_std(scale, fits))
     return bool((off >= least).all())
+
+
+def _by_pose(data: Measured, righted: _Righted) -> bool:
+    """Whether all pulls of a pose are off by one factor: something of the machine there.
+
+    f_i = k r_i with readings r_i and f_i that fit best, of uncertainties u_i: chi2 of the best k on
+    one degree of freedom less than pulls. A factor beyond `_SOFT` is no machine's, and two pulls
+    have one too easily.
+    """
+    pose, read = data.pulls.pose, np.linalg.norm(data.pulls.force, axis=1)
+    for one in np.unique(pose[righted.pulls]).tolist():
+        mine = pose[righted.pulls] == one
+        if mine.sum() < max(3, int((pose == one).sum())):
+            continue
+        r, f, w = read[righted.pulls[mine]], righted.fits[mine], righted.normal[mine]
+        k = float((w * r) @ f / ((w * r) @ r))
+        if chi2_beyond(float(w @ (f - k * r) ** 2), int(mine.sum()) - 1) > _ALIKE:
+            return 1 / _SOFT < k < _SOFT
+    return False
 
 
 def _righted(

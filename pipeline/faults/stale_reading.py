@@ -21,10 +21,10 @@ from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, outlying
 from pipeline.faults.reading import without
 from pipeline.reduction.case import Case
+from pipeline.reduction.digits import rounding
 from pipeline.reduction.measured import STILL_M
 from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
-from pipeline.system.one_pose import rounding
 
 _SCATTERS = 0.5
 """Where more readings than this part of those taken twice under equal conditions are equal, the
@@ -67,7 +67,7 @@ def repeated(case: Case) -> list[Mistake]:
     equal = rows.duplicated(["at", "target", *XYZ], keep=False)
     if not equal.any() or _without_noise(rows):
         return []
-    h = np.sqrt(12) * rounding(case.readings)
+    h = np.sqrt(12) * rounding(case.readings[XYZ].to_numpy(float))
     std = np.sqrt(np.maximum(np.einsum("mii->mi", covariance.matrices(rows)), STILL_M**2))
     likely = np.prod(np.minimum(h / (np.sqrt(4 * np.pi) * _known(std, rows)), 1.0), axis=1)
     chance = pd.Series(likely, rows.index)

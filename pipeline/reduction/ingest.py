@@ -31,6 +31,7 @@ from pipeline.reduction import _pulls, _shots, _size, limits
 from pipeline.reduction._index import numbered, pull_number
 from pipeline.reduction._shots import Rejection, Shots, Stale
 from pipeline.reduction.case import Treated
+from pipeline.reduction.digits import rounding
 from pipeline.reduction.register import read_apart
 from pipeline.reduction.settings import BASE_REFLECTORS, Displacements, Settings, Tracker
 from pipeline.reduction.weights import PULL
@@ -327,10 +328,24 @@ def _covariance(shots: Shots, tracker: Tracker) -> tuple[list[Array], pa.Diction
     """Covariance of every reading, six columns, and where each is from."""
     stated, source = _stated_covariance(shots, tracker)
     if shots.covariance is None:
-        return stated, _chosen(np.zeros(len(shots)), [source])
+        return _rounded(shots, stated), _chosen(np.zeros(len(shots)), [source])
     own: Bools = np.asarray(np.isfinite(shots.covariance).all(axis=1))
     columns = [np.where(own, shots.covariance[:, k], stated[k]) for k in range(6)]
-    return columns, _chosen(own, [source, "file"])
+    return _rounded(shots, columns), _chosen(own, [source, "file"])
+
+
+def _rounded(shots: Shots, columns: list[Array]) -> list[Array]:
+    """The same with the variance of the last digit, where it is a part of it that counts."""
+    variance = rounding(shots.position) ** 2
+    out = list(columns)
+    for k in _DIAGONAL:
+        out[k] = columns[k] + np.where(variance > _COUNTS * columns[k], variance, 0.0)
+    return out
+
+
+_DIAGONAL = (0, 3, 5)
+_COUNTS = 1e-3
+"""Part of a variance that moves nothing."""
 
 
 def _chosen(which: Array | Ints | Bools, words: Sequence[str]) -> pa.DictionaryArray:

@@ -10,7 +10,6 @@ from dataclasses import dataclass, replace
 from itertools import combinations
 
 import numpy as np
-import pandas as pd
 from scipy import special
 
 from pipeline.base.arrays import Array, Bools
@@ -19,6 +18,7 @@ from pipeline.machine.robot import configure
 from pipeline.machine.six import radius
 from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
+from pipeline.reduction.digits import rounding
 from pipeline.reduction.measured import STILL_M, Measured
 from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import tells_a_pose
@@ -27,11 +27,6 @@ from pipeline.system.estimate import identify
 
 _OFF_RAD = 1e-3
 """How far a robot's links may point from where its table has them [rad]: as delivered."""
-
-_UNITS_M = (1.0, 1e-3, 0.0254)
-_DIGITS = 8
-_LOOKED_AT = 300
-"""So many readings show with how many digits an export is written."""
 
 _FEWEST = 12
 """Fewer changes of distances show nothing."""
@@ -82,7 +77,8 @@ def one_pose(case: Case, data: Measured) -> OnePose | None:
         return None
     lever = _OFF_RAD * turned if np.isnan(data.unloaded).any() else 0.0 * turned
     bow = turned**2 / (2 * radius(case.tool.points))
-    limit = np.sqrt(STILL_M**2 + (2 * rounding(case.readings)) ** 2 + lever**2 + bow**2)
+    digits = 2 * rounding(case.readings[XYZ].to_numpy(float))
+    limit = np.sqrt(STILL_M**2 + digits**2 + lever**2 + bow**2)
     if rms(change / limit) > 1:
         return None
     left = identify(case.cell, data, case.robot.nominal_compliance)[1]
@@ -113,14 +109,3 @@ def _changes(case: Case, data: Measured) -> tuple[Array, Array]:
     ]
     about = moved - moved.mean(axis=1, keepdims=True)
     return np.array(change), np.sqrt(np.mean(about**2, axis=(1, 2)))
-
-
-def rounding(readings: pd.DataFrame) -> float:
-    """Standard uncertainty of a coordinate by the digits of the export [m]; 0 without an export."""
-    x = readings[XYZ].head(_LOOKED_AT).to_numpy(float).ravel()
-    for digits in range(_DIGITS):
-        for unit in _UNITS_M:
-            steps = x / unit * 10.0**digits
-            if len(x) and np.abs(steps - np.round(steps)).max() < 1e-3:
-                return float(unit / 10.0**digits / np.sqrt(12))
-    return 0.0
