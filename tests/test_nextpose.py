@@ -390,3 +390,19 @@ def test_a_contest_weighs_pairs_by_the_root_of_their_odds(asked):
         factor = np.linalg.qr(old, mode="r")
         expected = np.linalg.norm(np.linalg.solve(factor.T, np.hstack([springs, mine]).T)) ** 2
         assert found[k] == pytest.approx(expected, rel=1e-3)
+
+
+def test_no_pose_is_pulled_harder_than_what_the_robot_carries(asked):
+    """Ten times the force in a line of the log is no reason to pull so hard."""
+    case, _, _ = asked
+    pulls = case.data.pulls
+    force = pulls.force.copy()
+    force[0] *= 20.0
+    wrong = replace(case, data=replace(case.data, pulls=replace(pulls, force=force)))
+    weight = case.cell.robot.payload_kg * 9.80665
+
+    drawn = candidates(wrong, np.random.default_rng(1))
+
+    assert np.linalg.norm(force, axis=1).max() > 2 * weight
+    hardest = np.linalg.norm(drawn.pulls.force, axis=1).max()
+    assert hardest == pytest.approx(weight)

@@ -24,7 +24,7 @@ from pipeline.diagnosis.separability import left_by, sizes
 from pipeline.machine.cell import sensitivity
 from pipeline.machine.effect import Effect, Pulls
 from pipeline.machine.poses import default_anchors, draw_poses, try_poses
-from pipeline.machine.robot import configure
+from pipeline.machine.robot import configure, rating
 from pipeline.system.elimination import eliminate
 from pipeline.system.whitened import Whitened
 
@@ -91,6 +91,9 @@ class Candidates(Locked):
 def candidates(case: Case, rng: np.random.Generator) -> Candidates:
     """Random reachable poses, pulled as the campaign's fullest pose was.
 
+    As hard as the hardest pull, and no harder than the weight that the robot carries: nobody knows
+    yet whether that pull was written down right.
+
     Args:
         case: The case.
         rng: Draws the poses.
@@ -112,7 +115,8 @@ def candidates(case: Case, rng: np.random.Generator) -> Candidates:
     chain = anchors[which] - at
     unit = chain / np.linalg.norm(chain, axis=1, keepdims=True)
     usual, size = _fullest(done.pose), np.linalg.norm(done.force, axis=1)
-    steps = size[usual] / size[usual].max() * size.max()
+    most = min(size.max(), rating.weight_n(robot) or np.inf)
+    steps = size[usual] / size[usual].max() * most
     series = [steps] if steps.min() < 0.6 * steps.max() else [steps, _LIGHT * steps]
     here, k = np.tile(np.arange(len(q)), len(series)), len(usual)
     late = np.nanmax(done.time, initial=0.0)
