@@ -21,7 +21,7 @@ PULLS = {"steps_n": [1000.0, 2000.0, 3000.0], "zero": "before"}
 
 def files(seed=5, **more):
     """A campaign whose zeros are read once, before the pulls."""
-    plan = Plan(name="knocked", seed=seed, poses={"count": 8}, pulls=PULLS, **more)
+    plan = Plan(name="knocked", seed=seed, poses={"count": 8}, **{"pulls": PULLS} | more)
     return dict(simulate(plan).files)
 
 
@@ -129,3 +129,15 @@ def test_a_cause_that_displaces_some_poses_is_no_knock():
     assert found(made) == ()
     assert [one.name for one in said.diagnosis.causes] == ["link_bending"]
     assert said.diagnosis.verdict == "explained"
+
+
+def test_a_knock_is_told_by_the_pulls_that_are_in_use():
+    """The first of four pulls has no force in the log; the knock is before the third."""
+    pulls = PULLS | {"steps_n": [1000.0, 1700.0, 2400.0, 3000.0]}
+    made = knocked(files(pulls=pulls), "pose04_rep3_loaded")
+    loads = [line for line in made["loads.csv"].decode().splitlines() if line[:4] != "4,1,"]
+
+    (one,) = found(made | {"loads.csv": "\n".join(loads).encode()})
+
+    assert one.where == "pose04_rep3_loaded"
+    assert "between pulls 2 and 3" in one.evidence

@@ -41,7 +41,8 @@ def moved(asked: Screening) -> list[Mistake]:
     system, estimate = asked.system, asked.estimate
     scale, contrasts = asked.spread
     whole = estimate.chi2 / max(estimate.dof, 1) / scale**2
-    if estimate.p_value is None or special.fdtrc(estimate.dof, contrasts, whole) > _FITS:
+    misfit = special.fdtrc(estimate.dof, contrasts, whole)  # NaN where nothing tells the noise
+    if estimate.p_value is None or not misfit <= _FITS:
         return []
     shifted = shifted_readings(asked.case, asked.reduced, asked.zeros, system, estimate)
     D, from_pull, columns = _columns(shifted)
@@ -51,7 +52,7 @@ def moved(asked: Screening) -> list[Mistake]:
     best = int(np.argmax(found.drop))
     rest = float(found.variance()[best])
     dof = max(found.dof - int(found.rank[best]), 1)
-    if special.fdtrc(dof, contrasts, rest / scale**2) < _FITS:
+    if not special.fdtrc(dof, contrasts, rest / scale**2) >= _FITS:
         return []
     p = int((found.rank > 0).sum()) * float(found.p(max(rest, 1.0), dof)[best])
     size = found.size[best]
@@ -64,7 +65,9 @@ def moved(asked: Screening) -> list[Mistake]:
     others = np.arange(len(found.drop)) // from_pull != place
     if len(found.drop) * float(beside.p(max(rest, 1.0), dof)[others].min(initial=1.0)) < _ALONE:
         return []
-    return [_finding(asked.case, pose, first, size, float(found.drop[best]), p)]
+    pulls = asked.reduced.data.pulls
+    repeats = np.sort(pulls.repeat[pulls.pose == pose])
+    return [_finding(asked.case, pose, repeats, first, size, float(found.drop[best]), p)]
 
 
 def _of(shifted: Shifted, pose: int) -> Array:
@@ -114,15 +117,19 @@ def _flat(found: Beside) -> Beside:
     )
 
 
-def _finding(case: Case, pose: int, first: int, size: Array, drop: float, p: float) -> Mistake:
+def _finding(
+    case: Case, pose: int, repeats: Ints, first: int, size: Array, drop: float, p: float
+) -> Mistake:
+    """`repeats` are those of the pulls in use, of which the `first`, from 0, is displaced."""
     rows = case.readings[case.readings["pose"] == pose]
     loaded = rows[rows["state"] == "loaded"]
-    repeats = np.sort(loaded["repeat"].dropna().unique().astype(int))
     zeros = rows[rows["state"] == "unloaded"]
-    out = zeros if first == 0 else loaded[loaded["repeat"] >= repeats[first]]
-    group = str((zeros if first == 0 else out)["group"].iloc[0])
+    out = zeros if first == 0 else loaded[loaded["repeat"].isin(repeats[first:])]
+    group = str(out["group"].iloc[0])
     between = (
-        "its unloaded state and the first pull" if first == 0 else f"pulls {first} and {first + 1}"
+        "its unloaded state and the first pull"
+        if first == 0
+        else f"pulls {repeats[first - 1]} and {repeats[first]}"
     )
     sigmas = float(np.sqrt(drop))
     at = of_group(case, group, set(rows["target"]))
