@@ -8,7 +8,6 @@ from __future__ import annotations
 
 import time
 from dataclasses import dataclass, field, replace
-from difflib import get_close_matches
 
 import numpy as np
 import pandas as pd
@@ -37,19 +36,12 @@ from pipeline.answer.tables import (
     residuals_table,
     system_table,
 )
-from pipeline.base.errors import InputError, at, listed
-from pipeline.diagnosis.diagnose import diagnose
-from pipeline.diagnosis.drift import drift
-from pipeline.diagnosis.facts import Diagnosis
+from pipeline.base.errors import InputError, at
+from pipeline.diagnosis.settle import settle
 from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
-from pipeline.faults.screen import Screened, acquit, confirm, screen, screen_again
-from pipeline.machine.effect import Effect
-from pipeline.machine.effects import catalogue
-from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.robot import Robot
-from pipeline.machine.room import room_of
 from pipeline.prediction import handover
 from pipeline.prediction.model import Model
 from pipeline.prediction.tolerance import Shown, asked, judge
@@ -62,16 +54,13 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.case import tool as tool
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
-from pipeline.reduction.pose_of_interest import Where, place_of_interest
-from pipeline.reduction.register import timed
+from pipeline.reduction.pose_of_interest import Where
 from pipeline.report import workbook
 from pipeline.report.render import render
 from pipeline.report.wear import told
 from pipeline.store.campaign import Campaign, Raw, dump
-from pipeline.system import alarms
-from pipeline.system.fit import Fitted, fit
+from pipeline.system.fit import fit
 from pipeline.system.one_pose import as_measured
-from pipeline.system.shape import Shape, shape
 
 _SEED = 20261103
 _LAST_RESORT = "campaign.toml"
@@ -210,24 +199,9 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
     path = asked(raw.settings.tolerance, raw.files, case.robot, case.tool)
     case, reduced, pose = step(as_measured)(case, bring(case, keep, step))
     _enough(reduced.data, raw.robot)
-    screened = step(screen)(case, reduced)
     given = step(fit)(case, reduced)
-    right = _righted(screened, given, step)
-    where = place_of_interest(raw.settings.test_pose, right.case.robot, right.data.pulls)
-    diagnosis = _diagnosed(right, where, step)
-    judged = step(screen_again)(case, screened, diagnosis.modelled, diagnosis.estimate)
-    if judged is not screened:
-        screened, right = judged, _righted(judged, given, step)
-        diagnosis = _diagnosed(right, where, step)
-    right, diagnosis = _settled(right, diagnosis, where, step)
-    judged = step(acquit)(case, screened, right, diagnosis.seen)
-    if judged is not screened:
-        screened, right = judged, _righted(judged, given, step)
-        right, diagnosis = _settled(right, _diagnosed(right, where, step), where, step)
-    judged = _confirmed(screened, right, diagnosis, step)
-    if judged is not screened:
-        screened, right = judged, _righted(judged, given, step)
-        right, diagnosis = _settled(right, _diagnosed(right, where, step), where, step)
+    held = settle(case, reduced, given, step)
+    screened, right, where, diagnosis = held.screened, held.right, held.where, held.diagnosis
     given = given if screened.findings else right
 
     facts = replace(diagnosis.facts, mistakes=screened.findings)
@@ -263,19 +237,6 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
     )
     shown = {**right.reduced.shown, "rejected": case.rejected, **_kept(found, keep, step)}
     return Answered(answer_of(found), shown, told.model)
-
-
-def _righted(screened: Screened, given: Fitted, step: Step) -> Fitted:
-    """The campaign without what is wrong in it; as given where nothing is."""
-    return step(fit)(screened.case, bring(screened.case)) if screened.findings else given
-
-
-def _confirmed(screened: Screened, right: Fitted, said: Diagnosis, step: Step) -> Screened:
-    """Doubted readings tested by the noise that is seen beside the accepted model."""
-    if not screened.doubted or not right.plain.noise_stated:
-        return screened
-    of = right.shape if right.shape.weighed else _beside(right, said)
-    return step(confirm)(screened, of.family, said.modelled, said.estimate)
 
 
 def _told(model: Model, values: Values, where: Where, step: Step) -> Told:
@@ -328,84 +289,6 @@ def _path(found: Findings, keep: Keep) -> dict[str, pd.DataFrame]:
     """The machining path, where [tolerance] names one."""
     path = found.judged.path
     return {} if path is None else {"path": keep("63_path", path, tables.PATH)}
-
-
-def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
-    """What the model gets wrong; every diagnosis draws alike."""
-    rng = np.random.default_rng(_SEED)
-    cell, data = right.case.cell, right.data
-    scale, effects = float(right.noise.scale[0]), expected(right.case, data)
-    if not timed(right.case.readings):
-        effects = by_order(effects)
-    wander = right.shape.wander
-    moved = drift(right.reduced.registration, scale, data.unloaded, effects, wander)
-    room = room_of(cell.robot, cell.tool.named, right.case.settings, data.pulls.range_n[1])
-    told = right.noise, right.shape, room
-    return step(diagnose)(cell, data, right.estimate, where, rng, effects, moved, *told)
-
-
-def expected(case: Case, data: Measured) -> tuple[Effect, ...]:
-    """The catalogue, with the odds and sizes that campaign.toml takes from other campaigns.
-
-    Raises:
-        InputError: It names a cause that this robot and these loads cannot have.
-    """
-    effects, priors = catalogue(case.robot, data.pulls), case.settings.priors
-    known = sorted({effect.name for effect in effects})
-    if strange := sorted(set(priors) - set(known)):
-        raise InputError(
-            f"[priors] has {listed(strange)}, which no cause here is called",
-            f"did you mean {near[0]}?"
-            if (near := get_close_matches(strange[0], known, 1))
-            else f"remove it, or use one of {listed(known, len(known))}",
-            file=_LAST_RESORT,
-            key=["priors", strange[0]],
-        )
-    return tuple(
-        replace(one, odds=priors[one.name].odds, size=priors[one.name].size)
-        if one.name in priors
-        else one
-        for one in effects
-    )
-
-
-def _settled(right: Fitted, said: Diagnosis, where: Where, step: Step) -> tuple[Fitted, Diagnosis]:
-    """The campaign weighed by the noise that is seen beside the accepted model.
-
-    First its shape; where the model misses something, only if such noise is likely whatever the
-    machine does, and makes the model whole. Then its size: where the model leaves more than the
-    stated noise allows and no more than that of the contrasts, the latter is used.
-    """
-    if not right.plain.noise_stated or not (said.settled or _noise_likely(right, said)):
-        return right, said
-    seen = _beside(right, said)
-    if seen.differs(right.shape):
-        weighed = right.shaped(seen)
-        again = _diagnosed(weighed, where, step)
-        if not (said.settled or again.settled):
-            return right, said
-        right, said, seen = weighed, again, _beside(weighed, again)
-    right = replace(right, shape=seen)
-    p = said.facts.stated_p
-    if right.noise.used or p is None or not p < alarms.MISFIT <= said.facts.misfit_p:
-        return right, said
-    right = replace(step(fit)(right.case, right.reduced, taken=True), shape=seen).shaped(seen)
-    return right, _diagnosed(right, where, step)
-
-
-def _noise_likely(right: Fitted, said: Diagnosis) -> bool:
-    """Whether there rather is other noise than not, whatever the machine does.
-
-    Beside all that a machine could do, which leaves little to see it in; where no cause was found,
-    also beside a stiffness of its own for each pose.
-    """
-    return right.shape.likely or _beside(right, said, loose=True).likely
-
-
-def _beside(right: Fitted, said: Diagnosis, loose: bool = False) -> Shape:
-    """The shape of the noise beside the accepted model; `loose` as of `shape`."""
-    seen = replace(said.seen, data=right.shape.off(said.seen.data))
-    return shape(seen, said.seen.model.accepted, loose)
 
 
 def _enough(data: Measured, robot: Robot) -> None:

@@ -34,8 +34,9 @@ from pipeline.prediction.compensate import beside_pulls
 from pipeline.prediction.tolerance import Path, asked
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
+from pipeline.reduction.expected import expected
 from pipeline.reduction.settings import Settings
-from pipeline.run import expected, ingested
+from pipeline.run import ingested
 from pipeline.store.campaign import Campaign, Raw
 
 _MOST_LINES = 40

@@ -19,6 +19,9 @@ from pipeline.system.fit import beside_everything
 from pipeline.system.shape import tails
 from pipeline.system.system import Estimate, System
 
+SURE = 0.9
+"""Probability from which a reading is a blunder [1]: odds of 9 to 1, those of the stated family."""
+
 
 @dataclass(frozen=True, eq=False)
 class Screening:
@@ -29,16 +32,13 @@ class Screening:
         cell: The model that the readings are tested against.
         start: Where its estimate starts, shape (k,).
         known: Its measurements, if they are at hand.
-        before: The same campaign with one mistake more: what was put right since is missing from
-            the tails of its readings.
-        accepted: Tails of the readings beside the accepted model, where one is known.
+        accepted: Tails of the readings as they are known already.
     """
 
     case: Case
     cell: Cell
     start: Array
     known: Reduced | None = None
-    before: Screening | None = None
     accepted: Family | None = None
 
     @cached_property
@@ -67,7 +67,7 @@ class Screening:
 
     @cached_property
     def family(self) -> Family:
-        """Tails of the readings beside the accepted model, else all that a machine could do."""
+        """Tails of the readings, beside all that a machine could do where nobody knows better."""
         if self.accepted is not None:
             return self.accepted
         data, springs = self.reduced.data, self.case.cell
@@ -75,14 +75,14 @@ class Screening:
         values = self.estimate.value[: len(springs.parameters)]
         return tails(beside_everything(springs, data, values))[1]
 
-    def mistaken(self, square: float, axes: int) -> float:
-        """Probability that a reading is a blunder, the square of its error in std along some axes.
+    def sure(self, one: Mistake) -> bool:
+        """Whether a reading that is off is a blunder, and not of the family that all show.
 
-        Of the families with and without the mistakes that were put right the lower one counts: a
-        tail that was taken for blunders reading by reading would soon be none.
+        The family is that of all readings, those off included: a tail that was taken for blunders
+        reading by reading would soon be none. Where it rather is as stated, it is taken to be: a
+        doubt about the tails is none about a reading that is far off.
         """
-        mine = self.family.mistaken(square, axes)
-        return mine if self.before is None else min(mine, self.before.mistaken(square, axes))
+        return not one.may_be_noise or self.family.rather.mistaken(one.before**2, one.axes) > SURE
 
     @cached_property
     def spread(self) -> tuple[float, int]:
@@ -101,7 +101,6 @@ class Fault:
         find: What of it is found; nothing in a clean campaign.
         in_files: It spoils whole files: tested once, before anything is estimated.
         in_forces: It can be made in a campaign that arrives reduced to forces and displacements.
-        beside_model: Tested once more beside the causes that were identified without its readings.
     """
 
     name: str
@@ -109,4 +108,3 @@ class Fault:
     find: Callable[[Screening], list[Mistake]]
     in_files: bool = False
     in_forces: bool = False
-    beside_model: bool = False

@@ -25,8 +25,6 @@ class Mistake:
         size: How large the mistake is, where it has a size.
         size_unit: Unit of `size`.
         p_value: Probability of such evidence by chance, None where chance plays no part.
-        beside_model: The evidence is a residual of the joint springs, which a richer model may
-            explain.
         correct: The corrected campaign.
         at: Where what is accused stands, `file:line`; nothing where it is no single row.
         axes: Coordinates that the square of `before` is the sum of, where it is in sigma.
@@ -44,7 +42,6 @@ class Mistake:
     size: float | None = None
     size_unit: str = "1"
     p_value: float | None = None
-    beside_model: bool = False
     at: tuple[str, ...] = ()
     axes: int = 3
     together: bool = False

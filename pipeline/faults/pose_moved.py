@@ -142,7 +142,6 @@ def _finding(
         before=sigmas,
         size=float(np.linalg.norm(size[:3])),
         p_value=p,
-        beside_model=True,
         together=True,
         correct=partial(_without, lines=tuple(zip(out["file"], out["line"], strict=True))),
         at=at,
@@ -156,4 +155,4 @@ def _without(case: Case, lines: tuple[tuple[str, int], ...]) -> Case:
     return replace(case, readings=rows[kept])
 
 
-FAULT = Fault("outlier", "outlying reading", moved, beside_model=True)
+FAULT = Fault("outlier", "outlying reading", moved)

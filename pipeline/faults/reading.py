@@ -18,18 +18,18 @@ import pandas as pd
 from scipy import special
 
 from pipeline.base.arrays import Array, Ints, Locked
-from pipeline.faults.fault import Fault
+from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, apart, length, outlying
 from pipeline.machine import instrument
 from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.register import XYZ
-from pipeline.system import alarms
 from pipeline.system.beside import Base, Beside
 from pipeline.system.blocks import Blocks
 from pipeline.system.contrasts import Stack, Zeros, stacked
 from pipeline.system.system import Estimate, System
+from pipeline.system.together import Held, Suspects, together
 from pipeline.system.whiten import Whitener, whitener
 
 _SMALLEST_M = 8e-5
@@ -38,8 +38,8 @@ _SMALLEST_M = 8e-5
 _FITS = 1e-3
 """A model whose misfit is this probable fits."""
 
-_DOMINANT = 2.0
-"""If the model does not fit, an outlier must stand out this much more."""
+_NOTHING = 1e-30
+"""A variance that is rounding [1]."""
 
 _TOO_FEW = 16.0
 """A sum of squares below this confirms nothing and refutes nothing."""
@@ -112,66 +112,105 @@ class Shifted(Locked):
         columns = (one[:, :, None] * self.stack.modes[:, None, :]).reshape(len(one), -1)
         return self.white.own_base(columns, self.stack.c)
 
-    def whole_pull(self, base: Base, k: int) -> float:
-        """Drop of the sum of squares when the effector as a whole moves in the pull of a reading.
+    def told(
+        self, held: Held, base: Base, suspects: Suspects, free: tuple[Base, Base], seen: bool
+    ) -> list[bool]:
+        """Whether each reading that is held is off by itself, and no sign of a weak model.
 
-        A bad reading leaves at most its own drop to such a motion, a fault of the model more.
+        Beside free poses and free pulls its shift must be found again, and what is held of one
+        pull, or of one zero, must not be that the effector moved there as a whole.
+
+        Args:
+            held: Readings that are off together.
+            base: The model that they were found beside.
+            suspects: All readings.
+            free: A free stiffness of each pose, and free motions of each pull.
+            seen: Free pulls have to see it.
         """
-        pull = self.readings.pull[k]
-        D = self.white.by_pose(self.stack.modes * (self.stack.pull == pull)[:, None])
-        one = base.beside(self.white.blocks.padded(D)[:, :, None])
-        return float(one.drop.sum()) if pull >= 0 else 0.0
+        whole = self._moved_as_a_whole(held, base, suspects)
+        out = []
+        for place, k in enumerate(held.which.tolist()):
+            rest, shift = held.which[held.which != k], held.size[place]
+            found = [suspects.beside(one, rest)[1] for one in free]
+            sure = confirmed(found[0], k, shift, held.variance)
+            sure &= confirmed(found[1], k, shift, held.variance, seen)
+            out.append(bool(sure and k not in whole))
+        return out
+
+    def _moved_as_a_whole(self, held: Held, base: Base, suspects: Suspects) -> set[int]:
+        """Readings held of a pull, or of a zero, in which the whole effector rather moved."""
+        state = np.column_stack([self.readings.pose, self.readings.pull, self.readings.nth])
+        out: set[int] = set()
+        for one in np.unique(state[held.which], axis=0):
+            mine = held.which[(state[held.which] == one).all(axis=1)]
+            beside = suspects.beside(base, np.setdiff1d(held.which, mine))[0]
+            if self._as_one(beside, suspects.rows(base, mine), one, held.variance):
+                out |= set(mine.tolist())
+        return out
+
+    def _as_one(self, base: Base, shifts: Array, state: Ints, variance: float) -> bool:
+        """Whether a rigid motion of the effector explains more than shifts of some targets do.
+
+        Or as much, where several are shifted: what is left beside the motion is chance.
+        """
+        pose, pull, _ = state.tolist()
+        there = (self.stack.pose == pose) & (self.stack.pull >= 0)
+        there &= (self.stack.pull == pull) | (pull < 0)
+        rigid = self.white.by_pose(self.stack.modes * there[:, None])
+        rigid = np.vstack([rigid, np.zeros((len(shifts) - len(rigid), 6))])
+        T_rigid, T_shifts, T_both = (
+            float(base.beside_all(D).drop) for D in (rigid, shifts, np.hstack([rigid, shifts]))
+        )
+        if T_rigid > T_shifts + _TOO_FEW * variance:
+            return True
+        return shifts.shape[1] > 3 and T_both - T_rigid < _TOO_FEW * variance
 
 
-def outlier(
-    case: Case,
-    reduced: Reduced,
-    zeros: Zeros,
-    system: System,
-    estimate: Estimate,
-    spread: tuple[float, int],
-) -> list[Mistake]:
-    """The reading that contradicts the others most, if chance does not explain it.
+def outliers(asked: Screening) -> list[Mistake]:
+    """All readings that contradict the others, if chance does not explain them.
 
-    Where a model fits, its own residuals say how much readings scatter, never less than stated:
-    they are several times more than the contrasts and leave less to chance.
-
-    Args:
-        case: The campaign.
-        reduced: Its measurements.
-        zeros: Its repeated zeros.
-        system: Its linear system.
-        estimate: Its joint springs.
-        spread: As `noise_scale` gives it.
+    Beside the model where it fits without them, else beside a free stiffness of every pose. How
+    much readings scatter is the median of what they leave there, never less than stated: a
+    certificate may be modest, chance no outlier.
     """
-    shifted = shifted_readings(case, reduced, zeros, system, estimate)
-    scale, contrasts = spread
-    bases = (shifted.springs(system), shifted.poses_free(reduced.data), shifted.pulls_free())
-    springs, poses, pulls = (shifted.beside(base) for base in bases)
-    for base, shifts, must_fit in ((0, springs, True), (1, poses, True), (1, poses, False)):
-        best = int(np.argmax(shifts.drop))
-        left = float(shifts.variance()[best])
-        dof = max(shifts.dof - int(shifts.rank[best]), 1)
-        variance, known_from = left, dof
-        if system.noise_stated:
-            variance = max(left, 1.0)  # a certificate may be modest, chance no outlier
-            if special.fdtrc(dof, contrasts, left / scale**2) < _FITS:
-                if must_fit:
-                    continue
-                variance, known_from = _DOMINANT * left, contrasts
-        p = len(shifts.drop) * float(shifts.p(variance, known_from)[best])
-        shift = shifts.size[best]
-        size = float(np.linalg.norm(shift))
-        sure = confirmed(poses, best, shift, scale**2)
-        sure &= confirmed(pulls, best, shift, scale**2, seen=not must_fit)
-        whole = shifted.whole_pull(bases[base], best)
-        sure &= whole < shifts.drop[best] + _TOO_FEW * variance
-        if p < alarms.READING and size > smallest(reduced.placed, scale) and sure:
-            row = _row(case, reduced, shifted.readings, best)
-            sigmas = float(np.sqrt(shifts.drop[best] / variance))
-            return [bad_reading(row, "all other readings", size, sigmas, p, beside_model=True)]
-        return []
-    return []
+    case, reduced, system = asked.case, asked.reduced, asked.system
+    shifted = shifted_readings(case, reduced, asked.zeros, system, asked.estimate)
+    suspects = Suspects(shifted.D, shifted.blocks)
+    free = shifted.poses_free(reduced.data), shifted.pulls_free()
+    least = 1.0 if system.noise_stated else _NOTHING
+    for base in (shifted.springs(system), free[0]):
+        held = together(base, suspects, least)
+        fits = _fits(held, suspects.beside(free[1], held.which)[0], least)
+        if fits:
+            break
+    told = shifted.told(held, base, suspects, free, seen=not fits)
+    return [
+        bad_reading(
+            _row(case, reduced, shifted.readings, k),
+            "all other readings",
+            float(size),
+            float(np.sqrt(drop / held.variance)),
+            float(p),
+        )
+        for k, size, drop, p, sure in zip(
+            held.which.tolist(),
+            np.linalg.norm(held.size, axis=1),
+            held.drop,
+            held.p(),
+            told,
+            strict=True,
+        )
+        if sure and size > smallest(reduced.placed, float(np.sqrt(held.variance)))
+    ]
+
+
+def _fits(held: Held, pulls: Base, least: float) -> bool:
+    """Whether a model leaves no more than readings scatter that no motion of a pull explains."""
+    if pulls.dof < 1 or held.base.dof < 1:
+        return True
+    scatter = max(pulls.rest / pulls.dof, least)
+    left = held.base.rest / held.base.dof
+    return bool(special.fdtrc(held.base.dof, pulls.dof, left / scatter) >= _FITS)
 
 
 def shifted_readings(
@@ -258,7 +297,6 @@ def bad_reading(
     size: float,
     sigmas: float,
     p: float | None = None,
-    beside_model: bool = False,
 ) -> Mistake:
     """The finding of a single reading that contradicts others.
 
@@ -269,7 +307,6 @@ def bad_reading(
         sigmas: The same in standard deviations.
         p: That chance puts any reading so far off; a sum, which may exceed 1. None where chance
             plays no part.
-        beside_model: As in `Mistake`.
     """
     where = f"{row['group']}/{row['target']}"
     return outlying(
@@ -280,7 +317,6 @@ def bad_reading(
         before=sigmas,
         size=size,
         p_value=p,
-        beside_model=beside_model,
         correct=partial(without, file=str(row["file"]), line=int(row["line"])),
         at=(f"{row['file']}:{row['line']}",),
     )
@@ -320,12 +356,5 @@ def without(case: Case, file: str, line: int) -> Case:
 FAULT = Fault(
     "outlier",
     "outlying reading",
-    lambda asked: (
-        []  # a pose is no reading of a target
-        if asked.cell.tool.six
-        else outlier(
-            asked.case, asked.reduced, asked.zeros, asked.system, asked.estimate, asked.spread
-        )
-    ),
-    beside_model=True,
+    lambda asked: [] if asked.cell.tool.six else outliers(asked),  # a pose is no reading of targets
 )

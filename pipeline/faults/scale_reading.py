@@ -292,7 +292,6 @@ def _finding(
         size=abs(given - fits) / one,
         size_unit=unit,
         p_value=p,
-        beside_model=True,
         correct=partial(_without, pose=pose, repeat=repeat),
         at=(f"{row['file']}:{row['line']}",),
     )
@@ -310,5 +309,4 @@ FAULT = Fault(
     lambda asked: scale_outliers(
         asked.case, asked.cell, asked.reduced.data, asked.system, asked.estimate
     ),
-    beside_model=True,
 )

@@ -161,6 +161,17 @@ class Base(Locked):
         along = along if self.own else np.broadcast_to(along.sum(axis=0), along.shape)
         return self.blocks.rows(D - self.Q @ along)
 
+    def more(self, rows: Array) -> Base:
+        """The same base with further columns (M, any), whitened."""
+        new = self.beyond(rows)
+        if self.own:
+            more = linear.spans(self.blocks.padded(new))
+        else:
+            more = self.blocks.padded(linear.orthonormal(new))
+        rank = np.sum(np.abs(more).max(axis=1, initial=0.0) > 0) if self.own else more.shape[2]
+        wider = replace(self, Q=np.concatenate([self.Q, more], axis=2), dof=self.dof - int(rank))
+        return wider.against(self.blocks.rows(self.left))
+
     @property
     def rest(self) -> float:
         """Sum of squares that is left of y."""

@@ -16,7 +16,7 @@ nothing is switched on or off.
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 from scipy import special
@@ -104,6 +104,12 @@ class Family(Locked):
     def likely_heavy(self) -> bool:
         """Whether the tails rather are heavier than stated than not."""
         return self.heavy > LIKELY
+
+    @property
+    def rather(self) -> Family:
+        """The same where the tails rather are heavier than not, else the stated family."""
+        stated = np.eye(len(self.weight))[0]
+        return self if self.likely_heavy else replace(self, weight=stated)
 
     @property
     def freedom(self) -> float:

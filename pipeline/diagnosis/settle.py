@@ -1,0 +1,164 @@
+"""Stages 5 to 7 as one: mistakes, noise and causes, each judged beside all else that is held.
+
+Held are mistakes in single readings and pulls, the noise (size and shape) and the causes. A move
+changes one of them beside the other two: readings are screened anew from all that is in the files,
+beside the springs, the causes and the tails that all doubtful readings show together; noise is
+weighed anew beside the causes; causes are sought anew in the readings that are left. It ends where
+no move changes anything. What spoils whole files was put right before.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from pipeline.diagnosis.diagnose import diagnose
+from pipeline.diagnosis.drift import drift
+from pipeline.diagnosis.facts import Diagnosis
+from pipeline.faults.screen import Beside, Screened, files_of, singles_of
+from pipeline.machine.effects.tracker_drift import by_order
+from pipeline.machine.room import room_of
+from pipeline.reduction.bring import Reduced, Step, bring
+from pipeline.reduction.case import Case
+from pipeline.reduction.expected import expected
+from pipeline.reduction.pose_of_interest import Where, place_of_interest
+from pipeline.reduction.register import timed
+from pipeline.system import alarms
+from pipeline.system.family import Family
+from pipeline.system.fit import Fitted, fit
+from pipeline.system.linearised import linearise
+from pipeline.system.shape import Shape, shape, tails
+
+_SEED = 20261103
+
+_ROUNDS = 6
+"""Moves of the mistakes at most [1]; where the last of them still changes something, two ends are
+as good, and the one with fewer mistakes stands."""
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """Where no single move changes anything.
+
+    Attributes:
+        screened: What is wrong with the data.
+        right: The campaign without that, weighed by the noise that is held.
+        where: The test pose.
+        diagnosis: The causes, and what the model misses.
+    """
+
+    screened: Screened
+    right: Fitted
+    where: Where
+    diagnosis: Diagnosis
+
+
+def settle(case: Case, reduced: Reduced, given: Fitted, step: Step) -> Settled:
+    """Mistakes, noise and causes of a campaign.
+
+    Args:
+        case: The campaign as given.
+        reduced: Its measurements.
+        given: Its joint springs.
+        step: How a stage is carried out.
+    """
+    files = step(files_of)(case)
+    held = step(singles_of)(files, None if files.findings else reduced)
+    ends: list[Settled] = []
+    for _ in range(_ROUNDS):
+        ends.append(_stand(held, given, step))
+        moved = step(_screened)(files, ends[-1])
+        if moved.key == held.key:
+            return ends[-1]
+        held = moved
+        if any(held.key == one.screened.key for one in ends):
+            break
+    return min(ends, key=lambda one: len(one.screened.findings))
+
+
+def _stand(held: Screened, given: Fitted, step: Step) -> Settled:
+    """Noise and causes beside some mistakes."""
+    right = step(fit)(held.case, bring(held.case)) if held.findings else given
+    where = place_of_interest(held.case.settings.test_pose, right.case.robot, right.data.pulls)
+    return _weighed(Settled(held, right, where, _diagnosed(right, where, step)), step)
+
+
+def _screened(files: Screened, end: Settled) -> Screened:
+    """Readings and pulls judged beside the causes, and the noise as it is seen beside these."""
+    said, family = end.diagnosis, _tails(files, end)
+    cell, start = files.case.cell, files.case.robot.nominal_compliance
+    richer = cell.with_effects(*said.modelled)
+    if said.estimate is not None and richer.parameters == said.estimate.parameters:
+        cell, start = richer, said.estimate.value
+    nothing = not end.screened.findings and not end.screened.doubted
+    if nothing and cell is not richer:
+        return end.screened
+    return singles_of(files, None, Beside(cell, start, family))
+
+
+def _tails(files: Screened, end: Settled) -> Family | None:
+    """Tails of all readings beside the accepted model, those among them that noise may have moved.
+
+    None where the noise is no more than what the model leaves.
+    """
+    right, seen = end.right, end.diagnosis.seen
+    if not right.plain.noise_stated:
+        return None
+    data = right.as_noisy(bring(end.screened.without_doubt(files.case)).data)
+    return tails(linearise(seen.model, data, seen.suspects), seen.model.accepted)[1]
+
+
+def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
+    """What the model gets wrong; every diagnosis draws alike."""
+    rng = np.random.default_rng(_SEED)
+    cell, data = right.case.cell, right.data
+    scale, effects = float(right.noise.scale[0]), expected(right.case, data)
+    if not timed(right.case.readings):
+        effects = by_order(effects)
+    wander = right.shape.wander
+    moved = drift(right.reduced.registration, scale, data.unloaded, effects, wander)
+    room = room_of(cell.robot, cell.tool.named, right.case.settings, data.pulls.range_n[1])
+    told = right.noise, right.shape, room
+    return step(diagnose)(cell, data, right.estimate, where, rng, effects, moved, *told)
+
+
+def _weighed(end: Settled, step: Step) -> Settled:
+    """The campaign weighed by the noise that is seen beside the accepted model.
+
+    First its shape; where the model misses something, only if such noise is likely whatever the
+    machine does, and makes the model whole. Then its size: where the model leaves more than the
+    stated noise allows and no more than that of the contrasts, the latter is used.
+    """
+    right, said, where = end.right, end.diagnosis, end.where
+    if not right.plain.noise_stated or not (said.settled or _noise_likely(right, said)):
+        return end
+    seen = _beside(right, said)
+    if seen.differs(right.shape):
+        weighed = right.shaped(seen)
+        again = _diagnosed(weighed, where, step)
+        if not (said.settled or again.settled):
+            return end
+        right, said, seen = weighed, again, _beside(weighed, again)
+    right = replace(right, shape=seen)
+    end = replace(end, right=right, diagnosis=said)
+    p = said.facts.stated_p
+    if right.noise.used or p is None or not p < alarms.MISFIT <= said.facts.misfit_p:
+        return end
+    right = replace(step(fit)(right.case, right.reduced, taken=True), shape=seen).shaped(seen)
+    return replace(end, right=right, diagnosis=_diagnosed(right, where, step))
+
+
+def _noise_likely(right: Fitted, said: Diagnosis) -> bool:
+    """Whether there rather is other noise than not, whatever the machine does.
+
+    Beside all that a machine could do, which leaves little to see it in; where no cause was found,
+    also beside a stiffness of its own for each pose.
+    """
+    return right.shape.likely or _beside(right, said, loose=True).likely
+
+
+def _beside(right: Fitted, said: Diagnosis, loose: bool = False) -> Shape:
+    """The shape of the noise beside the accepted model; `loose` as of `shape`."""
+    seen = replace(said.seen, data=right.shape.off(said.seen.data))
+    return shape(seen, said.seen.model.accepted, loose)

@@ -1,0 +1,181 @@
+"""Which of many suspects are at work together: all are asked beside all that are held.
+
+Tests of one suspect after the other fail where several are at work: those that are not yet held
+widen the scatter that each is judged by. Here the scatter is a median, which up to half of the
+readings cannot move (Hampel, J. Am. Stat. Assoc. 69, 1974), those that stand out join block by
+block, and after each round everyone that is held is asked again beside the others: it stays, goes,
+or gives its place to a better one of its block (forward search with deletion; Atkinson and Riani,
+Robust Diagnostic Regression Analysis, 2000).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.system import alarms
+from pipeline.system.beside import Base, Beside
+from pipeline.system.blocks import Blocks
+
+_TOLD = 0.37
+"""Part of the degrees of freedom that a median of squares tells of a variance [1]: the efficiency
+of the median absolute deviation for normal errors (Rousseeuw and Croux, J. Am. Stat. Assoc. 88,
+1993)."""
+
+_AS_FAR = 0.25
+"""Drop, over the largest of all, from which a suspect joins in the same round [1]: a small one
+beside a large one may be its shadow."""
+
+_MOST = 0.5
+"""Part of a base's degrees of freedom that suspects may take [1]; beyond it nothing is the rule."""
+
+_ROUNDS = 100
+"""Rounds after which the search ends; each but the last changes who is held."""
+
+
+@dataclass(frozen=True, eq=False)
+class Suspects(Locked):
+    """Many suspects of k columns, each within one block of the rows.
+
+    Attributes:
+        D: Whitened columns by block, shape (p, s, q, k).
+        blocks: Suspects by block, n in all.
+    """
+
+    D: Array
+    blocks: Blocks
+
+    def rows(self, base: Base, chosen: Ints) -> Array:
+        """Columns of some of them as rows of a base, shape (M, k m)."""
+        shape, k = base.blocks.shape, self.D.shape[3]
+        out = np.zeros((*shape, len(chosen) * k))
+        for column, one in enumerate(chosen.tolist()):
+            block, place = self.blocks.index[one], self.blocks.place[one]
+            out[block, : self.D.shape[1], column * k : (column + 1) * k] = self.D[block, :, place]
+        return base.blocks.rows(out)
+
+    def beside(self, base: Base, held: Ints) -> tuple[Base, Beside]:
+        """The base with some of them, and each of all beside it."""
+        wider = base.more(self.rows(base, held)) if len(held) else base
+        return wider, wider.beside(self.D).rows(self.blocks)
+
+
+@dataclass(frozen=True, eq=False)
+class Held(Locked):
+    """Suspects that are at work together.
+
+    Attributes:
+        which: Their numbers, ascending, shape (m,).
+        size: Their sizes, estimated together, shape (m, k).
+        drop: How far the sum of squares falls by each beside all others, shape (m,).
+        rank: Directions in which each is determined, shape (m,).
+        variance: Of the rows, from the median of what all others would add.
+        base: The base with all of them.
+        tests: Suspects that were asked.
+    """
+
+    which: Ints
+    size: Array
+    drop: Array
+    rank: Ints
+    variance: float
+    base: Base
+    tests: int
+
+    def p(self) -> Array:
+        """Probability that chance makes any suspect look as large, shape (m,)."""
+        return self.tests * chance(self.drop, self.rank, self.variance, self.base.dof)
+
+
+def chance(drop: Array, rank: Ints, variance: float, dof: int) -> Array:
+    """Probability of a drop of the sum of squares by chance, the variance known from a median."""
+    told = max(_TOLD * dof, 1.0)
+    known = np.maximum(rank, 1)
+    return np.where(rank > 0, special.fdtrc(known, told, drop / known / variance), 1.0)
+
+
+def together(base: Base, suspects: Suspects, least: float) -> Held:
+    """All suspects that are at work beside a base.
+
+    Args:
+        base: Columns that are estimated in any case.
+        suspects: Suspects, each within one block of the base's rows.
+        least: Variance below which the rows do not scatter.
+    """
+    held, tried = np.zeros(0, np.int64), set[bytes]()
+    for _ in range(_ROUNDS):
+        wider, found = suspects.beside(base, held)
+        variance = _variance(found, held, least)
+        joined = np.union1d(held, _joining(found, suspects.blocks, variance))
+        joined = _staying(base, suspects, joined, variance)
+        joined = _exchanged(base, suspects, joined)
+        if joined.tobytes() in tried or joined.size * suspects.D.shape[3] > _MOST * base.dof:
+            break
+        tried.add(joined.tobytes())
+        held = joined
+    wider, found = suspects.beside(base, held)
+    size, drop, rank = _each(base, suspects, held)
+    variance = _variance(found, held, least)
+    return Held(held, size, drop, rank, variance, wider, int((found.rank > 0).sum()) + len(held))
+
+
+def _variance(found: Beside, held: Ints, least: float) -> float:
+    """Median of what suspects that are not held would add, over that of chi-square."""
+    there = found.rank > 0
+    there[held] = False
+    if not there.any():
+        return max(least, found.rest / max(found.dof, 1))
+    expected = special.chdtri(found.rank[there], 0.5)
+    return max(float(np.median(found.drop[there] / expected)), least)
+
+
+def _joining(found: Beside, blocks: Blocks, variance: float) -> Ints:
+    """In each block the suspect that stands out most, where chance does not explain it."""
+    tests = int((found.rank > 0).sum())
+    p = tests * chance(found.drop, found.rank, variance, found.dof)
+    far = (p < alarms.READING) & (found.drop > _AS_FAR * found.drop.max(initial=0.0))
+    best = np.zeros(blocks.shape[0])
+    np.maximum.at(best, blocks.index, np.where(far, found.drop, 0.0))
+    return np.flatnonzero(far & (found.drop >= best[blocks.index]))
+
+
+def _each(base: Base, suspects: Suspects, held: Ints) -> tuple[Array, Array, Ints]:
+    """Size, drop and rank of each that is held beside all others."""
+    k = suspects.D.shape[3]
+    if not len(held):
+        return np.zeros((0, k)), np.zeros(0), np.zeros(0, np.int64)
+    found = base.beside_all(suspects.rows(base, held))
+    size = found.size.reshape(-1, k)
+    m = len(held)
+    own = found.cov.reshape(m, k, m, k)[np.arange(m), :, np.arange(m)]
+    drop = np.einsum("ni,nij,nj->n", size, linear.shortest(own), size)
+    rank = np.linalg.matrix_rank(own, hermitian=True)
+    return size, drop, np.asarray(rank, np.int64)
+
+
+def _staying(base: Base, suspects: Suspects, held: Ints, variance: float) -> Ints:
+    """Those that stand out beside all others; the least goes first."""
+    tests = len(suspects.blocks.index)
+    while len(held):
+        _, drop, rank = _each(base, suspects, held)
+        p = tests * chance(drop, rank, variance, base.dof)
+        if not (p >= alarms.READING).any():
+            break
+        held = np.delete(held, int(np.argmax(p)))
+    return held
+
+
+def _exchanged(base: Base, suspects: Suspects, held: Ints) -> Ints:
+    """Each that is held gives its place to another one of its block that explains more."""
+    for one in held.tolist():
+        rest = held[held != one]
+        found = suspects.beside(base, rest)[1]
+        mine: Bools = suspects.blocks.index == suspects.blocks.index[one]
+        best = int(np.argmax(np.where(mine, found.drop, -1.0)))
+        if found.drop[best] > found.drop[one] * (1 + 1e-9):
+            held = np.union1d(rest, [best])
+    return held
