@@ -25,6 +25,7 @@ from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.machine.effect import Effect, Table, in_place
 from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP
+from pipeline.system.far import AWAY
 
 _NOTICED = 1.15
 """Remainder ratio above which what is left is more than chance, and stated [1]:
@@ -314,6 +315,13 @@ def _stands_elsewhere(facts: Facts) -> str:
 
 
 def _geometry_refuted(facts: Facts) -> str:
+    stood = facts.unloaded
+    if stood.tool_m > max(stood.miss_m, stood.left_m):
+        return (
+            f"The targets stand {plain(1e3 * stood.tool_m, 2)} mm from their places in [tool], the "
+            "farthest of them: measure them again in the flange frame, the load point with them, "
+            "and check the unit and the axes of [tool] in campaign.toml."
+        )
     return (
         f"The unloaded reflectors are {plain(1e3 * facts.unloaded.miss_m, 2)} mm rms from where "
         "the robot file places them (base and tool fitted), and neither a listed mistake in the "
@@ -409,6 +417,41 @@ def _ending(facts: Facts) -> str:
     return "s" if len(facts.causes) == 1 else ""
 
 
+def _predicts_nothing(facts: Facts) -> str:
+    return (
+        f"The model leaves {plain(100 * facts.bounds.left, 2)} % of the squared displacements: it "
+        f"predicts nothing. {_look_first(facts)}"
+    )
+
+
+def _beyond_noise(facts: Facts) -> str:
+    bounds = facts.bounds
+    tracker = bounds.tracker >= bounds.force
+    what = "the readings of the targets scatter" if tracker else "the readings of the scale scatter"
+    times = plain(bounds.tracker if tracker else bounds.force, 2)
+    return (
+        f"{what.capitalize()} {times} times as much as stated, which no instrument in order does: "
+        f"check the stated uncertainty and its unit. {_look_first(facts)}"
+    )
+
+
+def _scattered(facts: Facts) -> str:
+    left = facts.bounds.far
+    poses = listed([str(pose) for pose in sorted(set(left.pose.tolist()))[:_PLACES]])
+    return (
+        f"{len(left.pose)} readings are more than {AWAY:.0f} standard uncertainties from where "
+        f"all others put them, which no noise explains (pose {poses}). {_look_first(facts)}"
+    )
+
+
+def _look_first(facts: Facts) -> str:
+    bounds = facts.bounds
+    return (
+        f"Look first at {bounds.worst_target} of pose {bounds.worst_pose}, where the model leaves "
+        f"{plain(bounds.worst_mm, 2)} mm."
+    )
+
+
 _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     Finding.TRACKER_MOVED: _tracker_moved,
     Finding.TRACKER_MOVED_OR_KNOCKED: lambda facts: (
@@ -459,6 +502,13 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         f"Nothing but {' and '.join(cause.effect.noun for cause in facts.scatter)}: the readings "
         "scatter more, and the joint springs stay."
     ),
+    Finding.NOTHING_DETERMINED: lambda _: (
+        "No stiffness is determined: the targets hardly move with the load. Check whether the "
+        "robot was pulled in the loaded readings, and whether the forces belong to them."
+    ),
+    Finding.PREDICTS_NOTHING: _predicts_nothing,
+    Finding.BEYOND_NOISE: _beyond_noise,
+    Finding.SCATTERED: _scattered,
     Finding.NOTHING: lambda _: "The joint springs explain what was measured.",
 }
 """All but a mistake in the data, which is told before everything else."""

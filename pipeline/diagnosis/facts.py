@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 
 from pipeline.base.arrays import Array, Locked, Parameter
 from pipeline.base.linear import rms
 from pipeline.diagnosis.average import Hypothesis
+from pipeline.diagnosis.bounds import Bounds
 from pipeline.faults.mistake import Mistake
 from pipeline.geometry.roughness import Cells
 from pipeline.machine.effect import Effect, Observation
@@ -286,6 +287,7 @@ class Standing(Locked):
         causes: What is off by far more than the rest of the table.
         gain: What the estimate is worth at poses that were left out, against the table as it is.
         rough: The table is off by more than is stated, beyond chance.
+        tool_m: How far the targets are from their places in [tool], the farthest [m].
     """
 
     miss_m: float
@@ -295,6 +297,7 @@ class Standing(Locked):
     causes: tuple[Off, ...] = ()
     gain: Gain | None = None
     rough: bool = False
+    tool_m: float = 0.0
 
     @property
     def useless(self) -> bool:
@@ -310,10 +313,11 @@ class Standing(Locked):
     def refuted(self) -> bool:
         """The robot is nowhere near where its table puts it, whatever single entry is wrong.
 
-        Then the joint log or the whole table is wrong in a way that nobody listed.
+        Then the joint log or the whole table is wrong in a way that nobody listed. The same where
+        all targets are nowhere near their places in [tool].
         """
         left = self.left_m if self.causes else self.miss_m
-        return left >= GROSS_M
+        return max(left, self.tool_m) >= GROSS_M
 
     @property
     def corrects(self) -> bool:
@@ -456,6 +460,7 @@ class Facts:
         base: What the base reflectors show of the tracker, where they show anything.
         drift: The same where they call for a drift.
         mistakes: Mistakes in the data, corrected for all the rest.
+        bounds: Noise and misfit against what they can be.
     """
 
     detected: bool = False
@@ -479,6 +484,7 @@ class Facts:
     base: Drift | None = None
     drift: Drift | None = None
     mistakes: tuple[Mistake, ...] = ()
+    bounds: Bounds = field(default_factory=Bounds)
 
     @property
     def helps(self) -> bool:

@@ -47,4 +47,8 @@ class Finding(StrEnum):
     BEYOND_A_TRACKER = "beyond_a_tracker"
     CAUSE_IDENTIFIED = "cause_identified"
     SCATTER = "scatter"
+    NOTHING_DETERMINED = "nothing_determined"
+    PREDICTS_NOTHING = "predicts_nothing"
+    BEYOND_NOISE = "beyond_noise"
+    SCATTERED = "scattered"
     NOTHING = "nothing"

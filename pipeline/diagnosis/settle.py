@@ -13,6 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
+from pipeline.diagnosis.bounds import bounds
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import drift
 from pipeline.diagnosis.facts import Diagnosis
@@ -26,6 +27,7 @@ from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.reduction.register import timed
 from pipeline.system import alarms
 from pipeline.system.family import Family
+from pipeline.system.far import Far, far
 from pipeline.system.fit import Fitted, fit
 from pipeline.system.linearised import linearise
 from pipeline.system.shape import Shape, shape, tails
@@ -70,11 +72,23 @@ def settle(case: Case, reduced: Reduced, given: Fitted, step: Step) -> Settled:
         ends.append(_stand(held, given, step))
         moved = step(_screened)(files, ends[-1])
         if moved.key == held.key:
-            return ends[-1]
+            return _bounded(ends[-1])
         held = moved
         if any(held.key == one.screened.key for one in ends):
             break
-    return min(ends, key=lambda one: len(one.screened.findings))
+    return _bounded(min(ends, key=lambda one: len(one.screened.findings)))
+
+
+def _bounded(end: Settled) -> Settled:
+    """The same with its noise and misfit against what they can be."""
+    right, said = end.right, end.diagnosis
+    left = Far.none()
+    if right.plain.noise_stated:
+        left = far(replace(said.seen, data=right.shape.off(said.seen.data)), right.shape.family)
+    best = said.hypotheses[0] if said.hypotheses else right
+    force = said.scatter.force * said.scatter.tracker
+    kept = bounds(right, best.system, best.estimate, left, force)
+    return replace(end, diagnosis=replace(said, facts=replace(said.facts, bounds=kept)))
 
 
 def _stand(held: Screened, given: Fitted, step: Step) -> Settled:

@@ -96,7 +96,16 @@ def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]
         causes=tuple(_off(search, k) for k in range(len(found.free))),
         gain=_gain(missed, zeros, found),
         rough=found.p_exact() < _RARE,
+        tool_m=_moved_tool(zeros, found),
     )
+
+
+def _moved_tool(zeros: Unloaded, found: Cells) -> float:
+    """How far the estimate puts the targets from their places in [tool], the farthest [m]."""
+    if zeros.turned is not None:  # one pose stands for all targets
+        return 0.0
+    moved = found.mean[zeros.columns.tool].reshape(-1, 3)
+    return float(np.linalg.norm(moved, axis=1).max(initial=0.0))
 
 
 def _sag(effects: Sequence[Effect]) -> Geometry | None:

@@ -128,7 +128,16 @@ _DISPLACEMENTS = (
     Row(Finding.NOTHING, Verdict.ADEQUATE, lambda _: True),
 )
 
-TABLE = (_DATA, _BASE, _UNLOADED, _DISPLACEMENTS)
+_BOUNDS = (
+    Row(Finding.NOTHING_DETERMINED, Verdict.UNEXPLAINED, lambda f: not f.bounds.determined),
+    Row(Finding.PREDICTS_NOTHING, Verdict.UNEXPLAINED, lambda f: not f.bounds.predicts),
+    Row(Finding.BEYOND_NOISE, Verdict.UNEXPLAINED, lambda f: f.bounds.faulty),
+    Row(Finding.SCATTERED, Verdict.UNEXPLAINED, lambda f: f.bounds.scattered),
+)
+"""What green means, whatever causes were found: a model that predicts, beside a noise that can
+be."""
+
+TABLE = (_DATA, _BASE, _UNLOADED, _DISPLACEMENTS, _BOUNDS)
 """Rows by subject, in the order in which their sentences are read."""
 
 

@@ -41,6 +41,9 @@ MISTAKES = (1e-4, 1e-3, 1e-2)
 how careful a campaign was. Of 1000 rows of a published stationary series of an absolute tracker 13
 are failed locks; with one in 10 000 most campaigns have none."""
 
+_COUNTS = 0.01
+"""A family less likely than this explains nothing [1]."""
+
 _SCATTER = 6.0
 """Standard uncertainties below which a reading that is off is scatter, not a mistake [1]: what a
 normal reading reaches once in a hundred million."""
@@ -151,6 +154,17 @@ class Family(Locked):
         own = np.stack([seen @ bulk for bulk in _bulks(self.log_scale, self.paper)])
         odd = self.mistakes * float(seen @ _blunder())
         return float(self.weight @ (odd / (odd + (1 - self.mistakes) * own)))
+
+    def away(self, distance: float) -> Array:
+        """Chance that a reading is so many standard uncertainties off, mistakes apart, (f,).
+
+        Of the families with a weight of a hundredth at least.
+
+        Args:
+            distance: Of three coordinates [1].
+        """
+        each = special.chdtrc(3, distance**2 * np.exp(-_GRID))
+        return (_bulks(self.log_scale, self.paper) @ each)[self.weight >= _COUNTS]
 
     def drawn(self, n: int, rng: np.random.Generator) -> Array:
         """Lambda of n readings, blunders apart."""

@@ -1,0 +1,139 @@
+"""What a campaign must keep to be sound, whatever causes were found in it: noise has a bound.
+
+What no other mechanism claims becomes noise, and nothing else would ever say that it cannot be.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from pipeline.system import alarms
+from pipeline.system.far import Far
+from pipeline.system.fit import Fitted
+from pipeline.system.system import Estimate, System
+
+FAULTY = 10.0
+"""Scatter over the stated one from which it is none of an instrument in order [1]. A tracker that
+is twice as noisy as its certificate is usual; stating an MPE, an expanded uncertainty or the noise
+nearby for that at the far end errs by 2 or 3 (see `variance.FAR`). With a factor of 2 for one
+standard deviation of its logarithm, ten times is one instrument in two thousand."""
+
+_UNKNOWN_M = 1e-3
+"""The same where no noise is stated [m]: cameras and measuring arms of a hall reach 0.1 mm."""
+
+_LEFT = 0.25
+"""Part of the squared displacements that a model may leave beyond the stated noise [1]; one that
+leaves more predicts less than half of a deflection."""
+
+
+_SEEN = 3.0
+"""Standard uncertainties from which a compliance is told from none [1]."""
+
+
+@dataclass(frozen=True)
+class Bounds:
+    """Noise and misfit against what they can be.
+
+    Attributes:
+        tracker: Scatter of the readings in use over the stated one, tails and wander included;
+            where none is stated, over a tenth of a millimetre.
+        force: The same of the scale.
+        left: Part of the squared displacements that the model leaves beyond the stated noise.
+        determined: Whether any stiffness is.
+        far: Readings in use that are farther off than noise explains.
+        worst_pose: Where the model leaves most.
+        worst_target: Its target.
+        worst_mm: What it leaves there, rms.
+    """
+
+    tracker: float = 1.0
+    force: float = 1.0
+    left: float = 0.0
+    determined: bool = True
+    far: Far = field(default_factory=Far.none)
+    worst_pose: int = 0
+    worst_target: str = ""
+    worst_mm: float = 0.0
+
+    @property
+    def faulty(self) -> bool:
+        """Whether tracker or scale scatter more than one in order can."""
+        return max(self.tracker, self.force) > FAULTY
+
+    @property
+    def scattered(self) -> bool:
+        """Whether too many readings are too far off for any tails."""
+        return len(self.far.pose) > 1 and self.far.p_value < alarms.READING
+
+    @property
+    def predicts(self) -> bool:
+        """Whether the model says anything of what was measured."""
+        return self.determined and self.left <= _LEFT
+
+
+def bounds(right: Fitted, system: System, estimate: Estimate, left: Far, force: float) -> Bounds:
+    """Noise and misfit of a campaign.
+
+    Args:
+        right: The campaign, for its noise.
+        system: The rows of the model that stands.
+        estimate: Its solution.
+        left: Readings in use that are far off.
+        force: Scatter of the scale over the stated one beside the causes [1].
+    """
+    pose, target, worst_m = _worst(system, estimate)
+    return Bounds(
+        tracker=_tracker(right),
+        force=max(force, _scale(right, "force_reading")),
+        left=_left(right, system, estimate),
+        determined=_determined(estimate),
+        far=left,
+        worst_pose=pose,
+        worst_target=target,
+        worst_mm=1e3 * worst_m,
+    )
+
+
+def _determined(estimate: Estimate) -> bool:
+    """Whether any parameter is told from nothing: a robot that does not give way is none."""
+    with np.errstate(invalid="ignore"):
+        seen = np.abs(estimate.value) > _SEEN * np.sqrt(np.diag(estimate.cov))
+    return bool((estimate.identifiable & seen & np.isfinite(estimate.value)).any())
+
+
+def _scale(right: Fitted, name: str) -> float:
+    found = right.noise
+    mine = found.name == name
+    return float(found.scale[mine][0]) if (mine & found.replaced).any() else 1.0
+
+
+def _tracker(right: Fitted) -> float:
+    """Rms over the readings of what they are weighed with, over the stated uncertainty."""
+    shape, wander = right.shape, right.shape.wander
+    wide = float(np.sqrt(np.mean(shape.variance) + (wander.size / wander.unit) ** 2))
+    if right.noise.stated:
+        return _scale(right, "tracker") * wide
+    found_m = right.noise.of("tracker") if right.noise.replaced[0] else right.system.found_m
+    return (found_m or 0.0) * wide * FAULTY / _UNKNOWN_M
+
+
+def _left(right: Fitted, system: System, estimate: Estimate) -> float:
+    """Part of the squared displacements that is left, but for the stated noise."""
+    moved = float(np.sum(right.reduced.data.delta**2))
+    data = right.reduced.data
+    noise = np.einsum("dii->", data.loaded_cov) + np.einsum("dii->", data.zero_cov)
+    noise = noise if data.noise_stated else 0.0
+    left = float(np.sum(estimate.residual**2)) - float(noise)
+    return max(left, 0.0) / moved if moved > 0 else 1.0
+
+
+def _worst(system: System, estimate: Estimate) -> tuple[int, str, float]:
+    """Pose and target where the model leaves most, and the rms of that [m]."""
+    key = np.array([f"{p} {t}" for p, t in zip(system.rows.pose, system.rows.target, strict=True)])
+    names, at = np.unique(key, return_inverse=True)
+    mean = np.bincount(at, estimate.residual**2) / np.bincount(at)
+    worst = int(np.argmax(mean))
+    pose, target = str(names[worst]).split(" ", 1)
+    return int(pose), target, float(np.sqrt(3 * mean[worst]))

@@ -1,0 +1,76 @@
+"""Readings that are farther off than any noise of an instrument throws so many of them."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from scipy import special
+
+from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.system.assemble import errors
+from pipeline.system.beyond import Beyond, Readings, columns, estimates
+from pipeline.system.family import Family
+from pipeline.system.linearised import Linearised
+
+AWAY = 10.0
+"""Standard uncertainties from which a reading that is in use is counted [1]: a normal one is never
+there, and of Student's with 3 degrees of freedom one in a hundred."""
+
+
+@dataclass(frozen=True, eq=False)
+class Far(Locked):
+    """Readings in use that are far off, beside the accepted model.
+
+    Attributes:
+        pose: Pose of each, the farthest first, shape (n,).
+        target: Index of its target, shape (n,).
+        p_value: Probability that noise of the likeliest family throws as many.
+    """
+
+    pose: Ints
+    target: Ints
+    p_value: float
+
+    @classmethod
+    def none(cls) -> Far:
+        """No reading is."""
+        nothing = np.zeros(0, np.int64)
+        return cls(nothing, nothing, 1.0)
+
+
+def far(seen: Linearised, family: Family) -> Far:
+    """Readings beyond `AWAY` of what all others say of them, and whether tails explain so many.
+
+    p = P[Bin(n, p_f) >= k], the largest of the families with any weight, n readings of which k are
+    so far off and p_f the chance of one in family f, mistakes apart.
+
+    Args:
+        seen: The campaign linearised at a model, all readings weighed alike.
+        family: Tails of its readings.
+    """
+    owner = np.repeat(np.arange(len(seen.suspects)), [len(e.parameters) for e in seen.suspects])
+    data, values = replace(seen.data, bends=False), seen.model.values
+    flat = replace(seen.model.cell, equilibrium="undeformed")
+    X = columns(seen, np.isin(owner, seen.model.accepted))
+    beyond = Beyond.of(seen, X, errors(flat, data, values))
+    readings = Readings.of(data, beyond.white)
+    square, variance, good = estimates(beyond.base, readings)
+    off = np.where(good, np.sum(square / variance, axis=1), 0.0)
+    order = np.argsort(-off, kind="stable")
+    away = order[off[order] > AWAY**2]
+    pose, target = _places(seen, readings)
+    p = _chance(len(away), int(good.sum()), family.away(AWAY))
+    return Far(pose[away], target[away], p)
+
+
+def _places(seen: Linearised, readings: Readings) -> tuple[Ints, Ints]:
+    """Pose and target of every reading, loaded ones first."""
+    data = seen.data
+    first = np.unique(data.zero, return_index=True)[1]
+    of = np.concatenate([np.arange(readings.loaded), first])
+    return data.pulls.pose[data.pull[of]], data.target[of]
+
+
+def _chance(k: int, n: int, chances: Array) -> float:
+    return float(np.max(special.bdtrc(k - 1, n, chances))) if k else 1.0
