@@ -30,16 +30,14 @@ from pipeline.machine.cell import load
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects import unlisted
 from pipeline.machine.effects.nameless import NAMELESS, nameless
+from pipeline.system import alarms
 from pipeline.system.beside import Base
 from pipeline.system.detect import threshold
 from pipeline.system.evidence import Scores
 from pipeline.system.whitened import Whitened
 
-ALPHA = 1e-3
-"""Chance to find a law in data without one, as for campaigns of positions [1]."""
-
 _FLIPS = 3000
-"""Copies whose poses have other signs: the smallest p is a third of `ALPHA`."""
+"""Copies whose poses have other signs: the smallest p is a third of `alarms.LAW`."""
 
 _DRAWS = 1000
 """Draws of scatter."""
@@ -180,17 +178,17 @@ def _likely(
     view, first = _view(case, found, beside, laws), len(beside)
     now = given(view.suspects, view.beside(view.base), range(first))
     evidence, p = now.log_evidence[first:], now.p()[first:]
-    if not ((evidence > WORTH) & (p < ALPHA)).any():  # among many it is no rarer
+    if not ((evidence > WORTH) & (p < alarms.LAW)).any():  # among many it is no rarer
         return {}
     limit = threshold(view, view.base, now.dof, rng, _DRAWS)
     by_scatter = -np.expm1(limit.independent * np.log1p(-np.minimum(p, 1 - 1e-15)))
-    able = (evidence > WORTH) & (by_scatter < ALPHA)
+    able = (evidence > WORTH) & (by_scatter < alarms.LAW)
     if not able.any():
         return {}
     fresh = [one.law is None or one.law.more is None for one in laws]
     by_structure = np.where(fresh, _by_structure(view, now, rng)[first:], 0.0)
     chance = np.maximum(by_scatter, by_structure)
-    able &= chance < ALPHA
+    able &= chance < alarms.LAW
     if not able.any():
         return {}
     best = evidence[able].max()

@@ -33,10 +33,8 @@ from pipeline.machine.effect import Effect, Geometry, Observation
 from pipeline.machine.effects import base_rotation, table
 from pipeline.machine.robot.letters import changed
 from pipeline.reduction.measured import Measured
+from pipeline.system import alarms
 from pipeline.system.system import Estimate
-
-_RARE = 1e-3
-"""Chance of one cause among all that are looked for, and of a rough table, in a robot without."""
 
 BEYOND = 5.0
 """A cause is so many times what the rest of the table is off by, or what a table usually is."""
@@ -95,7 +93,7 @@ def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]
         cells=found,
         causes=tuple(_off(search, k) for k in range(len(found.free))),
         gain=_gain(missed, zeros, found),
-        rough=found.p_exact() < _RARE,
+        rough=found.p_exact() < alarms.GEOMETRY,
         tool_m=_moved_tool(zeros, found),
     )
 
@@ -191,7 +189,7 @@ class _Search:
 
     def far(self, one: _Suspect) -> bool:
         """Whether a cause is beyond chance and beyond what the rest of the table is off by."""
-        return self.p_value(one) < _RARE and _size(self.found, one) > BEYOND
+        return self.p_value(one) < alarms.GEOMETRY and _size(self.found, one) > BEYOND
 
     def p_value(self, one: _Suspect) -> float:
         """Chance of so much, as many being asked about as are."""
@@ -243,7 +241,7 @@ def _moves(found: Cells, one: Suspect) -> Array:
 def _visible(found: Cells, asked: Sequence[_Suspect]) -> dict[str, float]:
     """Multiples of the typical size from which a cause is found in 80 % of the cases."""
     out, best = {}, found.best
-    far = float(special.ndtri(1 - _RARE / len(asked) / 2)) + _POWER
+    far = float(special.ndtri(1 - alarms.GEOMETRY / len(asked) / 2)) + _POWER
     for one in asked:
         at = list(one.columns)
         C = found.cov[best][np.ix_(at, at)]
@@ -286,7 +284,7 @@ def _off(search: _Search, number: int) -> Off:
         rivals=tuple(
             Named(others[i].effect, float(odds[i]))
             for i in order
-            if odds[i] > _RARE and others[i] is not one and others[i] not in twins
+            if odds[i] > alarms.GEOMETRY and others[i] is not one and others[i] not in twins
         ),
         twins=tuple(other.effect for other in twins),
     )

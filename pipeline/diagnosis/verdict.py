@@ -14,7 +14,6 @@ from pipeline.diagnosis.facts import Cause, Facts
 from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.machine.effect import same_element
 from pipeline.system import alarms
-from pipeline.system.system import SOFT
 
 CERTAIN = 0.95
 """A cause less probable than this among its rivals is not identified alone [1]: the odds of 19 to 1
@@ -92,7 +91,7 @@ _UNLOADED = (
 
 _DISPLACEMENTS = (
     Row(Finding.GEOMETRY_REFUTED, Verdict.UNEXPLAINED, lambda f: f.unloaded.refuted),
-    Row(Finding.REFLECTORS_LOOSE, Verdict.UNEXPLAINED, lambda f: f.loose_p < SOFT),
+    Row(Finding.REFLECTORS_LOOSE, Verdict.UNEXPLAINED, lambda f: f.loose_p < alarms.LOOSE),
     Row(Finding.NO_CAUSE_FITS, Verdict.UNEXPLAINED, lambda f: f.detected and not f.causes),
     Row(Finding.PREDICTS_WORSE, Verdict.UNEXPLAINED, lambda f: f.detected and _worse(f)),
     Row(Finding.UNCONFIRMED, Verdict.UNEXPLAINED, lambda f: f.detected and not f.helps),

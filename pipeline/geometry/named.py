@@ -16,6 +16,7 @@ from pipeline.geometry.mechanism import Mechanism, Weights, layout
 from pipeline.geometry.readings import Readings
 from pipeline.geometry.scatter import Scatter
 from pipeline.geometry.worth import NO_GAIN, Gain, Judge, Parting
+from pipeline.system import alarms
 
 _HALF = 0.5
 """Part of a curve's variance over the poses from which one wave is what it is."""
@@ -134,7 +135,7 @@ def _of_own_angles(
     """Joints with curves over their own angles, or with a wave for one, and the chance of each."""
     bent: dict[int, float] = {}
     for clue in clues:
-        if clue.p < search.ALPHA and (clue.law is None or _own_angle(clue.law)):
+        if clue.p < alarms.LAW and (clue.law is None or _own_angle(clue.law)):
             bent[clue.joint - 1] = min(clue.p, bent.get(clue.joint - 1, 1.0))
     if not bent:
         return springs, {}
@@ -157,7 +158,7 @@ def _of_all_else(
     for _ in range(_MOST_LAWS):
         here, inputs = search.score(found, signs), found.linear.inputs
         left = search.clues(here, inputs, free)
-        if not left or left[0].p >= search.ALPHA or left[0].law is None:
+        if not left or left[0].p >= alarms.LAW or left[0].law is None:
             break
         law = search.sharpened(here, left[0].law, inputs)
         new = (*found.mechanism.laws, law)

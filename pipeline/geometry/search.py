@@ -27,6 +27,7 @@ from pipeline.geometry.identify import Identified
 from pipeline.geometry.laws import Inputs, Law, Variable
 from pipeline.geometry.mechanism import layout
 from pipeline.geometry.readings import Readings
+from pipeline.system import alarms
 
 _ORDERS = np.arange(0.5, 130.01, 0.25)
 """Periods per turn: eccentric wheels have one, gears of robots up to some hundred teeth."""
@@ -39,9 +40,6 @@ _BLOCK = 8
 
 FLIPS = 200
 """Copies without a law."""
-
-ALPHA = 1e-3
-"""Chance to find one in residuals without."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -272,19 +270,13 @@ def moved(found: Identified, signs: Array) -> Moved | None:
     cost = float(np.log(found.linear.read.sum()))
     rival = max(float(T[:, 0].max()) for T in joints) - cost
     p = _beyond(frames[:, 1:].max(axis=0), frames[best, :1]).item()
-    if p >= _MOVES or frames[best, 0] - 6 * cost < rival:
+    if p >= alarms.MOVED or frames[best, 0] - 6 * cost < rival:
         return None
     own = inputs.series[at[best]]
     beside = [pose for pose in _near(inputs, at[best]) if inputs.series[pose - 1] == own]
     beside = [pose for pose in beside if inputs.series[pose] == own]
     none = signs[:0]
     return Moved(max(beside, key=lambda k: float(_frame_moved(found, plain, k, none).T[0])), p)
-
-
-_MOVES = 1e-9
-"""Largest p of an instrument that moved. Copies of what the likeliest move leaves reach a quarter
-less than readings without any, of which 2 in 150 had p < 1e-3 and the least had 1e-6; a move by the
-noise of one reading has 1e-9 to 1e-7, twice that 1e-26."""
 
 
 class _FrameMoved(NamedTuple):

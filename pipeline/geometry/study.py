@@ -26,15 +26,13 @@ from pipeline.geometry.scatter import start
 from pipeline.geometry.worth import Parting, distances, partings
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.weight import weighs
+from pipeline.system import alarms
 
 _TAILS = 3.0
 """Sums of squares so many times beyond chance are no tail of what is always there."""
 
 _GROSS = 20.0
 """Residuals of the nominal table beyond so many medians are blunders before any estimate."""
-
-_BLUNDER = 1e-3
-"""Chance that the largest of all residuals is called a blunder where there is none."""
 
 
 class Moved(NamedTuple):
@@ -233,7 +231,7 @@ def _without_blunders(data: Data, found: Identified) -> tuple[Data, list[Bad]]:
     """
     e = found.rows.y - found.rows.along(found.solution.x)
     square, k = np.sum(e**2, axis=1), found.linear.read.sum(axis=1)
-    limit = _TAILS * special.chdtri(k, _BLUNDER / len(e))
+    limit = _TAILS * special.chdtri(k, alarms.BLUNDER / len(e))
     bad = square > limit
     off = np.nanmax(leftout.distances(found.left, found.readings.read), axis=1)
     return data.without(bad), _listed(data.readings, bad, off)

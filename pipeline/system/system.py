@@ -10,9 +10,6 @@ from scipy import special
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Parameter, Strings
 
-SOFT = 1e-4
-"""How unlikely it must be that the reflectors only seem to move against each other."""
-
 
 @dataclass(frozen=True, eq=False)
 class Rows(Locked):

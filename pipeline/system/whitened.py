@@ -19,11 +19,12 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.machine.cell import load
 from pipeline.machine.effect import Effect, same_element
+from pipeline.system import alarms
 from pipeline.system.beside import Base, by_products, left_out, padded
 from pipeline.system.elimination import coefficients
 from pipeline.system.evidence import ROUNDING, Scores
 from pipeline.system.linearised import Linearised, Model, accepted_columns, owners
-from pipeline.system.system import SOFT, Errors, Rows
+from pipeline.system.system import Errors, Rows
 from pipeline.system.whiten import Whitener, whitener
 
 _FEWEST = 10
@@ -355,7 +356,7 @@ def _rigid(seen: Linearised, white: Whitener) -> Rigid:
     if not loose.rank or left < _FEWEST:
         return Rigid(pulls.rest, pulls.dof)
     p = float(loose.p())
-    if p < SOFT:
+    if p < alarms.LOOSE:
         return Rigid(pulls.rest - float(loose.drop), left, p)
     return Rigid(pulls.rest, pulls.dof, p)
 
