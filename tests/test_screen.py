@@ -12,7 +12,7 @@ from pipeline.faults import fault as fault_module
 from pipeline.faults import screen as module
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
-from pipeline.faults.screen import Screened, confirm, screen, screen_again
+from pipeline.faults.screen import Beside, Screened, screen, singles_of
 
 
 @dataclass(frozen=True)
@@ -41,10 +41,9 @@ class Cell:
         return ("spring", *self.causes)
 
 
-def mistake(name, beside_model=False):
+def mistake(name):
     return Mistake(
         name=name, where=name, evidence="", correction="", before=2.0, after=1.0, unit="1",
-        beside_model=beside_model,
         correct=lambda case: replace(case, wrong=tuple(w for w in case.wrong if w != name)),
     )  # fmt: skip
 
@@ -53,20 +52,20 @@ def mistake(name, beside_model=False):
 def tests(monkeypatch):
     """Puts tests in place of the real ones; each finds the mistakes of its letter."""
     calls = []
+    monkeypatch.setattr(module, "lost_readings", lambda *_: [])
+    monkeypatch.setattr(module, "lock_lost", lambda one, _: one)
 
     def put(*letters, **more):
         def make(letter):
             def find(asked):
                 calls.append((letter, asked))
                 found = [w for w in asked.case.wrong if w[0] == letter.lower()]
-                beside = more.get("beside", "")
-                return [mistake(w, w[0] in beside) for w in found[: more.get("at_once", 1)]]
+                return [mistake(w) for w in found[: more.get("at_once", 1)]]
 
             return Fault(
                 letter, letter, find,
                 in_files=letter.isupper(),
                 in_forces=letter in more.get("forces", ""),
-                beside_model=letter in more.get("beside", ""),
             )  # fmt: skip
 
         monkeypatch.setattr(module, "FAULTS", tuple(make(letter) for letter in letters))
@@ -116,13 +115,13 @@ def test_after_each_finding_the_grossest_test_is_asked_first(tests):
     assert [asked.known is reduced for _, asked in calls] == [True] + [False] * 7
 
 
-def test_with_more_than_a_dozen_it_stops(tests):
-    """The campaign as a whole is wrong."""
+def test_it_stops_where_something_new_is_found_for_ever(tests):
+    """Forty rounds of mistakes are no campaign; what was found is told."""
     tests("a")
 
-    got = screen(Bench(tuple(f"a{k}" for k in range(20))), object())
+    got = screen(Bench(tuple(f"a{k}" for k in range(60))), object())
 
-    assert names(got) == [f"a{k}" for k in range(12)]
+    assert names(got) == [f"a{k}" for k in range(40)]
 
 
 def test_a_campaign_that_arrives_reduced_is_asked_about_forces_only(tests):
@@ -136,123 +135,106 @@ def test_a_campaign_that_arrives_reduced_is_asked_about_forces_only(tests):
     assert {letter for letter, _ in calls} == {"b"}
 
 
-def again(case, findings, causes, parameters=None):
-    """Screened again beside causes that were estimated with these parameters."""
-    right = case
-    for one in findings:
-        right = one.correct(right)
-    screened = Screened(tuple(findings), right)
-    parameters = ("spring", *causes) if parameters is None else parameters
-    extended = SimpleNamespace(parameters=parameters, value=np.arange(2.0))
-    return screened, screen_again(case, screened, causes, extended)
+def test_single_readings_are_tested_beside_what_is_held(tests):
+    """The causes, their estimate and the tails; what was put right in whole files stays so."""
+    calls, family = tests("F", "a"), object()
+    case = Bench(("a1", "a2"))
+    beside = Beside(case.cell.with_effects("tilt"), np.arange(2.0), family)
 
+    got = singles_of(Screened((mistake("f1"),), case), None, beside)
 
-def test_what_a_cause_explains_is_taken_back(tests):
-    """Only tests beside the model are asked again, with the causes, and gross mistakes stay."""
-    calls = tests("a", "b", beside="b")
-    case = Bench(("a1", "b1"))
-    flagged = [mistake("a1"), mistake("x1", True), mistake("b1", True)]
-
-    _, got = again(case, flagged, ("tilt",))
-
-    assert names(got) == ["a1", "b1"]
+    assert names(got) == ["f1", "a1", "a2"]
     assert got.case.wrong == ()
-    assert {letter for letter, _ in calls} == {"b"}
-    first = calls[0][1]
-    assert first.cell.causes == ("tilt",)
-    assert first.case.wrong == ("b1",)
-    assert first.start.tolist() == [0.0, 1.0]
-    assert first.known is None
+    assert {letter for letter, _ in calls} == {"a"}
+    for _, asked in calls:
+        assert asked.cell.causes == ("tilt",)
+        assert asked.start.tolist() == [0.0, 1.0]
+        assert asked.accepted is family
+    assert calls[0][1].known is None
 
 
-def test_what_stays_flagged_stays_as_it_was(tests):
-    """The same object comes back, with nothing asked where nothing could be taken back."""
-    calls = tests("b", beside="b")
-    case = Bench(("b1",))
+def test_what_was_found_has_a_key_whatever_the_order():
+    """Two ends are one where the same mistakes are held."""
+    one, other = mistake("a"), mistake("b")
 
-    screened, got = again(case, [mistake("b1", True)], ("tilt",))
-    assert got is screened
-    assert len(calls) == 1
-    for findings, causes, parameters in (
-        ([mistake("a1")], ("tilt",), None),
-        ([mistake("x1", True)], (), None),
-        ([mistake("x1", True)], ("tilt",), ("spring",)),
-    ):
-        screened, got = again(case, findings, causes, parameters)
-        assert got is screened
-    lost = screen_again(case, screened, ("tilt",), None)
-    assert lost is screened
-    assert len(calls) == 1
+    assert Screened((one, other), None).key == Screened((other, one), None).key
+    assert Screened((one,), None).key != Screened((other,), None).key
 
 
-def test_never_more_is_flagged_again_than_was_before(tests):
-    """One was flagged beside the model: at most one is, though more could be found."""
-    calls = tests("b", beside="b")
+def test_readings_that_noise_may_have_moved_are_given_back(tests):
+    """Of a unit nobody doubts that it was wrong; of a reading the tails decide."""
+    case = Bench(("unit", "reading"))
+    told = {"name": "outlier", "unit": "sigma", "size_unit": "m", "p_value": 1e-6}
+    found = mistake("unit"), replace(mistake("reading"), **told)
 
-    screened, got = again(Bench(("b1", "b2", "b3")), [mistake("x1", True)], ("tilt",))
+    assert Screened(found, None).without_doubt(case).wrong == ("reading",)
 
-    assert len(calls) == 1
-    assert got is screened
+
+class Tails:
+    """A family that is this sure of any blunder, and remembers what it was asked."""
+
+    def __init__(self, sure):
+        self.sure, self.seen = sure, []
+
+    @property
+    def rather(self):
+        """It is what it is."""
+        return self
+
+    def mistaken(self, square, axes):
+        """As told."""
+        self.seen.append((square, axes))
+        return self.sure
+
+
+def doubtful(monkeypatch, **known):
+    """The one test finds readings that noise may have moved."""
+    (fault,) = module.FAULTS
+    told = {"name": "outlier", "unit": "sigma", "size_unit": "m", "p_value": 1e-6} | known
+
+    def found(asked):
+        return [replace(one, **told, where=one.where) for one in fault.find(asked)]
+
+    monkeypatch.setattr(module, "FAULTS", (replace(fault, find=found),))
 
 
 def test_evidence_along_one_axis_is_weighed_along_one(tests, monkeypatch):
     """Chance rarely has one coordinate off by as much as it often has three."""
-    seen = []
-    monkeypatch.setattr(
-        Screening, "mistaken", lambda _, square, axes: seen.append((square, axes)) or 0.5
-    )
-    sure = {"name": "outlier", "unit": "sigma", "size_unit": "m", "p_value": 1e-6, "before": 6.0}
     tests("a")
-    (fault,) = module.FAULTS
+    doubtful(monkeypatch, before=6.0, axes=1)
+    tails, case = Tails(0.5), Bench(("a1",))
+    files = Screened((), case)
 
-    def found(asked):
-        return [replace(one, **sure, where=one.where, axes=1) for one in fault.find(asked)]
-
-    monkeypatch.setattr(module, "FAULTS", (replace(fault, find=found),))
-
-    assert screen(Bench(("a1",)), object()).findings == ()
-    assert seen == [(36.0, 1)]
+    assert singles_of(files, None, Beside(case.cell, np.ones(2), tails)).findings == ()
+    assert tails.seen == [(36.0, 1)]
 
 
-@pytest.mark.parametrize("beside", [0.95, 0.5])
-@pytest.mark.parametrize("causes", [(), ("tilt",)])
-def test_a_doubted_reading_is_tested_by_the_noise_beside_the_accepted_model(
-    tests, monkeypatch, beside, causes
-):
-    """Tails that are hardly seen keep it; seen better they may not, beside springs and causes."""
+@pytest.mark.parametrize("sure", [0.95, 0.5])
+def test_a_reading_is_judged_by_the_tails_that_all_readings_show(tests, monkeypatch, sure):
+    """A doubtful one stays among the others, and is told apart from one that nobody asked for."""
     tests("a")
-    (fault,) = module.FAULTS
-    asked = []
-
-    def found(now):
-        asked.append(now)
-        told = {"name": "outlier", "unit": "sigma", "size_unit": "m", "p_value": 1e-6}
-        return [replace(one, **told, where=one.where) for one in fault.find(now)]
-
-    @dataclass(frozen=True)
-    class Tails:
-        sure: float
-        likely_heavy: bool = False
-
-        def mistaken(self, square, axes):
-            return self.sure
-
-    monkeypatch.setattr(Screening, "family", property(lambda s: s.accepted or Tails(0.6)))
-    monkeypatch.setattr(module, "FAULTS", (replace(fault, find=found),))
-    monkeypatch.setattr(module, "lock_lost", lambda one, _: one)
+    doubtful(monkeypatch)
     case = Bench(("a1",))
-    extended = SimpleNamespace(value=np.arange(2.0), parameters=("spring", *causes))
 
-    screened = screen(case, object())
-    judged = confirm(screened, Tails(beside), causes, extended if causes else None)
+    got = singles_of(Screened((), case), None, Beside(case.cell, np.ones(2), Tails(sure)))
 
-    assert screened.findings == ()
-    assert [one.where for one in screened.doubted] == ["a1"]
-    assert asked[-1].cell.causes == causes
-    assert (judged is screened) is (beside == 0.5)
-    assert judged.case.wrong == (("a1",) if beside == 0.5 else ())
-    assert confirm(replace(screened, doubted=()), Tails(beside), (), None).findings == ()
-    assert confirm(screened, Tails(0.99, likely_heavy=True), (), None) is screened
+    assert [one.where for one in got.findings] == (["a1"] if sure > 0.9 else [])
+    assert [one.where for one in got.doubted] == ([] if sure > 0.9 else ["a1"])
+    assert got.case.wrong == (() if sure > 0.9 else ("a1",))
+
+
+def test_tails_are_those_before_anything_was_taken_out(tests, monkeypatch):
+    """A tail that was taken for blunders reading by reading would soon be none."""
+    calls = tests("a")
+    doubtful(monkeypatch)
+    monkeypatch.setattr(
+        Screening, "family", property(lambda s: s.accepted or Tails(0.91 if s.known else 0.0))
+    )
+
+    got = screen(Bench(("a1", "a2", "a3")), object())
+
+    assert [one.where for one in got.findings] == ["a1", "a2", "a3"]
+    assert [asked.accepted is None for _, asked in calls] == [True, False, False, False]
 
 
 def test_a_screening_computes_what_is_asked_once(monkeypatch):

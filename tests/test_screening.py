@@ -13,7 +13,7 @@ from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.faults.conventions import anchored_miss, conventions, miss
-from pipeline.faults.screen import screen, screen_again
+from pipeline.faults.screen import Beside, screen
 from pipeline.machine.robot import load
 from pipeline.machine.robot.variants import variants
 from pipeline.reduction.bring import bring, conformed, plain
@@ -138,13 +138,13 @@ def test_a_reading_that_a_cause_explains_comes_back(off_m):
     game.files["tracker.csv"] = "\n".join(lines).encode()
     case = case_of(game.files)
     screened = screen(case, bring(case))
-    assert screened.findings
     right = fit(screened.case, bring(screened.case))
     where = place_of_interest(None, robot, right.data.pulls)
     said = diagnose(right.case.cell, right.data, right.estimate, where, rng)
     assert [effect.label for effect in said.modelled] == ["joint_tilt:3"]
 
-    judged = screen_again(case, screened, said.modelled, said.estimate)
+    cell = case.cell.with_effects(*said.modelled)
+    judged = screen(case, bring(case), Beside(cell, said.estimate.value))
 
     assert [f.where for f in judged.findings] == (["pose03_rep1_loaded/P2"] if off_m else [])
 

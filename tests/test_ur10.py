@@ -11,6 +11,7 @@ from pipeline.geometry.positioned import positioned
 from pipeline.geometry.study import study
 from pipeline.prediction.standing import predict, standing
 from pipeline.store.campaign import find
+from pipeline.system import alarms
 
 ROOT = Path(__file__).parents[1]
 
@@ -106,5 +107,5 @@ def test_residuals_with_flipped_signs_name_no_law(campaign):
     for copy in range(200):
         own = np.concatenate([[1 + copy], 201 + np.arange(200)])
         first = search.clues(replace(here, u=here.u[own]), inputs, laws, slides.tolist())
-        named += min(clue.p for clue in first) < search.ALPHA
+        named += min(clue.p for clue in first) < alarms.LAW
     assert named <= 2

@@ -8,6 +8,7 @@ import pytest
 
 from pipeline.answer.diagnosis import _cause
 from pipeline.answer.words import enormous, why
+from pipeline.diagnosis.bounds import Bounds
 from pipeline.diagnosis.causes import missing
 from pipeline.diagnosis.diagnose import _refused
 from pipeline.diagnosis.facts import NOTHING, Amplitude, Cause, Facts, Gain, Named
@@ -16,6 +17,7 @@ from pipeline.diagnosis.identify import Rival
 from pipeline.diagnosis.verdict import TABLE, findings, verdict
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
+from pipeline.system.far import Far
 
 EFFECTS = {(effect.label, effect.form): effect for effect in catalogue(load("kr500_rail"))}
 
@@ -142,10 +144,23 @@ ROWS = {
     Finding.BEYOND_CERTIFICATE: (Facts(beyond_certificate=True), Verdict.UNEXPLAINED),
     Finding.OFF_THE_TABLE: (replace(FOUND, unloaded=USELESS), Verdict.UNEXPLAINED),
     Finding.CAUSE_IDENTIFIED: (FOUND, Verdict.EXPLAINED),
-    Finding.MISFIT: (Facts(stated_p=1e-5, misfit_p=9e-4), Verdict.UNEXPLAINED),
+    Finding.MISFIT: (Facts(stated_p=1e-5, misfit_p=4e-4), Verdict.UNEXPLAINED),
     Finding.SCATTER: (Facts(scatter=(cause("tracker_noise"),)), Verdict.EXPLAINED),
     Finding.BEYOND_A_TRACKER: (Facts(beyond_a_tracker=True), Verdict.UNEXPLAINED),
     Finding.NOTHING: (Facts(), Verdict.ADEQUATE),
+    Finding.NOTHING_DETERMINED: (
+        replace(FOUND, bounds=Bounds(determined=False)),
+        Verdict.UNEXPLAINED,
+    ),
+    Finding.PREDICTS_NOTHING: (Facts(bounds=Bounds(left=0.26)), Verdict.UNEXPLAINED),
+    Finding.BEYOND_NOISE: (
+        replace(FOUND, bounds=Bounds(force=11.0, worst_pose=3, worst_target="P1", worst_mm=0.4)),
+        Verdict.UNEXPLAINED,
+    ),
+    Finding.SCATTERED: (
+        Facts(bounds=Bounds(far=Far(np.array([4, 2]), np.array([0, 1]), 1e-5))),
+        Verdict.UNEXPLAINED,
+    ),
 }
 
 
@@ -266,3 +281,26 @@ def test_what_makes_the_same_robot_is_named_as_the_controller_does():
     facts = Facts(moved=(replace(off, effect=one),), unloaded=MISPLACED)
 
     assert "the same error in joint 4 (A3) would give the same robot" in why(facts)
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [
+        Bounds(tracker=10.0, force=10.0, left=0.25),
+        Bounds(far=Far(np.array([4]), np.array([0]), 1e-9)),
+        Bounds(far=Far(np.array([4, 5]), np.array([0, 0]), 1e-3)),
+    ],
+    ids=["at the bound", "one reading", "as many as tails throw"],
+)
+def test_what_keeps_the_bounds_is_adequate(kept):
+    """Noise of ten times the stated one, a quarter left, one reading that nobody named."""
+    assert verdict(Facts(bounds=kept)) is Verdict.ADEQUATE
+
+
+def test_a_cause_is_no_excuse_for_noise_that_cannot_be():
+    """What was identified is told, and that it is not all."""
+    said = why(replace(FOUND, bounds=Bounds(tracker=17.0, worst_pose=11, worst_target="P1")))
+
+    assert "Identified in addition to the joint springs" in said
+    assert "scatter 17 times as much as stated" in said
+    assert "P1 of pose 11" in said

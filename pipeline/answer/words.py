@@ -439,8 +439,8 @@ def _scattered(facts: Facts) -> str:
     left = facts.bounds.far
     poses = listed([str(pose) for pose in sorted(set(left.pose.tolist()))[:_PLACES]])
     return (
-        f"{len(left.pose)} readings are more than {AWAY:.0f} standard uncertainties from where "
-        f"all others put them, which no noise explains (pose {poses}). {_look_first(facts)}"
+        f"Of the readings in use {len(left.pose)} are more than {AWAY:.0f} standard uncertainties "
+        f"from where all others put them, which no noise explains (pose {poses}). {_look_first(facts)}"
     )
 
 

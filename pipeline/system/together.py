@@ -33,6 +33,14 @@ beside a large one may be its shadow."""
 _MOST = 0.5
 """Part of a base's degrees of freedom that suspects may take [1]; beyond it nothing is the rule."""
 
+_SETTLED = 2.0
+"""Variance over the least from which the rows may scatter less beside more suspects [1]."""
+
+_COSTS = 2 * np.log(8.4 / 0.01)
+"""What the prior takes from minus twice the log likelihood for each suspect that is held, its size
+apart [1]: one in a hundred is at work, the largest part of `family.MISTAKES`, and the logarithm of
+its size in standard deviations is spread over ten e-folds in all directions."""
+
 _ROUNDS = 100
 """Rounds after which the search ends; each but the last changes who is held."""
 
@@ -86,6 +94,17 @@ class Held(Locked):
     base: Base
     tests: int
 
+    def loss(self, least: float) -> float:
+        """Minus twice the log of likelihood and priors, up to a constant.
+
+        M log v + rest / v + sum of 2 ln(1 / pi) + k ln(drop / v), v the variance of the M rows: a
+        suspect is at work with probability pi, and the logarithm of its size is anything.
+        """
+        v = max(self.base.rest / max(self.base.dof, 1), least)
+        sizes = np.log(np.maximum(self.drop / v, np.e)) * np.maximum(self.rank, 1)
+        rows = self.base.dof + int(self.rank.sum())
+        return float(rows * np.log(v) + self.base.rest / v + np.sum(sizes + _COSTS))
+
     def p(self) -> Array:
         """Probability that chance makes any suspect look as large, shape (m,)."""
         return self.tests * chance(self.drop, self.rank, self.variance, self.base.dof)
@@ -101,15 +120,26 @@ def chance(drop: Array, rank: Ints, variance: float, dof: int) -> Array:
 def together(base: Base, suspects: Suspects, least: float) -> Held:
     """All suspects that are at work beside a base.
 
+    From two starts: rows that scatter as their median says, and rows that scatter no more than
+    they must. The end that is likelier stands: few suspects beside much noise, or more beside less.
+
     Args:
         base: Columns that are estimated in any case.
         suspects: Suspects, each within one block of the base's rows.
         least: Variance below which the rows do not scatter.
     """
+    wide = _end(base, suspects, least, np.inf)
+    if wide.variance < _SETTLED * least:
+        return wide
+    return min((wide, _end(base, suspects, least, least)), key=lambda one: one.loss(least))
+
+
+def _end(base: Base, suspects: Suspects, least: float, most: float) -> Held:
+    """Where nobody joins, leaves or gives way, rows scattering `most` at most while it lasts."""
     held, tried = np.zeros(0, np.int64), set[bytes]()
     for _ in range(_ROUNDS):
         wider, found = suspects.beside(base, held)
-        variance = _variance(found, held, least)
+        variance = min(_variance(found, held, least), most)
         joined = np.union1d(held, _joining(found, suspects.blocks, variance))
         joined = _staying(base, suspects, joined, variance)
         joined = _exchanged(base, suspects, joined)

@@ -1,0 +1,133 @@
+"""What a campaign must keep: noise, misfit and far readings against what they can be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+from small_case import asked, moved, small, where
+
+from pipeline.diagnosis.bounds import FAULTY, bounds
+from pipeline.reduction.bring import bring
+from pipeline.system.family import FREEDOM, Family
+from pipeline.system.far import AWAY, Far, far
+from pipeline.system.fit import fit
+from pipeline.system.linearised import Model, linearise
+
+
+@pytest.fixture(scope="module")
+def case():
+    """Six poses, each pulled twice."""
+    return small()
+
+
+def seen(case):
+    """The campaign at its springs, all readings alike."""
+    got = asked(case)
+    model = Model(case.cell, got.estimate.value, 7)
+    return linearise(model, got.reduced.data, ())
+
+
+def kept(case, force=1.0, left=None):
+    """The bounds of a campaign whose springs stand."""
+    right = fit(case, bring(case))
+    return bounds(right, right.system, right.estimate, left or Far.none(), force)
+
+
+def test_a_clean_campaign_keeps_them(case):
+    """Noise as stated, next to nothing left, and a stiffness is determined."""
+    got = kept(case)
+
+    assert 0.8 < got.tracker < 1.5
+    assert (got.force, got.left, got.determined) == (1.0, pytest.approx(0.0, abs=0.01), True)
+    assert not got.faulty
+    assert got.predicts
+    assert not got.scattered
+
+
+@pytest.mark.parametrize(("times", "faulty"), [(4.0, False), (30.0, True)])
+def test_noise_of_many_times_the_stated_is_faulty(times, faulty):
+    """Four times is a modest certificate, thirty none."""
+    got = kept(small(5, tracker={"sigma_m": 3e-5, "noise_scale": times}))
+
+    assert got.tracker == pytest.approx(times, rel=0.35)
+    assert got.faulty is faulty
+
+
+def test_a_scale_has_a_bound_too(case):
+    """Whatever scatters more than an instrument in order can."""
+    assert not kept(case, force=FAULTY).faulty
+    assert kept(case, force=1.01 * FAULTY).faulty
+
+
+def test_loaded_readings_that_are_the_unloaded_ones_determine_nothing(case):
+    """A sensor that is dead but for its noise: no robot is as stiff as that."""
+    rows = case.readings.copy()
+    rng = np.random.default_rng(2)
+    xyz = ["x_m", "y_m", "z_m"]
+    unloaded = rows[(rows["state"] == "unloaded")].drop_duplicates(["pose", "target"])
+    at = unloaded.set_index(["pose", "target"])[xyz]
+    loaded = (rows["state"] == "loaded") & rows["target"].isin(case.settings.measured)
+    for k in rows.index[loaded]:
+        here = at.loc[(rows.loc[k, "pose"], rows.loc[k, "target"])].to_numpy(float)
+        rows.loc[k, xyz] = here + 2e-5 * rng.standard_normal(3)
+
+    got = kept(replace(case, readings=rows))
+
+    assert not got.determined
+    assert not got.predicts
+
+
+def test_a_model_that_leaves_most_of_the_displacements_predicts_nothing(case):
+    """Readings that have nothing to do with the loads, by 5 mm."""
+    rows, rng = case.readings.copy(), np.random.default_rng(8)
+    loaded = (rows["state"] == "loaded") & rows["target"].isin(case.settings.measured)
+    rows.loc[loaded, ["x_m", "y_m", "z_m"]] += 5e-3 * rng.standard_normal((int(loaded.sum()), 3))
+
+    got = kept(replace(case, readings=rows))
+
+    assert got.left > 0.3
+    assert not got.predicts
+    assert got.worst_mm > 5
+
+
+def test_readings_far_off_are_counted_with_their_places(case):
+    """Two of 3 mm, and which; one reading more than normal noise throws is too many."""
+    spoilt = moved(case, where(case, "pose04_rep1_loaded", "P2"), [3e-3, 0, 0])
+    spoilt = moved(spoilt, where(case, "pose02_rep2_loaded", "P3"), [0, 0, 2e-3])
+
+    got = far(seen(spoilt), Family.stated())
+
+    names = case.settings.measured
+    assert [(p, names[t]) for p, t in zip(got.pose, got.target, strict=True)][:2] == [
+        (4, "P2"),
+        (2, "P3"),
+    ]
+    assert got.p_value < 1e-9
+    assert not len(far(seen(case), Family.stated()).pose)
+    assert far(seen(case), Family.stated()).p_value == 1.0
+
+
+@pytest.mark.parametrize("nu", [3.0, 5.0])
+def test_the_chance_of_a_far_reading_is_that_of_the_family(nu):
+    """|t|^2 / 3 of a Student vector with nu degrees of freedom is F(3, nu), of another library."""
+    weight = np.zeros(len(Family.stated().weight))
+    weight[1 + FREEDOM.index(nu)] = 1.0
+    family = replace(Family.stated(), weight=weight)
+
+    (p,) = family.away(AWAY)
+
+    assert p == pytest.approx(stats.f.sf(AWAY**2 / 3, 3, nu), rel=0.03)
+
+
+def test_heavy_tails_explain_some_far_readings_and_not_a_dozen():
+    """Of 1000 readings Student's 3 degrees of freedom throw five so far, never thirty."""
+    weight = np.zeros(len(Family.stated().weight))
+    weight[1 + FREEDOM.index(3.0)] = 1.0
+    from pipeline.system.far import _chance
+
+    p = replace(Family.stated(), weight=weight).away(AWAY)
+
+    assert _chance(10, 1000, p) > 0.1
+    assert _chance(30, 1000, p) < 1e-4
+    assert _chance(0, 1000, p) == 1.0

@@ -1,0 +1,118 @@
+"""Suspects that are at work together, against fits of all subsets and of dense columns."""
+
+from itertools import combinations
+
+import numpy as np
+import pytest
+
+from pipeline.system.beside import Base
+from pipeline.system.blocks import Blocks
+from pipeline.system.together import Suspects, together
+
+BLOCKS, EACH = 8, 7
+"""Blocks, and suspects of each: six that have three rows to themselves, one that moves them all."""
+
+ROWS = 3 * (EACH - 1)
+
+
+def bench(rng):
+    """Rows of blocks, three columns that all share, and suspects of three columns in each block."""
+    key = np.repeat(np.arange(BLOCKS), ROWS)
+    X = rng.standard_normal((len(key), 3))
+    one = np.zeros((ROWS, EACH, 3))
+    for k in range(EACH - 1):
+        one[3 * k : 3 * k + 3, k] = np.eye(3)
+        one[3 * k : 3 * k + 3, -1] = -np.eye(3)
+    D = np.tile(one, (BLOCKS, 1, 1, 1)) @ rng.standard_normal((BLOCKS, 1, 3, 3))
+    return key, X, Suspects(D, Blocks.of(np.repeat(np.arange(BLOCKS), EACH)))
+
+
+def dense(suspects, one):
+    """The columns of a suspect over all rows."""
+    out = np.zeros((BLOCKS * ROWS, 3))
+    block, place = divmod(one, EACH)
+    out[block * ROWS : (block + 1) * ROWS] = suspects.D[block, :, place]
+    return out
+
+
+def left(X, y):
+    """Sum of squares that numpy leaves."""
+    return float(np.sum((y - X @ np.linalg.lstsq(X, y, rcond=None)[0]) ** 2))
+
+
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize(
+    ("count", "own"),
+    [(0, False), (1, False), (4, False), (14, False), (0, True), (1, True), (4, True), (9, True)],
+)
+def test_all_that_are_at_work_are_held_and_no_other(seed, count, own):
+    """One in four, or of blocks that share nothing one in six: forty standard deviations off."""
+    rng = np.random.default_rng([seed, count])
+    key, X, suspects = bench(rng)
+    true = np.sort(rng.choice(BLOCKS * EACH, count, replace=False))
+    y = X @ rng.standard_normal(3) + rng.standard_normal(len(key))
+    for one in true:
+        off = dense(suspects, one) @ rng.standard_normal(3)
+        y += 40 * off / np.linalg.norm(off)
+    base = Base.of(X, y, key, own)
+
+    held = together(base, suspects, 1.0)
+
+    assert held.which.tolist() == true.tolist()
+    assert held.variance < 3
+    assert (held.p() < 1e-4).all()
+
+
+def test_sizes_and_drops_are_those_of_dense_fits():
+    """All held together; each drop is what the fit without it leaves more."""
+    rng = np.random.default_rng(4)
+    key, X, suspects = bench(rng)
+    y = X @ rng.standard_normal(3) + rng.standard_normal(len(key))
+    for one in (2, 6, 17):
+        y += dense(suspects, one) @ [19.0, -14.0, 30.0]
+
+    held = together(Base.of(X, y, key), suspects, 1.0)
+
+    assert held.which.tolist() == [2, 6, 17]
+    columns = [dense(suspects, one) for one in held.which]
+    whole = np.hstack([X, *columns])
+    assert held.size.ravel() == pytest.approx(np.linalg.lstsq(whole, y, rcond=None)[0][3:])
+    assert held.base.rest == pytest.approx(left(whole, y))
+    assert held.base.dof == len(key) - 3 - 9
+    for place, others in enumerate(combinations(columns[::-1], 2)):
+        without = left(np.hstack([X, *others]), y)
+        assert held.drop[place] == pytest.approx(without - left(whole, y))
+
+
+def test_who_joined_in_the_shadow_of_others_goes_again():
+    """Four that move their own rows alike look like the one that moves all, and are none of it."""
+    rng = np.random.default_rng(11)
+    key, X, suspects = bench(rng)
+    y = X @ rng.standard_normal(3) + rng.standard_normal(len(key))
+    for one in range(4):
+        y += dense(suspects, one) @ np.add([30.0, 20.0, -10.0], rng.normal(0, 6, 3))
+    base = Base.of(X, y, key)
+    first = suspects.beside(base, np.zeros(0, int))[1]
+    assert int(np.argmax(first.drop)) == EACH - 1
+
+    assert together(base, suspects, 1.0).which.tolist() == [0, 1, 2, 3]
+
+
+def test_noise_is_judged_by_its_middle():
+    """Noise of ten times the stated size makes no suspect, and hides a small one."""
+    rng = np.random.default_rng(6)
+    key, X, suspects = bench(rng)
+    y = 10 * rng.standard_normal(len(key)) + dense(suspects, 5) @ [19.0, -14.0, 30.0]
+
+    assert together(Base.of(X, y, key), suspects, 1.0).which.tolist() == []
+    assert together(Base.of(X, y / 10, key), suspects, 1.0).which.tolist() == []
+
+
+def test_clean_rows_hold_somebody_as_rarely_as_stated():
+    """2000 draws of noise: at a rate of 2.5e-4 more than four would be a wonder."""
+    rng = np.random.default_rng(9)
+    key, X, suspects = bench(rng)
+    base = Base.of(X, np.zeros(len(key)), key)
+    noise = rng.standard_normal((2000, len(key)))
+
+    assert sum(len(together(base.against(e), suspects, 1.0).which) > 0 for e in noise) <= 4
