@@ -8,9 +8,7 @@ from scipy import stats
 from small_case import small
 from test_worlds import asked, written
 
-from pipeline.faults import screen
-from pipeline.faults.reading import bad_reading
-from pipeline.faults.screen import Screened, acquit
+from pipeline.faults.screen import Beside, Screened, singles_of
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
@@ -52,45 +50,36 @@ def test_noise_of_another_family_is_named_and_accuses_nobody(world, name):
     assert said[-1].startswith("Nothing else detectable")
 
 
-def doubted(world, sigmas):
-    """A campaign with one reading off by so much, and as if screening had called it a blunder."""
+@pytest.mark.parametrize(("world", "out"), [("normal", True), ("student3", False)])
+def test_a_reading_is_judged_by_the_tails_beside_the_accepted_model(world, out):
+    """20 sigma: out of the question where noise is normal, one reading in 5000 of Student's 3."""
     case = ingested(in_memory(written(world)[3]), conformed, plain)
     reduced = bring(case)
-    right = fit(case, reduced)
-    row, off = reduced.placed[reduced.placed["state"] == "loaded"].iloc[7], sigmas * 3e-5
-    one = bad_reading(row, "all other readings", off, sigmas, 1e-9, beside_model=True)
+    row = reduced.placed[reduced.placed["state"] == "loaded"].iloc[7]
     here = (case.readings["line"] == row["line"]) & (case.readings["file"] == row["file"])
-    given = replace(
-        case, readings=case.readings.assign(x_m=case.readings["x_m"] + np.where(here, off, 0.0))
-    )
-    screened = Screened((one,), one.correct(given))
+    off = np.where(here, 20 * 3e-5, 0.0)
+    given = replace(case, readings=case.readings.assign(x_m=case.readings["x_m"] + off))
+    right = fit(given, bring(given))
     model = Model(case.cell, right.estimate.value, 7)
-    return given, screened, right, linearise(model, bring(screened.case).data, ())
+    family = tails(linearise(model, bring(given).data, ()), ())[1]
+
+    held = singles_of(Screened((), given), None, Beside(case.cell, right.estimate.value, family))
+
+    assert family.likely_heavy is not out
+    where = f"{row['group']}/{row['target']}"
+    assert ([one.where for one in held.findings] == [where]) is out
+    assert (where in [one.where for one in held.doubted]) is not out
 
 
-@pytest.mark.parametrize(("world", "kept"), [("normal", True), ("student3", False)])
-def test_a_reading_is_judged_by_the_tails_beside_the_accepted_model(world, kept):
-    """20 sigma: out of the question where noise is normal, one reading in 5000 of Student's 3."""
-    given, screened, right, seen = doubted(world, 20.0)
-
-    judged = acquit(given, screened, right, seen)
-
-    assert (judged is screened) is kept
-    assert len(judged.case.readings) == len(given.readings) - kept
-
-
-@pytest.mark.parametrize(("heavy", "kept"), [(0.17, True), (0.6, False)])
-def test_where_noise_is_rather_normal_nothing_is_given_back(monkeypatch, heavy, kept):
-    """A doubt about the tails is none about a reading of 12 sigma."""
-    given, screened, right, seen = doubted("normal", 12.0)
-    known, family, variance, beyond = tails(seen, ())
+def test_a_doubt_about_the_tails_is_none_about_a_reading_far_off():
+    """Tails that rather are as stated are taken to be, else they are what they may be."""
+    family = Family.stated()
     weight = np.zeros(len(family.weight))
-    weight[[0, 8]] = 1 - heavy, heavy
-    unsure = replace(family, weight=weight)
-    assert unsure.mistaken(12.0**2) < 0.9
-    monkeypatch.setattr(screen, "tails", lambda *_: (known, unsure, variance, beyond))
-
-    assert (acquit(given, screened, right, seen) is screened) is kept
+    for heavy, sure in ((0.17, True), (0.6, False)):
+        weight[[0, 8]] = 1 - heavy, heavy
+        unsure = replace(family, weight=weight.copy())
+        assert unsure.mistaken(12.0**2) < 0.9
+        assert (unsure.rather.mistaken(12.0**2) > 0.9) is sure
 
 
 @pytest.mark.sampled(2)

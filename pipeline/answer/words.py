@@ -440,7 +440,8 @@ def _scattered(facts: Facts) -> str:
     poses = listed([str(pose) for pose in sorted(set(left.pose.tolist()))[:_PLACES]])
     return (
         f"Of the readings in use {len(left.pose)} are more than {AWAY:.0f} standard uncertainties "
-        f"from where all others put them, which no noise explains (pose {poses}). {_look_first(facts)}"
+        f"from where all others put them, which no noise explains (pose {poses}). "
+        f"{_look_first(facts)}"
     )
 
 
