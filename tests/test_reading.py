@@ -381,7 +381,10 @@ def test_a_reading_stands_out_of_a_model_that_does_not_fit():
 @pytest.mark.parametrize("targets", [("P1", "P2"), ("P1", "P2", "P3")])
 @pytest.mark.parametrize("alone", [False, True])
 def test_several_of_one_pull_are_bad_unless_the_effector_moved(targets, alone):
-    """Shifts that no rigid motion makes are of readings; a whole motion is of the pull."""
+    """Shifts that no rigid motion makes are of readings; a whole motion is of the pull.
+
+    Where all three are off, one may be, and the pull have moved besides: that explains as much.
+    """
     case, rng = small(9), np.random.default_rng(5)
     for target in ("P1", "P2", "P3") if not alone else targets:
         off = rng.uniform(-1e-3, 1e-3, 3) if alone else [6e-4, 3e-4, -5e-4]
@@ -389,7 +392,9 @@ def test_several_of_one_pull_are_bad_unless_the_effector_moved(targets, alone):
 
     found = {one.where for one in reading.FAULT.find(asked(case))}
 
-    assert found == ({f"pose03_rep1_loaded/{t}" for t in targets} if alone else set())
+    true = {f"pose03_rep1_loaded/{t}" for t in targets} if alone else set()
+    assert found <= true
+    assert found == true or (found and len(targets) == 3)
 
 
 def test_a_force_that_is_wrong_is_no_bad_reading():

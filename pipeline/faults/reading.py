@@ -29,7 +29,7 @@ from pipeline.system.beside import Base, Beside
 from pipeline.system.blocks import Blocks
 from pipeline.system.contrasts import Stack, Zeros, stacked
 from pipeline.system.system import Estimate, System
-from pipeline.system.together import Held, Suspects, together
+from pipeline.system.together import Held, Suspects, cost, sizes, together
 from pipeline.system.whiten import Whitener, whitener
 
 _SMALLEST_M = 8e-5
@@ -113,57 +113,82 @@ class Shifted(Locked):
         return self.white.own_base(columns, self.stack.c)
 
     def told(
-        self, held: Held, base: Base, suspects: Suspects, free: tuple[Base, Base], seen: bool
+        self, held: Held, suspects: Suspects, free: tuple[Base, Base], seen: bool
     ) -> list[bool]:
-        """Whether each reading that is held is off by itself, and no sign of a weak model.
+        """Whether each reading that is held is no sign of a weak model.
 
-        Beside free poses and free pulls its shift must be found again, and what is held of one
-        pull, or of one zero, must not be that the effector moved there as a whole.
+        Beside free poses and free pulls its shift must be found again.
 
         Args:
             held: Readings that are off together.
-            base: The model that they were found beside.
             suspects: All readings.
             free: A free stiffness of each pose, and free motions of each pull.
             seen: Free pulls have to see it.
         """
-        whole = self._moved_as_a_whole(held, base, suspects)
         out = []
         for place, k in enumerate(held.which.tolist()):
             rest, shift = held.which[held.which != k], held.size[place]
             found = [suspects.beside(one, rest)[1] for one in free]
             sure = confirmed(found[0], k, shift, held.variance)
             sure &= confirmed(found[1], k, shift, held.variance, seen)
-            out.append(bool(sure and k not in whole))
+            out.append(bool(sure))
         return out
+
+    def held(self, base: Base, suspects: Suspects, least: float) -> Held:
+        """Readings that are off together, beside the motion of every state that moved as a whole.
+
+        What is held of one pull, or of one zero, may be that the effector moved there as one: this
+        motion then is no reading's, and what is off is asked anew beside it. Sizes are those that
+        the model alone tells, as the motion may be a part of the shift.
+        """
+        first, held = base, together(base, suspects, least)
+        for _ in range(int(self.stack.pull.max(initial=0)) + 1):
+            whole = self._moved_as_a_whole(held, base, suspects)
+            if not whole:
+                break
+            base = base.more(np.hstack([self._rigid(base, k) for k in sorted(whole)]))
+            held = together(base, suspects, least)
+        return replace(held, size=sizes(first, suspects, held.which))
 
     def _moved_as_a_whole(self, held: Held, base: Base, suspects: Suspects) -> set[int]:
-        """Readings held of a pull, or of a zero, in which the whole effector rather moved."""
-        state = np.column_stack([self.readings.pose, self.readings.pull, self.readings.nth])
-        out: set[int] = set()
-        for one in np.unique(state[held.which], axis=0):
-            mine = held.which[(state[held.which] == one).all(axis=1)]
+        """A reading of each pull, or zero, in which the whole effector rather moved."""
+        pose, out = self.readings.pose, set[int]()
+        for one in np.unique(pose[held.which]):
+            mine = held.which[pose[held.which] == one]
             beside = suspects.beside(base, np.setdiff1d(held.which, mine))[0]
-            if self._as_one(beside, suspects.rows(base, mine), one, held.variance):
-                out |= set(mine.tolist())
+            states = np.column_stack([self.readings.pull, self.readings.nth])[mine]
+            first = mine[np.unique(states, axis=0, return_index=True)[1]]
+            gains = [self._as_one(beside, suspects, mine, k, held.variance) for k in first]
+            if max(gains) > 0:
+                out.add(int(first[int(np.argmax(gains))]))
         return out
 
-    def _as_one(self, base: Base, shifts: Array, state: Ints, variance: float) -> bool:
-        """Whether a rigid motion of the effector explains more than shifts of some targets do.
+    def _as_one(self, base: Base, suspects: Suspects, mine: Ints, k: int, variance: float) -> float:
+        """How much likelier a motion of the effector in the state of k is than readings off.
 
-        Or as much, where several are shifted: what is left beside the motion is chance.
+        By minus twice the log likelihood with its priors, against all readings of the pose that are
+        held; of these, those that stand out beside the motion, the farthest first, stay.
         """
-        pose, pull, _ = state.tolist()
+        rigid, left, best = self._rigid(base, k), mine, -np.inf
+        alone = base.beside_all(suspects.rows(base, mine))
+        each = cost(alone.drop / len(mine) / variance, 3)
+        while len(left):
+            own = suspects.rows(base, np.setdiff1d(mine, left))
+            moved = base.beside_all(np.hstack([rigid, own]))
+            more = float(moved.drop - alone.drop) / variance
+            motion = cost(moved.drop / variance, 6)
+            best = max(best, more - float(motion) + len(left) * float(each))
+            found = suspects.beside(base.more(np.hstack([rigid, own])), left[:0])[1]
+            left = np.delete(left, int(np.argmax(found.drop[left])))
+        return best
+
+    def _rigid(self, base: Base, k: int) -> Array:
+        """Six motions of the effector in the pull of a reading, or in all pulls from its zero."""
+        pose, pull = self.readings.pose[k], self.readings.pull[k]
         there = (self.stack.pose == pose) & (self.stack.pull >= 0)
         there &= (self.stack.pull == pull) | (pull < 0)
         rigid = self.white.by_pose(self.stack.modes * there[:, None])
-        rigid = np.vstack([rigid, np.zeros((len(shifts) - len(rigid), 6))])
-        T_rigid, T_shifts, T_both = (
-            float(base.beside_all(D).drop) for D in (rigid, shifts, np.hstack([rigid, shifts]))
-        )
-        if T_rigid > T_shifts + _TOO_FEW * variance:
-            return True
-        return shifts.shape[1] > 3 and T_both - T_rigid < _TOO_FEW * variance
+        return np.vstack([rigid, np.zeros((len(base.blocks.index) - len(rigid), 6))])
 
 
 def outliers(asked: Screening) -> list[Mistake]:
@@ -179,28 +204,23 @@ def outliers(asked: Screening) -> list[Mistake]:
     free = shifted.poses_free(reduced.data), shifted.pulls_free()
     least = 1.0 if system.noise_stated else _NOTHING
     for base in (shifted.springs(system), free[0]):
-        held = together(base, suspects, least)
+        held = shifted.held(base, suspects, least)
         fits = _fits(held, suspects.beside(free[1], held.which)[0], least)
         if fits:
             break
-    told = shifted.told(held, base, suspects, free, seen=not fits)
+    told = shifted.told(held, suspects, free, seen=not fits)
+    p, size = held.p(), np.linalg.norm(held.size, axis=1)
+    least_m = smallest(reduced.placed, float(np.sqrt(held.variance)))
     return [
         bad_reading(
-            _row(case, reduced, shifted.readings, k),
+            _row(case, reduced, shifted.readings, int(held.which[k])),
             "all other readings",
-            float(size),
-            float(np.sqrt(drop / held.variance)),
-            float(p),
+            float(size[k]),
+            float(np.sqrt(held.drop[k] / held.variance)),
+            float(p[k]),
         )
-        for k, size, drop, p, sure in zip(
-            held.which.tolist(),
-            np.linalg.norm(held.size, axis=1),
-            held.drop,
-            held.p(),
-            told,
-            strict=True,
-        )
-        if sure and size > smallest(reduced.placed, float(np.sqrt(held.variance)))
+        for k in np.argsort(-held.drop, kind="stable")
+        if told[k] and size[k] > least_m
     ]
 
 

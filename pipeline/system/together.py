@@ -101,13 +101,23 @@ class Held(Locked):
         suspect is at work with probability pi, and the logarithm of its size is anything.
         """
         v = max(self.base.rest / max(self.base.dof, 1), least)
-        sizes = np.log(np.maximum(self.drop / v, np.e)) * np.maximum(self.rank, 1)
         rows = self.base.dof + int(self.rank.sum())
-        return float(rows * np.log(v) + self.base.rest / v + np.sum(sizes + _COSTS))
+        held = np.sum(cost(self.drop / v, self.rank))
+        return float(rows * np.log(v) + self.base.rest / v + held)
 
     def p(self) -> Array:
         """Probability that chance makes any suspect look as large, shape (m,)."""
         return self.tests * chance(self.drop, self.rank, self.variance, self.base.dof)
+
+
+def cost(drop: Array | float, rank: Ints | int) -> Array:
+    """What the prior takes from minus twice the log likelihood, 2 ln(1 / pi) + k ln(drop).
+
+    Args:
+        drop: Of the sum of squares over the variance.
+        rank: Directions k of the suspect.
+    """
+    return np.asarray(_COSTS + np.log(np.maximum(drop, np.e)) * np.maximum(rank, 1))
 
 
 def chance(drop: Array, rank: Ints, variance: float, dof: int) -> Array:
@@ -185,6 +195,11 @@ def _each(base: Base, suspects: Suspects, held: Ints) -> tuple[Array, Array, Int
     drop = np.einsum("ni,nij,nj->n", size, linear.shortest(own), size)
     rank = np.linalg.matrix_rank(own, hermitian=True)
     return size, drop, np.asarray(rank, np.int64)
+
+
+def sizes(base: Base, suspects: Suspects, held: Ints) -> Array:
+    """Sizes of some suspects, estimated together beside a base, shape (m, k)."""
+    return _each(base, suspects, held)[0]
 
 
 def _staying(base: Base, suspects: Suspects, held: Ints, variance: float) -> Ints:
