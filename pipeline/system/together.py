@@ -11,12 +11,14 @@ Robust Diagnostic Regression Analysis, 2000).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import combinations
+from math import comb
 
 import numpy as np
 from scipy import special
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.system import alarms
 from pipeline.system.beside import Base, Beside
 from pipeline.system.blocks import Blocks
@@ -40,6 +42,12 @@ _COSTS = 2 * np.log(8.4 / 0.01)
 """What the prior takes from minus twice the log likelihood for each suspect that is held, its size
 apart [1]: one in a hundred is at work, the largest part of `family.MISTAKES`, and the logarithm of
 its size in standard deviations is spread over ten e-folds in all directions."""
+
+_SETS = 600
+"""Sets of suspects of one block that are compared at most; more take too long."""
+
+_SAME = 1e-6
+"""Minus twice a log likelihood that is no difference [1]."""
 
 _ROUNDS = 100
 """Rounds after which the search ends; each but the last changes who is held."""
@@ -110,7 +118,7 @@ class Held(Locked):
         return self.tests * chance(self.drop, self.rank, self.variance, self.base.dof)
 
 
-def cost(drop: Array | float, rank: Ints | int) -> Array:
+def cost(drop: Array | float, rank: Array | Ints | float) -> Array:
     """What the prior takes from minus twice the log likelihood, 2 ln(1 / pi) + k ln(drop).
 
     Args:
@@ -152,7 +160,7 @@ def _end(base: Base, suspects: Suspects, least: float, most: float) -> Held:
         variance = min(_variance(found, held, least), most)
         joined = np.union1d(held, _joining(found, suspects.blocks, variance))
         joined = _staying(base, suspects, joined, variance)
-        joined = _exchanged(base, suspects, joined)
+        joined = _exchanged(base, suspects, joined, variance)
         if joined.tobytes() in tried or joined.size * suspects.D.shape[3] > _MOST * base.dof:
             break
         tried.add(joined.tobytes())
@@ -214,13 +222,45 @@ def _staying(base: Base, suspects: Suspects, held: Ints, variance: float) -> Int
     return held
 
 
-def _exchanged(base: Base, suspects: Suspects, held: Ints) -> Ints:
-    """Each that is held gives its place to another one of its block that explains more."""
-    for one in held.tolist():
-        rest = held[held != one]
-        found = suspects.beside(base, rest)[1]
-        mine: Bools = suspects.blocks.index == suspects.blocks.index[one]
-        best = int(np.argmax(np.where(mine, found.drop, -1.0)))
-        if found.drop[best] > found.drop[one] * (1 + 1e-9):
-            held = np.union1d(rest, [best])
+def _exchanged(base: Base, suspects: Suspects, held: Ints, variance: float) -> Ints:
+    """In each block those that are likeliest together, as many as are held there or fewer."""
+    for block in np.unique(suspects.blocks.index[held]):
+        mine = suspects.blocks.index[held] == block
+        others = np.setdiff1d(held, held[mine])
+        rest = base.more(suspects.rows(base, others)) if len(others) else base
+        among = np.flatnonzero(suspects.blocks.index == block)
+        best = _likeliest(rest, suspects, among, held[mine], variance)
+        held = np.union1d(others, best)
     return held
+
+
+def _likeliest(base: Base, suspects: Suspects, among: Ints, held: Ints, variance: float) -> Ints:
+    """Of a block's suspects those with the smallest loss; the ones that are held, if none is less.
+
+    -T / v and the cost of each, T the drop of all of them together: all sets as large as what is
+    held or smaller, where they are no more than `_SETS`; else the same with one of them exchanged
+    or without it.
+    """
+    k = suspects.D.shape[3]
+    found = base.beside_all(suspects.rows(base, among))
+
+    def loss(places: tuple[int, ...]) -> float:
+        at = (np.array(places)[:, None] * k + np.arange(k)).ravel()
+        N, g = found.N[np.ix_(at, at)], found.g[at]
+        cov, rank = linear.left(N, found.whole[at])
+        drop = float(g @ cov @ g) / variance
+        return float(len(places) * cost(drop / len(places), rank / len(places))) - drop
+
+    mine = tuple(np.searchsorted(among, held).tolist())
+    sets = min(_sets(len(among), mine), key=loss)
+    return held if loss(sets) > loss(mine) - _SAME else among[list(sets)]
+
+
+def _sets(n: int, held: tuple[int, ...]) -> list[tuple[int, ...]]:
+    """Sets of n suspects that may stand in the place of those that are held."""
+    sizes = range(1, len(held) + 1)
+    if sum(comb(n, m) for m in sizes) <= _SETS:
+        return [one for m in sizes for one in combinations(range(n), m)]
+    fewer = [tuple(a for a in held if a != one) for one in held]
+    free = sorted(set(range(n)) - set(held))
+    return [held, *fewer, *((*rest, one) for rest in fewer for one in free)]
