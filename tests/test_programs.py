@@ -102,7 +102,7 @@ def test_only_coordinates_differ_and_they_cancel_the_deflection(maker, seed, tmp
     bending = identified(tmp_path, robot)
     made = make(seed, robot, bending).make()
     force = np.array(FORCE.get(robot.name, [600.0, -800.0, -900.0]))
-    given = Given(force=",".join(map(str, force)), **made.options)
+    given = Given(force=",".join(map(str, force)), partial=True, **made.options)
     for name in made.files:
         (tmp_path / name).write_bytes(made.data(name))
     corrected = 0
@@ -115,7 +115,7 @@ def test_only_coordinates_differ_and_they_cancel_the_deflection(maker, seed, tmp
             point = made.points[k]
             old = [decimals(one) for one in before[k]]
             new = [decimals(one) for one in texts]
-            assert all(b - a in (0, 1) for a, b in zip(old, new, strict=True)), (before[k], texts)
+            assert all(b == a or a < b <= 6 for a, b in zip(old, new, strict=True)), texts
             numbers = [float(text) for text in texts]
             letters = make.letters
             raw, _ = off(bending, made, letters, point, point.numbers, force)

@@ -44,6 +44,7 @@ class Given:
         world: World of the controller in F_b, likewise.
         flange: Flange of the controller in that of the robot file, likewise.
         start: Axes before the first motion [deg], [mm].
+        partial: Write a program although motions of it are left as taught.
     """
 
     tip: tuple[float, float, float] | None = None
@@ -54,6 +55,7 @@ class Given:
     world: str | None = None
     flange: str | None = None
     start: str | None = None
+    partial: bool = False
 
 
 def write(
@@ -104,7 +106,8 @@ def program(root: Path, name: str, path: Path, given: Given) -> tuple[bytes, lis
     other = None if beside is None else (beside.name, _content(beside))
     read_ = read(path.name, data, other)
     setting = _setting(given, read_.notation, model)
-    found = correct(model, read_, setting, np.array(_numbers("--force", given.force, 3)))
+    force = np.array(_numbers("--force", given.force, 3))
+    found = correct(model, read_, setting, force, given.partial)
     remarks = _remarks(read_, found)
     if beside is not None and any(one.file == beside.name for one in read_.targets):
         remarks.append(f"{beside.name} has targets of this program, too: correct it as well.")
@@ -123,9 +126,15 @@ def _remarks(program: Program, found: Corrected) -> list[str]:
             for target, left in found.singular
         ]
     )
-    remarks += listed_lines(
-        [f"{place(one.file, one.line)}{one.why}; it is not corrected." for one in program.left]
-    )
+    left = (*program.left, *program.elsewhere)
+    for told, stays in ((True, "is not corrected"), (False, "stays as it is")):
+        remarks += listed_lines(
+            [
+                f"{place(one.file, one.line)}{one.why}; it {stays}."
+                for one in left
+                if one.counts is told
+            ]
+        )
     return remarks
 
 

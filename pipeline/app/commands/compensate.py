@@ -80,6 +80,14 @@ def compensate(
             "Never in data/raw."
         ),
     ] = None,
+    partial: Annotated[
+        bool,
+        Option(
+            "--partial",
+            help="Write a program although motions or points of it cannot be corrected; each is "
+            "listed with its line.",
+        ),
+    ] = False,
     root: Root = Path(),
 ) -> None:
     """Correct a path or a robot program for the deflection under load.
@@ -92,7 +100,7 @@ def compensate(
     from pipeline.programs import dialect
     from pipeline.store.campaign import outside_raw
 
-    given = Given(tip, force, force_frame, tool or (), base or (), world, flange, start)
+    given = Given(tip, force, force_frame, tool or (), base or (), world, flange, start, partial)
     try:
         if not dialect(path.name):
             written, remarks = write(root, campaign, path, output=output, given=given)
