@@ -8,7 +8,7 @@ import pinocchio as pin
 import pytest
 from bending_robot import BendingRobot
 from made_programs import frame
-from test_programs import TIP, identified
+from test_programs import TIP, identified, unstamped
 
 from pipeline.app import cli
 from pipeline.app.corrected import Frame, Given, program
@@ -292,7 +292,7 @@ def kuka(tmp_path):
         data, remarks = program(
             tmp_path, KR.name, tmp_path / file, Given(**{"force": "600,-800,-900"} | given)
         )
-        return data.decode(), remarks
+        return unstamped(data).decode(), remarks
 
     correct.root, correct.bending = tmp_path, bending
     return correct
@@ -462,6 +462,7 @@ def test_a_program_goes_to_stdout_byte_by_byte(kuka, capfdbinary):
 
     assert cli._exit_code(words) == 0
     out, told = capfdbinary.readouterr()
+    out = unstamped(out)
     assert out.startswith(b"; Fr\xe4ser\r\nLIN {X ")
     assert out.endswith(b",E1 3000.0000}\r\n")
     assert len(out) == pytest.approx(len(text), abs=6)
@@ -600,12 +601,15 @@ def test_joints_near_a_pose_say_which_arm_is_meant(tmp_path):
         (tmp_path / "p.script").write_text(text)
         given = Given(force="30,-20,-40", tool=["0,0,0,0,0,0"])
         data, _ = program(tmp_path, robot.name, tmp_path / "p.script", given)
-        numbers = [float(v) for v in data.decode().partition("p[")[2].partition("]")[0].split(",")]
+        numbers = [
+            float(v)
+            for v in unstamped(data).decode().partition("p[")[2].partition("]")[0].split(",")
+        ]
         commanded = pin.SE3(pin.exp3(np.array(numbers[3:])), np.array(numbers[:3]))
         there = bending.loaded(bending.commanded(commanded, q), np.array([30.0, -20, -40]), 0 * TIP)
         moved.append(np.array(numbers[:3]) - flange.translation)
         assert there.translation == pytest.approx(flange.translation, abs=3e-6)
-        assert data.decode().endswith(f"], qnear=[{near}]))\n")
+        assert unstamped(data).decode().endswith(f"], qnear=[{near}]))\n")
 
     assert np.linalg.norm(down - up) > 1.0
     assert np.linalg.norm(moved[0] - moved[1]) > 1e-5

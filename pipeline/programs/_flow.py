@@ -7,6 +7,7 @@ with different values, nobody knows which holds there; then it is said, and noth
 from __future__ import annotations
 
 from bisect import bisect_right
+from collections import Counter
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from itertools import pairwise
@@ -110,7 +111,8 @@ class _Flow:
 
     def __init__(self, steps: Sequence[Step], first: str, thing: str) -> None:
         self.within, self.first, self.thing = _within(steps), first, thing
-        self.callable = [step.at for step in steps if step.kind == "routine"]
+        routines = (step.at for step in steps if step.kind == "routine")
+        self.setters = Counter(value for at in routines for value in self.within[at])
         self.others: dict[int, set[Held]] = {}
         self.now: Held = first
         self.blocks: list[_Block] = []
@@ -162,8 +164,8 @@ class _Flow:
         mine = {one.begun.at for one in self.blocks if one.begun.kind == "routine"}
         key = max(mine, default=-1)
         if key not in self.others:
-            sets = [self.within[at] for at in self.callable if at not in mine]
-            self.others[key] = set().union(*sets)
+            own = self.within.get(key, set())
+            self.others[key] = {v for v, times in self.setters.items() if times > (v in own)}
         return self.others[key]
 
     def _turn(self, step: Step) -> None:

@@ -10,7 +10,7 @@ import typer
 from typer import Argument, Option
 
 from pipeline.app.commands._shared import Named, Root, app, fitted
-from pipeline.app.corrected import Frame, Given, listed_lines, program, write
+from pipeline.app.corrected import Frame, Given, beside_input, listed_lines, program, write
 from pipeline.base import files
 
 _NAMED = "[NAME=]X,Y,Z,A,B,C, as the program writes poses"
@@ -106,6 +106,8 @@ def compensate(
             written, remarks = write(root, campaign, path, output=output, given=given)
             typer.echo(written)
         else:
+            if output is not None:
+                beside_input(path, output)
             data, remarks = program(root, campaign, path, given)
             _put(data, None if output is None else outside_raw(root, output))
     except Refused as wrong:
