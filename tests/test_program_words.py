@@ -515,7 +515,11 @@ def test_whole_numbers_get_the_digits_that_the_correction_takes(kuka, text):
         ("p.src", "LIN {X 1}".encode("utf-16"), ": is UTF-16 or no text"),
         ("p.src", b"DEF p()\nEND\n", ": contains no motion to a target with coordinates"),
         ("p.script", b"movel(p[0,0,0,0,0,0)", ":1: none of its targets can be corrected"),
-        ("p.mod", b"MoveL [[0,0,0],[0,0,0", ":1: none of its targets can be corrected: the motion"),
+        (
+            "p.mod",
+            b"MoveL [[0,0,0],[0,0,0",
+            ":1: none of its targets can be corrected: the motion has",
+        ),
         ("p.ls", b"/POS\nP[1]{", r":2: none of its targets can be corrected: P\[1\] is no motion"),
     ],
 )

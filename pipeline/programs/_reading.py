@@ -169,6 +169,7 @@ def _hand_over(found: Reading, source: Source) -> None:
             continue
         if not name:
             if to is not None:
+                to = "what is not known here" if to == ":=" else to
                 found.leave(source, at, f"coordinates are handed to {to}, which may move there")
         elif to is None:
             found.read.add(name)
@@ -182,7 +183,7 @@ def _hand_over(found: Reading, source: Source) -> None:
 _TOKEN = re.compile(
     r"(?P<switch>\\\s*)?(?<![\w$#.])(?P<name>[A-Za-z_]\w*)|(?P<sign>[()\[\]{};\n]|:=)"
 )
-_SET = re.compile(r"\s*(?:[\[{][^\[\]{};\r\n]*[\]}])?(?:\s*\.\s*\w+)*\s*:?=(?!=)")
+_SET = re.compile(r"\s*(?:[\[{][^\[\]{};\r\n]*[\]}]\s*){0,3}(?:\s*\.\s*\w+)*\s*:?=(?!=)")
 _STARTS = frozenset({"then", "else", "do", "endif", "endfor", "endwhile", "error"})
 _NO_CALL = _STARTS | {"if", "elif", "elseif", "while", "until", "and", "or", "not", "xor", "exor"}
 

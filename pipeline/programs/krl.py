@@ -108,8 +108,8 @@ class _Aggregate:
 
     @property
     def taught(self) -> bool:
-        """It is a place, not a load or what somebody else made of it."""
-        return not self.names.isdisjoint(("x", "a1"))
+        """It is a place or a part of one, not a load or what somebody else made of it."""
+        return not self.names.isdisjoint((*_POSE, *_AXES))
 
     def target(self, name: str) -> Target | Left:
         """The point that it is, or why it is none that can be corrected."""
@@ -238,10 +238,8 @@ def _declare(
         if key in found.lines:
             found.change(key, source, start)
         found.lines[key] = _said(value)
-    elif aggregate is None:
+    elif aggregate is None or not aggregate.taught:
         found.change(key, source, start)
-    elif not aggregate.taught:
-        return
     elif "[" in key and (numbered := re.match(r"(?:tool|base)_data\[", key)):
         if decided or key in found.frames or not _NUMBERED.fullmatch(key):
             every = () if _NUMBERED.fullmatch(key) else (numbered[0],)

@@ -94,6 +94,8 @@ _MOTIONS: dict[str, tuple[tuple[int, ...], int]] = {
 _NO_MOTION = ("trigg",)
 """How instructions begin that only prepare a motion: TriggIO, TriggEquip."""
 _FRAMES = ("tooldata", "wobjdata")
+_MORE = ("do", "sync")
+"""What has two more arguments behind the tool."""
 _SEARCH = ("searchl", "searchc")
 """What writes into its second argument where it found something."""
 _DISPLACED = {
@@ -350,8 +352,9 @@ def _follow(
 def _move(found: _Rapid, name: str, start: int, given: Sequence[Entry], displaced: Held) -> None:
     """The points of a motion with its tool and its frame."""
     which, tool_at = _MOTIONS[name]
-    if len(given) <= tool_at:
-        found.leave(found.source, start, "the motion has no tool")
+    plain = [one for one in given if not one.text.startswith("\\")]
+    if not tool_at < len(plain) <= tool_at + (3 if name.endswith(_MORE) else 1):
+        found.leave(found.source, start, "the motion has not the arguments of its kind")
         return
     if name in _SEARCH:
         found.change(given[1].text.lower(), found.source, given[1].start)

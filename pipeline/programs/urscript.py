@@ -25,7 +25,7 @@ SUFFIXES = (".script", ".urscript")
 
 _SILENT = re.compile(r'"[^"\r\n]*"|\'[^\'\r\n]*\'|#[^\r\n]*')
 _ASSIGNED = re.compile(
-    r"^[ \t]*(?:(?:global|local)[ \t]+)?(\w+)[ \t]*+(\[[^\[\]\r\n]*\])?[ \t]*+=(?!=)[ \t]*",
+    r"^[ \t]*(?:(?:global|local)[ \t]+)?(\w+)[ \t]*+((?:\[[^\[\]\r\n]*\][ \t]*+){0,3})=(?!=)[ \t]*",
     re.MULTILINE,
 )
 _CALL = re.compile(
