@@ -105,7 +105,7 @@ CASES = {
         [3, 5, 8], [],
     ),
     # FANUC
-    "no position": ("p.ls", tp("L P[1] 5mm/sec FINE", "L P[7] 5mm/sec FINE"), [4], [3]),
+    "no position": ("p.ls", tp("L P[1] 5mm/sec FINE", "L P[7] 5mm/sec FINE"), [5], [3]),
     "bracket in a name": (
         "p.ls",
         tp("L P[1] 5mm/sec FINE", "L P[2:a]b] 5mm/sec FINE", names=("1", '2:"a]b"')), [5, 10], [],
