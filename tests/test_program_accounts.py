@@ -159,6 +159,14 @@ def test_nothing_is_corrected_with_a_frame_that_changes(file, text):
         read(file, text.encode())
 
 
+def test_a_point_that_nothing_goes_to_is_told_and_one_that_is_computed_with_counts():
+    """A spare point moves nothing; what is computed from another one is moved to elsewhere."""
+    dat = f"DEFDAT p\nDECL POS SPARE={K}\nDECL POS READ={K}\nENDDAT\n"
+    found = read("p.src", f"{SET}LIN {K}\nP2=READ\n".encode(), ("p.dat", dat.encode()))
+
+    assert [(one.line, one.counts) for one in found.elsewhere] == [(2, False), (3, True)]
+
+
 def test_a_form_of_spline_motions_names_its_tool_and_base():
     """What KSS writes behind WITH is understood, and holds for this motion alone."""
     dat = "DECL FDAT F={TOOL_NO 3,BASE_NO 4,IPO_FRAME #BASE}\n"
