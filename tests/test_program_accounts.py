@@ -120,10 +120,8 @@ CASES = {
     "tool in an if": (
         "p.script", script("  if x:", f"    set_tcp({U})", "  end", f"  movel({U})"), [2], [6],
     ),
-    "tool of a thread": (
-        "p.script",
-        script("  thread t():", f"    set_tcp({U})", "  end", "  run t()", f"  movel({U})"),
-        [2], [7],
+    "tool in an if of one line": (
+        "p.script", script(f"  if x: set_tcp({U}) end", f"  movel({U})"), [2], [4],
     ),
     "element": ("p.script", script(f"  m=[{U}]", "  m[0][2]=0.5", "  movel(m[0])"), [2], [3]),
     "another tool": ("p.script", script(f"  movej(get_inverse_kin({U},tcp={U}))"), [2], [3]),
@@ -150,6 +148,16 @@ def test_every_motion_is_corrected_or_listed(name):
         ("m.mod", rapid("t:=t2;")),
         ("p.ls", tp("UTOOL[2]=PR[1]", "L P[1] 5mm/sec FINE")),
         ("p.ls", tp("UFRAME_NUM=R[1]", "L P[1] 5mm/sec FINE")),
+        (
+            "p.src",
+            f"DEF m()\nINTERRUPT DECL 3 WHEN $IN[1] DO s()\n{SET}LIN {K}\nEND\n"
+            "DEF s()\nBAS(#TOOL,2)\nEND",
+        ),
+        ("m.mod", rapid("ENDPROC", "TRAP tr", "PDispOn p10,t;", "ENDTRAP", "PROC q()")),
+        (
+            "p.script",
+            f"def p():\nthread t():\nset_tcp({U})\nend\nrun t()\nset_tcp({U})\nmovel({U})\nend\n",
+        ),
         ("p.script", f"def p():\nwhile x:\nmovel({U})\nset_tcp({U})\nend\nend"),
     ],
 )

@@ -88,6 +88,17 @@ def holding(steps: Sequence[Step], first: str, thing: str) -> Callable[[int], He
     return lambda at: marks[bisect_right(places, at) - 1][1]
 
 
+def interrupted(steps: Sequence[Step], motions: Iterable[tuple[int, int]]) -> list[Step]:
+    """The steps where another routine may run before each motion, by an interrupt or beside it.
+
+    Args:
+        steps: Without that.
+        motions: Letter and line of each.
+    """
+    calls = [Step(at, "call", line) for at, line in motions]
+    return sorted([*steps, *calls], key=lambda one: one.at)
+
+
 def _within(steps: Iterable[Step]) -> dict[int, set[Held]]:
     """What is set within each block, by the place where it begins; -1 is for the whole text."""
     found: dict[int, set[Held]] = {-1: set()}
@@ -131,7 +142,9 @@ class _Flow:
             case "close":
                 self._end()
             case "call" if self._elsewhere() - {self.now}:
-                self.now = Unsure(f"the call in line {step.line} may change the {self.thing}")
+                self.now = Unsure(
+                    f"a routine called in line {step.line} or before may change the {self.thing}"
+                )
             case "label" if self.within[-1] - {self.now}:
                 self.now = Unsure(f"line {step.line} can be jumped to with another {self.thing}")
 

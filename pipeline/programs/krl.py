@@ -16,7 +16,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.machine.robot.inverse import Range
-from pipeline.programs._flow import Held, Kind, Step, Unsure, holding
+from pipeline.programs._flow import Held, Kind, Step, Unsure, holding, interrupted
 from pipeline.programs._reading import Lexicon, Reading, finished
 from pipeline.programs._text import Entry, Source, entries
 from pipeline.programs.notation import KUKA
@@ -56,6 +56,8 @@ _HOME = re.compile(r"xhome\d?")
 """Home positions of $config.dat, clear of any workpiece."""
 _STANDING = ("$pos_act", "$axis_act")
 """Where the robot stands: a motion there moves nothing."""
+_ASIDE = re.compile(r"^[ \t]*(?:GLOBAL[ \t]+)?(?:INTERRUPT|TRIGGER)\b[^\r\n]*\bDO\b", re.I | re.M)
+"""What carries a routine out while the robot moves."""
 _ROUTINE = re.compile(
     r"\s*(?:GLOBAL\s+)?DEF(?:FCT\s+\w+(?:\s*\[[^\]]*\])?)?\s+(\w+)\s*\(([^)]*)", re.IGNORECASE
 )
@@ -183,6 +185,9 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
         _define(found, source)
     for source in sources:
         steps = _steps(found, source)
+        if _ASIDE.search(source.plain):
+            motions = [(at, source.line(at)) for at, line in source.lines if _MOTION.match(line)]
+            steps = {one: interrupted(several, motions) for one, several in steps.items()}
         held = {one: holding(steps[one], "", thing) for one, thing in _THINGS.items()}
         for start, line in source.lines:
             _follow(found, source, start, line, held)

@@ -17,7 +17,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.machine.robot.inverse import Range
-from pipeline.programs._flow import Held, Kind, Step, Unsure, holding
+from pipeline.programs._flow import Held, Kind, Step, Unsure, holding, interrupted
 from pipeline.programs._reading import Lexicon, Reading, finished
 from pipeline.programs._text import Entry, Source, entries, inner, numbers
 from pipeline.programs.notation import ABB
@@ -153,8 +153,12 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     found.tools["tool0"] = found.bases["wobj0"] = np.eye(4)
     found.ends = [one.start() for one in re.finditer(";", source.plain)]
     _define(found)
-    displaced = holding(list(_steps(found)), "", "displacement")
     motions = list(_MOTION.finditer(source.plain))
+    steps = list(_steps(found))
+    if re.search(r"\bTRAP\b", source.plain, re.IGNORECASE):
+        places = (one.start(one.lastindex or 0) for one in motions)
+        steps = interrupted(steps, ((at, source.line(at)) for at in places))
+    displaced = holding(steps, "", "displacement")
     nexts = [*(one.start() for one in motions[1:]), len(text)]
     for motion, following in zip(motions, nexts, strict=False):
         _follow(found, motion, following, displaced)

@@ -15,7 +15,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.programs._flow import Held, Kind, Step, holding
+from pipeline.programs._flow import Held, Kind, Step, holding, interrupted
 from pipeline.programs._reading import Lexicon, Reading, finished
 from pipeline.programs._text import Entry, Source, entries, inner, numbers
 from pipeline.programs.notation import UR
@@ -43,7 +43,7 @@ _POINTS = {"movec": 2, "servoc": 1}
 _SPEEDS = ("speedl", "speedj")
 _ROUTINE = re.compile(r"^[ \t]*(def|thread|sec)[ \t]+(\w+)[ \t]*\(([^()]*)", re.MULTILINE)
 _BLOCK = re.compile(
-    r"^[ \t]*(if|elif|else|while|for|switch|case|default|def|thread|sec|end)\b", re.MULTILINE
+    r"(?<![\w.])(if|elif|else|while|for|switch|case|default|def|thread|sec|end)\b(?!\s*=)"
 )
 _BLOCKS: dict[str, Kind] = {
     "if": "open", "switch": "open", "elif": "branch", "case": "branch", "else": "else",
@@ -90,7 +90,11 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     found.bases[""] = np.eye(4)
     _define(found)
     calls = list(_CALL.finditer(source.plain))
-    tool = holding(sorted(_steps(found, calls)), "", "tool")
+    steps = sorted(_steps(found, calls), key=lambda one: one.at)
+    if any(one[1] == "thread" for one in _ROUTINE.finditer(source.plain)):
+        moves = (one for one in calls if one[1] != "set_tcp")
+        steps = interrupted(steps, ((one.start(), source.line(one.start())) for one in moves))
+    tool = holding(steps, "", "tool")
     for call in calls:
         _follow(found, call, tool)
     return finished(found, file, text, UR)
