@@ -39,6 +39,7 @@ _PLAIN = 3
 how exactly it is solved."""
 _NEAR = re.compile(r"(?:qnear\s*=\s*)?")
 _NAMED = re.compile(r"(\w+)\s*(?:\[\s*(\w+)\s*\])?$")
+_OPENING, _EOL = re.compile(r"p?\s*\["), re.compile(r"[\r\n]|\Z")
 _POINTS = {"movec": 2, "servoc": 1}
 _SPEEDS = ("speedl", "speedj")
 _ROUTINE = re.compile(r"^[ \t]*(def|thread|sec)[ \t]+(\w+)[ \t]*\(([^()]*)", re.MULTILINE)
@@ -132,9 +133,9 @@ def _assign(found: _Script, assigned: re.Match[str]) -> int:
 def _value(source: Source, start: int) -> Entry:
     """What stands behind an equals sign: a list over several lines, or the rest of one."""
     plain = source.plain
-    opening = re.compile(r"p?\s*\[").match(plain, start)
+    opening = _OPENING.match(plain, start)
     last = source.closing.get(opening.end() - 1) if opening else None
-    end = re.compile(r"[\r\n]|\Z").search(plain, start if last is None else last)
+    end = _EOL.search(plain, start if last is None else last)
     text = plain[start : end.start() if end else len(plain)]
     return Entry(start, start + len(text), text.rstrip())
 
