@@ -67,7 +67,9 @@ def correct(tmp_path):
         written, remarks = write(
             tmp_path, ROBOT.name, tmp_path / "path.csv", given=Given(**{"start": START} | given)
         )
-        return pd.read_csv(io.BytesIO(written.read_bytes())), remarks
+        answer = pd.read_csv(io.BytesIO(written.read_bytes()))
+        assert answer.pop("corrected").str.startswith("Corrected for the load by pipeline").all()
+        return answer, remarks
 
     corrected.bending, corrected.root = bending, tmp_path
     return corrected

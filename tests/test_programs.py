@@ -75,6 +75,14 @@ def standing(bending, made, letters, point, numbers, tool):
     return robot.controller_matrix @ np.array(given) + robot.controller_offset
 
 
+def unstamped(data):
+    """A corrected program without what it says of itself, which has to be there."""
+    remark = rb"(?:[;!#] Corrected for the load by|[ \d]*:  !\|)[^\r\n]*[\r\n]+"
+    plain = re.sub(remark, b"", data)
+    assert plain != data
+    return plain
+
+
 FEW, MORE = list(range(8)), range(8, 30)
 """Programs of each maker in every run of the tests, and in the slow ones."""
 
@@ -102,12 +110,13 @@ def test_only_coordinates_differ_and_they_cancel_the_deflection(maker, seed, tmp
     bending = identified(tmp_path, robot)
     made = make(seed, robot, bending).make()
     force = np.array(FORCE.get(robot.name, [600.0, -800.0, -900.0]))
-    given = Given(force=",".join(map(str, force)), **made.options)
+    given = Given(force=",".join(map(str, force)), partial=True, **made.options)
     for name in made.files:
         (tmp_path / name).write_bytes(made.data(name))
     corrected = 0
     for name in made.files:
         data, _ = program(tmp_path, robot.name, tmp_path / name, given)
+        data = unstamped(data)
         found, before = made.numbers(name, data), made.numbers(name, made.data(name))
 
         assert found is not None, data.decode(made.encoding)
@@ -115,7 +124,7 @@ def test_only_coordinates_differ_and_they_cancel_the_deflection(maker, seed, tmp
             point = made.points[k]
             old = [decimals(one) for one in before[k]]
             new = [decimals(one) for one in texts]
-            assert all(b - a in (0, 1) for a, b in zip(old, new, strict=True)), (before[k], texts)
+            assert all(b == a or a < b <= 6 for a, b in zip(old, new, strict=True)), texts
             numbers = [float(text) for text in texts]
             letters = make.letters
             raw, _ = off(bending, made, letters, point, point.numbers, force)

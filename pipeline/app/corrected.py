@@ -5,12 +5,13 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from datetime import UTC, datetime
 from enum import StrEnum
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 from pipeline.base import files
-from pipeline.base.errors import UsageError, place
+from pipeline.base.errors import InputError, UsageError, place
 
 if TYPE_CHECKING:
     from pipeline.base.arrays import Array
@@ -44,6 +45,7 @@ class Given:
         world: World of the controller in F_b, likewise.
         flange: Flange of the controller in that of the robot file, likewise.
         start: Axes before the first motion [deg], [mm].
+        partial: Write a program although motions of it are left as taught.
     """
 
     tip: tuple[float, float, float] | None = None
@@ -54,6 +56,7 @@ class Given:
     world: str | None = None
     flange: str | None = None
     start: str | None = None
+    partial: bool = False
 
 
 def write(
@@ -75,12 +78,15 @@ def write(
 
     model, data = _model(root, name), _content(path)
     given = Given(tip=tip) if given is None else given
+    _refuse_answer(path.name, data)
     letters = cartesian.form(path.name, data)
     if letters is None:
         answer, remarks = _joints(model, path, data, given)
     else:
         answer, remarks = _poses(model, path, data, given, letters)
     written = output or campaigns.find(root, name).reports / f"{path.stem}-compensation.csv"
+    beside_input(path, written)
+    answer = _with_stamp(answer, _stamp(root, name, given, answer.decode()))
     files.write(campaigns.outside_raw(root, written), answer)
     return written, remarks + _misfit(model)
 
@@ -95,7 +101,7 @@ def program(root: Path, name: str, path: Path, given: Given) -> tuple[bytes, lis
     import numpy as np
 
     from pipeline.prediction.correct import correct
-    from pipeline.programs import read
+    from pipeline.programs import read, stamp
 
     model, data = _model(root, name), _content(path)
     if given.force is None:
@@ -104,11 +110,62 @@ def program(root: Path, name: str, path: Path, given: Given) -> tuple[bytes, lis
     other = None if beside is None else (beside.name, _content(beside))
     read_ = read(path.name, data, other)
     setting = _setting(given, read_.notation, model)
-    found = correct(model, read_, setting, np.array(_numbers("--force", given.force, 3)))
+    force = np.array(_numbers("--force", given.force, 3))
+    found = correct(model, read_, setting, force, given.partial)
     remarks = _remarks(read_, found)
     if beside is not None and any(one.file == beside.name for one in read_.targets):
         remarks.append(f"{beside.name} has targets of this program, too: correct it as well.")
-    return found.program.text.encode("latin-1"), remarks + _misfit(model)
+    text = stamp.stamped(
+        path.name, found.program.text, _stamp(root, name, given, found.program.text)
+    )
+    return text.encode("latin-1"), remarks + _misfit(model)
+
+
+def beside_input(path: Path, output: Path) -> None:
+    """Refuse to write over what is corrected, or over the other file of a program.
+
+    Raises:
+        InputError: `output` is one of them, by whatever name.
+    """
+    for one in (path, _beside(path)):
+        if one is not None and output.exists() and output.samefile(one):
+            thing = "is the original, which --output would overwrite"
+            raise InputError(thing, "write to another file", file=str(output))
+
+
+def _stamp(root: Path, name: str, given: Given, text: str) -> str:
+    """What the corrected text says of itself."""
+    from pipeline.base.version import __version__
+    from pipeline.programs import LARGEST, stamp
+
+    model = files.read(_kept(root, name), "model.toml", LARGEST)
+    force = "of each row" if given.force is None else f"{given.force} N"
+    today = datetime.now(tz=UTC).date().isoformat()
+    return stamp.words(__version__, name, model, f"{force} in {given.frame}", today, text)
+
+
+_STAMPED = "corrected"
+"""Title of the column in which the answer to a path says what it is from."""
+
+
+def _with_stamp(table: bytes, said: str) -> bytes:
+    """A table with one more column, the same in each row; words that need no quotes."""
+    head, *rows = table.decode().splitlines()
+    lines = [f"{head},{_STAMPED}", *(f"{row},{said.replace(',', ';')}" for row in rows)]
+    return "".join(f"{line}\n" for line in lines).encode()
+
+
+def _refuse_answer(file: str, data: bytes) -> None:
+    """Refuse a path that is itself the answer to one.
+
+    Raises:
+        InputError: Its columns say so.
+    """
+    from pipeline.readers import logs
+
+    if {_STAMPED, "deflection_mm"} & {*logs.columns(file, data)}:
+        thing = "is corrected for the load already"
+        raise InputError(thing, "correct the original path instead", file=file)
 
 
 def _remarks(program: Program, found: Corrected) -> list[str]:
@@ -123,9 +180,15 @@ def _remarks(program: Program, found: Corrected) -> list[str]:
             for target, left in found.singular
         ]
     )
-    remarks += listed_lines(
-        [f"{place(one.file, one.line)}{one.why}; it is not corrected." for one in program.left]
-    )
+    left = (*program.left, *program.elsewhere)
+    for told, stays in ((True, "is not corrected"), (False, "stays as it is")):
+        remarks += listed_lines(
+            [
+                f"{place(one.file, one.line)}{one.why}; it {stays}."
+                for one in left
+                if one.counts is told
+            ]
+        )
     return remarks
 
 
@@ -133,11 +196,17 @@ _FINE_M = 1e-6
 """[m]: less than any tracker sees."""
 
 
-def _model(root: Path, name: str) -> Model:
-    from pipeline.prediction.model import Model
+def _kept(root: Path, name: str) -> Path:
+    """Where a campaign's model is."""
     from pipeline.store import campaign as campaigns
 
-    kept = campaigns.find(root, name).reports / "model.toml"
+    return campaigns.find(root, name).reports / "model.toml"
+
+
+def _model(root: Path, name: str) -> Model:
+    from pipeline.prediction.model import Model
+
+    kept = _kept(root, name)
     if not kept.is_file():
         raise UsageError(f"{name} has no model yet: run `pipeline run {name}` first")
     return Model.load(kept)

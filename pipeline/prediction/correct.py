@@ -15,7 +15,7 @@ from pipeline.prediction.aim import Aimed, Refused, Setting, aim, beyond, wrong
 from pipeline.prediction.compensate import Compensation, Path, compensate, in_base
 from pipeline.prediction.model import Model
 from pipeline.programs.notation import Notation
-from pipeline.programs.program import Program, Target
+from pipeline.programs.program import Left, Program, Target
 
 _LEFT = 0.01
 """Part of a deflection that may be left [1]: Newton's steps leave a millionth, stiffnesses are
@@ -41,8 +41,10 @@ class Corrected(Locked):
     singular: tuple[tuple[Target, float], ...]
 
 
-def correct(model: Model, program: Program, setting: Setting, force: Array) -> Corrected:
-    """The same program for the loaded robot.
+def correct(
+    model: Model, program: Program, setting: Setting, force: Array, partial: bool = False
+) -> Corrected:
+    """The same program for the loaded robot, whole or not at all.
 
     Sliding joints stay where the program puts them: the arm alone corrects.
 
@@ -51,10 +53,13 @@ def correct(model: Model, program: Program, setting: Setting, force: Array) -> C
         program: The program.
         setting: What it does not say.
         force: Force on the robot at the tip [N], shape (3,).
+        partial: Correct what can be corrected while something else is left where it was taught.
 
     Raises:
-        Refused: Some targets cannot be reached or corrected.
+        Refused: Some targets cannot be reached or corrected, or some motions are left.
     """
+    if (standing := [_left(one) for one in left_standing(program)]) and not partial:
+        raise Refused(standing)
     aimed = aim(model, program.notation, program.targets, setting, program)
     forces = np.tile(force, (len(aimed.q), 1))
     found, values = corrected(
@@ -66,12 +71,33 @@ def correct(model: Model, program: Program, setting: Setting, force: Array) -> C
         for k in own
         if program.targets[k].kind == "joint" and _stuck(found)[k]
     ]
+    if left and not partial:
+        raise Refused([_stretched(*one) for one in left])
     return Corrected(
         program.written({program.targets[k].place: values[k].tolist() for k in own}),
         found.part(own),
         _rounding(model.robot, program, aimed, values, own),
         tuple(left),
     )
+
+
+def left_standing(program: Program) -> list[Left]:
+    """What moves the tool to where it was taught, while corrected points are elsewhere."""
+    return [one for one in (*program.left, *program.elsewhere) if one.counts]
+
+
+_PARTIAL = "teach a point with coordinates, or accept that it stays as it is with --partial"
+
+
+def _left(one: Left) -> InputError:
+    """What is said of a motion that would stay where it was taught."""
+    return InputError(f"{one.why}; it cannot be corrected", _PARTIAL, file=one.file, line=one.line)
+
+
+def _stretched(target: Target, left: float) -> InputError:
+    """What is said of axes that cannot take the deflection back."""
+    thing = f"the robot is at a singularity, and {1e3 * left:.3f} mm of the deflection would remain"
+    return wrong(target, thing, "teach it elsewhere, or accept that with --partial")
 
 
 def corrected(

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pipeline.base.errors import InputError
-from pipeline.programs import krl, rapid, tp, urscript
+from pipeline.programs import krl, rapid, stamp, tp, urscript
 from pipeline.programs._text import LARGEST, letters
 from pipeline.programs.program import Program
 
@@ -33,11 +33,14 @@ def read(file: str, data: bytes, other: tuple[str, bytes] | None = None) -> Prog
         other: Name and content of the file that belongs to it.
 
     Raises:
-        InputError: It is no text, or has no target that can be corrected.
+        InputError: It is no text, has no target that can be corrected, or is corrected already.
     """
     one = next(one for one in _DIALECTS if file.lower().endswith(one.SUFFIXES))
     beside = None if other is None else (other[0], letters(*other))
-    program = one.read(file, letters(file, data), beside)
+    text = letters(file, data)
+    for name, content in ((file, text), *([] if beside is None else [beside])):
+        stamp.refuse(name, content)
+    program = one.read(file, text, beside)
     if not program.own:
         raise _nothing(program, None if other is None else other[0])
     return program

@@ -15,6 +15,8 @@ from pipeline.programs.program import NUMBER, Number, number
 LARGEST = 2**26
 """Bytes of a program; milling programs of 100 000 points have a tenth of it."""
 
+_MARK = "\xef\xbb\xbf"
+"""Byte order mark of UTF-8, as letters: editors put it before the first word."""
 _PLAIN = re.compile(rf"\s*({NUMBER})\s*")
 
 
@@ -35,7 +37,21 @@ class Source:
     @cached_property
     def plain(self) -> str:
         """The text with blanks for comments and strings; every letter stands where it stood."""
-        return self.silent.sub(lambda found: re.sub(r"[^\r\n]", " ", found[0]), self.text)
+        begun = self.text.removeprefix(_MARK).rjust(len(self.text))
+        return self.silent.sub(lambda found: re.sub(r"[^\r\n]", " ", found[0]), begun)
+
+    @cached_property
+    def closing(self) -> dict[int, int]:
+        """The bracket that closes each one that is closed, by their places."""
+        pairs, open_ = {}, []
+        for found in _BRACKET.finditer(self.plain):
+            if found[0] in _OPENING:
+                open_.append(found)
+            elif open_ and _CLOSING[_OPENING.index(open_[-1][0])] == found[0]:
+                pairs[open_.pop().start()] = found.start()
+            else:
+                open_.clear()
+        return pairs
 
     @cached_property
     def _ends(self) -> list[int]:
@@ -92,19 +108,6 @@ _SIGN = re.compile(r"[\[\](){},]")
 _BRACKET = re.compile(r"[\[\](){}]")
 
 
-def closing(plain: str, start: int) -> int | None:
-    """The bracket that closes the one at `start`; None where there is none, or another one."""
-    awaited = []
-    for found in _BRACKET.finditer(plain, start):
-        if found[0] in _OPENING:
-            awaited.append(_CLOSING[_OPENING.index(found[0])])
-        elif awaited.pop() != found[0]:
-            return None
-        if not awaited:
-            return found.start()
-    return None
-
-
 def entries(plain: str, start: int, end: int) -> list[Entry]:
     """What stands between the commas of a stretch of text, brackets unopened."""
     commas, depth = [], 0
@@ -119,14 +122,14 @@ def entries(plain: str, start: int, end: int) -> list[Entry]:
     return out
 
 
-def inner(plain: str, entry: Entry, opening: str = "[") -> list[Entry] | None:
+def inner(source: Source, entry: Entry, opening: str = "[") -> list[Entry] | None:
     """The entries of a list; None where it is none."""
     if not entry.text.startswith(opening):
         return None
-    last = closing(plain, entry.start)
+    last = source.closing.get(entry.start)
     if last is None or last != entry.start + len(entry.text) - 1:
         return None
-    return entries(plain, entry.start + len(opening), last)
+    return entries(source.plain, entry.start + len(opening), last)
 
 
 def numbers(found: Sequence[Entry] | None) -> tuple[Number, ...] | None:

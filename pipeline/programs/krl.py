@@ -1,57 +1,88 @@
 """KUKA KRL: motions in .src, points beside them or in the .dat of the same name.
 
-    DECL E6POS XP1={X 1200.0,Y 0.0,Z 800.0,A 0.0,B 90.0,C 0.0,S 2,T 10,E1 350.0}
-    PTP XP1
-    LIN {X 1250.0,Y 0.0,Z 800.0,A 0.0,B 90.0,C 0.0} C_DIS
-
-Frames and tools are those in force where a motion stands in the text.
+DECL E6POS XP1={X 1200.0,Y 0.0,Z 800.0,A 0.0,B 90.0,C 0.0,S 2,T 10,E1 350.0}
+PTP XP1
+LIN {X 1250.0,Y 0.0,Z 800.0,A 0.0,B 90.0,C 0.0} C_DIS
+SLIN XP2 WITH $TOOL=STOOL2(FP2),$BASE=SBASE(FP2.BASE_NO)
 """
 
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.machine.robot.inverse import Range
-from pipeline.programs._text import Entry, Source, closing, entries
+from pipeline.programs._flow import Held, Kind, Step, Unsure, holding, interrupted
+from pipeline.programs._reading import Lexicon, Reading, finished
+from pipeline.programs._text import Entry, Source, entries
 from pipeline.programs.notation import KUKA
-from pipeline.programs.program import (
-    NUMBER,
-    Left,
-    Number,
-    Program,
-    Target,
-    Use,
-    changed,
-    gathered,
-    number,
-)
+from pipeline.programs.program import NUMBER, Left, Number, Program, Target, Use, number
 
 SUFFIXES = (".src", ".dat")
 
 _SILENT = re.compile(r'"[^"\r\n]*"|;[^\r\n]*|^&[^\r\n]*', re.MULTILINE)
 _POSE, _AXES = ("x", "y", "z", "a", "b", "c"), ("a1", "a2", "a3", "a4", "a5", "a6")
+_NAME = r"\$?\w+(?:\s*\[[^\[\]]*\])?"
 _ASSIGNED = re.compile(
-    r"\s*(?:(?:GLOBAL|DECL|CONST)\s+)*(?:(\w+)\s+)?(\$?\w+(?:\s*\[\s*\d+\s*\])?)\s*=(?!=)\s*(.*)",
-    re.IGNORECASE,
+    rf"\s*(?:(?:GLOBAL|DECL|CONST)\s+)*(?:(\w+)\s+)?({_NAME})\s*=(?!=)\s*(.*)", re.IGNORECASE
 )
-_PART = re.compile(r"\s*(\$?\w+(?:\s*\[\s*\w+\s*\])?)\s*\.\s*\w+\s*=(?!=)")
+_PART = re.compile(rf"\s*({_NAME})\s*\.[\s\w.\[\]]*=(?!=)")
 _MOTION = re.compile(
     r"\s*(S?(?:PTP|LIN|CIRC)|SPL)(_REL)?(?![\w=])\s*(?!=)(.*)", re.IGNORECASE | re.DOTALL
 )
-_POINT = re.compile(
-    r"(\{[^{}]*\}|\w+(?:\s*\[\s*\w+\s*\])?)\s*(?:C_\w+.*|WITH\b.*)?", re.IGNORECASE | re.DOTALL
+_POINT = re.compile(r"(\{[^{}]*\}|\w+(?:\s*\[[^\[\]]*\])?)\s*(?:C_\w+.*)?", re.I | re.DOTALL)
+_WITH = re.compile(r"(.*?)\bWITH\b(.*)", re.IGNORECASE | re.DOTALL)
+_SPLINE = re.compile(r"\s*(?:PTP_)?SPLINE\b", re.IGNORECASE)
+_COMPONENT = re.compile(
+    rf"([A-Za-z]\w*)\s+(?:({NUMBER})|'\s*B\s*([01]{{1,32}})\s*'|'\s*H\s*([0-9A-F]{{1,8}})\s*')",
+    re.IGNORECASE,
 )
-_COMPONENT = re.compile(rf"([A-Za-z]\w*)\s+(?:({NUMBER})|'B([01]+)'|'H([0-9A-F]+)')", re.IGNORECASE)
-_BAS = re.compile(r"\s*BAS\s*\(\s*#(BASE|TOOL)\s*,\s*(\d+)\s*\)", re.IGNORECASE)
-_NUMBERED = re.compile(r"(?:TOOL|BASE)_DATA\[(\d+)\]")
+_BAS = re.compile(r"\s*BAS\s*\(\s*#(BASE|TOOL|INITMOV)\s*,\s*([^)]*)\)", re.IGNORECASE)
+_NUMBERED = re.compile(r"(TOOL|BASE)_DATA\[(\d{1,9})\]", re.IGNORECASE)
+_SELECTED = re.compile(
+    r"S(?:TOOL2?\((\w+)(?:\.TOOL_NO)?|BASE\((\w+)(?:\.BASE_NO)?|IPO_MODE\((\w+)(?:\.IPO_FRAME)?)\)",
+    re.IGNORECASE,
+)
 _LINE_SAID = re.compile(r"(TOOL_NO|BASE_NO)\s+(\d+)", re.IGNORECASE)
 _OUTSIDE = re.compile(r"#TCP\b", re.IGNORECASE)
 _NULL = ("$nullframe", "$world")
+_MODES = {"$tool": "tool", "$base": "base", "$ipo_mode": "mode"}
+_THINGS = {"tool": "tool", "base": "frame", "mode": "interpolation"}
+_HOME = re.compile(r"xhome\d?")
+"""Home positions of $config.dat, clear of any workpiece."""
+_STANDING = ("$pos_act", "$axis_act")
+"""Where the robot stands: a motion there moves nothing."""
+_ASIDE = re.compile(r"^[ \t]*(?:GLOBAL[ \t]+)?(?:INTERRUPT|TRIGGER)\b[^\r\n]*\bDO\b", re.I | re.M)
+"""What carries a routine out while the robot moves."""
+_ROUTINE = re.compile(
+    r"\s*(?:GLOBAL\s+)?DEF(?:FCT\s+\w+(?:\s*\[[^\]]*\])?)?\s+(\w+)\s*\(([^)]*)", re.IGNORECASE
+)
+_BLOCKS: tuple[tuple[Kind, re.Pattern[str]], ...] = (
+    ("open", re.compile(r"\s*(?:IF|SWITCH)\b", re.IGNORECASE)),
+    ("loop", re.compile(r"\s*(?:FOR|WHILE|LOOP|REPEAT)\b", re.IGNORECASE)),
+    ("scope", _SPLINE),
+    ("else", re.compile(r"\s*(?:ELSE|DEFAULT)\b", re.IGNORECASE)),
+    ("branch", re.compile(r"\s*CASE\b", re.IGNORECASE)),
+    ("routine", _ROUTINE),
+    ("label", re.compile(r"\s*\w+\s*:\s*$")),
+    (
+        "close",
+        re.compile(r"\s*(?:END(?:IF|SWITCH|FOR|WHILE|LOOP|SPLINE|FCT)?|UNTIL)\b", re.IGNORECASE),
+    ),
+)
+_LEXICON = Lexicon(
+    motion=re.compile(
+        r"(?<![\w$#.])(S?(?:PTP|LIN|CIRC)(?:_REL)?|SPL(?:_REL)?|(?:PTP_)?SPLINE|ASYPTP|ASYCONT"
+        r"|RSI_MOVECORR|MOVE_?(?:PTP|LIN|CIRC))(?![\w.])(?!\s*=)",
+        re.IGNORECASE,
+    ),
+    literal=re.compile(r"\{\s*(?:\w+\s*:\s*)?((?:X|A1)\s+[-+.\d'])", re.IGNORECASE),
+    reading=frozenset({"inverse", "forward", "inv_pos", "abs", "sqrt"}),
+)
 
 
 @dataclass(frozen=True)
@@ -61,29 +92,41 @@ class _Aggregate:
     Attributes:
         source: The file.
         start: Its opening brace.
-        numbers: Its components that are numbers.
-        complete: All of them are.
-        kind: The word of its declaration, in small letters.
+        end: Behind its closing one.
+        names: Its components.
+        numbers: Those that are numbers.
     """
 
     source: Source
     start: int
+    end: int
+    names: frozenset[str]
     numbers: Mapping[str, Number]
-    complete: bool
-    kind: str = ""
 
-    def target(self, name: str) -> Target | str:
+    @property
+    def complete(self) -> bool:
+        """All of its components are numbers."""
+        return len(self.numbers) == len(self.names)
+
+    @property
+    def taught(self) -> bool:
+        """It is a place or a part of one, not a load or what somebody else made of it."""
+        return not self.names.isdisjoint((*_POSE, *_AXES))
+
+    def target(self, name: str) -> Target | Left:
         """The point that it is, or why it is none that can be corrected."""
         joint = "a1" in self.numbers
         wanted = _AXES if joint else _POSE
+        line = self.source.line(self.start)
         if not self.complete:
-            return f"{name} is computed at run time"
+            return Left(self.source.file, line, f"{name} is computed at run time")
         if missing := [word.upper() for word in wanted if word not in self.numbers]:
-            return f"{name} has no {', '.join(missing)} of its own"
+            why = f"{name} has no {', '.join(missing)} of its own"
+            return Left(self.source.file, line, why)
         return Target(
             name,
             self.source.file,
-            self.source.line(self.start),
+            line,
             "joint" if joint else "cartesian",
             tuple(self.numbers[word] for word in wanted),
             tuple(self.numbers[f"e{k}"].value for k in range(1, 7) if f"e{k}" in self.numbers),
@@ -105,19 +148,22 @@ class _Aggregate:
 
 
 @dataclass
-class _Reading:
-    """What was read so far."""
+class _Krl(Reading):
+    """What was read so far of a program in KRL.
 
-    points: dict[str, list[_Aggregate]] = field(default_factory=dict)
-    computed: dict[str, int] = field(default_factory=dict)
+    Attributes:
+        lines: What the data of inline forms say: tool, base, and how it is interpolated.
+        frames: What frames are set to, by their names in small letters.
+        parts: Elements of arrays by the name of these.
+    """
+
     lines: dict[str, dict[str, str]] = field(default_factory=dict)
-    uses: list[Use] = field(default_factory=list)
-    left: list[Left] = field(default_factory=list)
-    tools: dict[str, Array] = field(default_factory=dict)
-    bases: dict[str, Array] = field(default_factory=dict)
-    tool: str = ""
-    base: str = ""
-    outside: bool = False
+    frames: dict[str, list[_Aggregate]] = field(default_factory=dict)
+    parts: dict[str, list[str]] = field(default_factory=dict)
+    moved: bool = False
+
+
+_Frames = Mapping[str, Callable[[int], Held]]
 
 
 def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
@@ -133,70 +179,108 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     both = [(file, text), *([other] if other else [])]
     both.sort(key=lambda one: not one[0].lower().endswith(".dat"))
     sources = [Source(name, one, _SILENT) for name, one in both]
-    found = _followed(sources)
-    points = {
-        name: [one.target(name.upper()) for one in several]
-        for name, several in found.points.items()
-    }
-    if all(source.file.lower().endswith(".dat") for source in sources):
-        found.uses = [Use(target, "", "") for target in _all(found, points)]
-    targets, left = gathered(found.uses, changed(points, found.computed))
-    return Program(
-        file,
-        text,
-        KUKA,
-        tuple(targets),
-        tuple(one for one in sorted({*found.left, *left}) if one.file == file),
-        found.tools,
-        found.bases,
-    )
-
-
-def _followed(sources: Sequence[Source]) -> _Reading:
-    """What is declared anywhere, then what the motions do with it."""
-    found = _Reading()
+    found = _Krl(sources, _LEXICON)
+    found.tools["0"] = found.bases["0"] = np.eye(4)
     for source in sources:
         _define(found, source)
     for source in sources:
+        steps = _steps(found, source)
+        if _ASIDE.search(source.plain):
+            motions = [(at, source.line(at)) for at, line in source.lines if _MOTION.match(line)]
+            steps = {one: interrupted(several, motions) for one, several in steps.items()}
+        held = {one: holding(steps[one], "", thing) for one, thing in _THINGS.items()}
         for start, line in source.lines:
-            _follow(found, source, start, line)
-    return found
+            _follow(found, source, start, line, held)
+    if all(source.file.lower().endswith(".dat") for source in sources):
+        _all(found)
+    return finished(found, file, text, KUKA)
 
 
-def _all(found: _Reading, points: Mapping[str, Sequence[Target | str]]) -> Iterator[Target]:
-    """Every point but frames."""
-    for name, several in found.points.items():
-        for point, target in zip(several, points[name], strict=True):
-            if isinstance(target, Target) and point.kind != "frame":
-                yield target
+def _all(found: _Krl) -> None:
+    """Take every point for a target but frames."""
+    for name, points in found.points.items():
+        if name not in found.steady:
+            found.named.add(name)
+            found.uses += [Use(one, "", "") for one in points if isinstance(one, Target)]
+            found.left += [one for one in points if isinstance(one, Left)]
 
 
-def _define(found: _Reading, source: Source) -> None:
+# --- what is declared -----------------------------------------------------------------------------
+
+
+def _define(found: _Krl, source: Source) -> None:
     """Points, frames and the data of inline forms, wherever they are declared."""
+    depth = 0
     for start, line in source.lines:
-        if part := _PART.match(line):
-            found.computed[_key(part[1])] = source.line(start)
-        elif (assigned := _ASSIGNED.match(line)) and not assigned[2].startswith("$"):
-            _declare(found, source, start, assigned)
+        kind = _block(line)
+        depth += (kind in ("open", "loop")) - (kind == "close")
+        if routine := _ROUTINE.match(line):
+            depth = 0
+            found.account(source, start, start + len(line))
+            for word in filter(str.strip, routine[2].split(",")):
+                why = f"is given by the caller of the routine in line {source.line(start)}"
+                found.changed.setdefault(_key(word.partition(":")[0]), why)
+        elif part := _PART.match(line):
+            found.account(source, start, start + part.end())
+            found.change(_key(part[1]), source, start)
+        elif (assigned := _ASSIGNED.match(line)) and not _MOTION.match(line):
+            found.account(source, start, start + assigned.end(2))
+            if assigned[2].startswith("$"):
+                _account_value(found, source, start + assigned.start(3), assigned[3])
+            else:
+                _declare(found, source, start, assigned, depth > 0)
 
 
-def _declare(found: _Reading, source: Source, start: int, assigned: re.Match[str]) -> None:
-    """What a name that is no variable of the system is set to."""
+def _declare(
+    found: _Krl, source: Source, start: int, assigned: re.Match[str], decided: bool
+) -> None:
+    """What a name that is no variable of the system is set to, in a branch or in any case."""
     kind, key, value = (assigned[1] or "").lower(), _key(assigned[2]), assigned[3]
     aggregate = _aggregate(source, start + assigned.start(3), value)
-    if kind == "fdat":
-        found.lines[key] = {k.lower(): n for k, n in _LINE_SAID.findall(value)}
-        found.lines[key] |= {"outside": "#"} if _OUTSIDE.search(value) else {}
-    elif aggregate is None:
-        found.computed[key] = source.line(start)
-    elif numbered := _NUMBERED.fullmatch(key.upper()):
-        frames = found.tools if key.startswith("tool") else found.bases
-        _keep(frames, numbered[1], aggregate)
+    if aggregate is not None:
+        found.account(source, aggregate.start, aggregate.end)
+    if kind == "fdat" or key in found.lines:
+        if key in found.lines:
+            found.change(key, source, start)
+        found.lines[key] = _said(value)
+    elif aggregate is None or not aggregate.taught:
+        found.change(key, source, start)
+    elif "[" in key and (numbered := re.match(r"(?:tool|base)_data\[", key)):
+        if decided or key in found.frames or not _NUMBERED.fullmatch(key):
+            every = () if _NUMBERED.fullmatch(key) else (numbered[0],)
+            for one in (key, *every):
+                found.change(one, source, start)
+        found.frames.setdefault(key, []).append(aggregate)
+        _keep(found, key.partition("_")[0], _number(key), aggregate)
     else:
-        found.points.setdefault(key, []).append(replace(aggregate, kind=kind))
+        if kind == "frame":
+            found.steady.add(key)
+        elif key in found.steady:
+            found.change(key, source, start)
+        found.frames.setdefault(key, []).append(aggregate)
+        found.points.setdefault(key, []).append(aggregate.target(key.upper()))
+        if "[" in key:
+            found.parts.setdefault(key.partition("[")[0], []).append(key)
 
 
-def _keep(frames: dict[str, Array], name: str, aggregate: _Aggregate) -> None:
+def _account_value(found: _Krl, source: Source, start: int, value: str) -> None:
+    """A frame between braces that a variable of the system is set to."""
+    if (aggregate := _aggregate(source, start, value)) is not None:
+        found.account(source, start, aggregate.end)
+
+
+def _number(key: str) -> str:
+    return key.partition("[")[2].rstrip("]")
+
+
+def _said(value: str) -> dict[str, str]:
+    """What the data of an inline form say."""
+    said = {k.lower().removesuffix("_no"): n for k, n in _LINE_SAID.findall(value)}
+    return said | ({"mode": "outside"} if _OUTSIDE.search(value) else {"mode": ""})
+
+
+def _keep(found: _Krl, which: str, name: str, aggregate: _Aggregate) -> None:
+    frames = found.tools if which == "tool" else found.bases
     if (frame := aggregate.frame) is not None:
         frames[name] = frame
 
@@ -206,18 +290,19 @@ def _key(name: str) -> str:
 
 
 def _aggregate(source: Source, start: int, value: str) -> _Aggregate | None:
-    """What stands in braces at `start`; None where nothing does."""
+    """What stands in braces at `start`, within `value`; None where nothing does."""
     if not value.startswith("{"):
         return None
-    last = closing(source.plain, start)
-    if last is None:
+    last = source.closing.get(start, -1)
+    if not start < last < start + len(value):
         return None
     first = start + 1
     if named := re.compile(r"\s*\w+\s*:").match(source.plain, first, last):
         first = named.end()
-    parts = [_component(entry) for entry in entries(source.plain, first, last)]
-    known = [part for part in parts if part is not None]
-    return _Aggregate(source, start, dict(known), len(known) == len(parts))
+    given = entries(source.plain, first, last)
+    names = frozenset((entry.text.split(maxsplit=1) or [""])[0].lower() for entry in given)
+    known = [part for part in map(_component, given) if part is not None]
+    return _Aggregate(source, start, last + 1, names, dict(known))
 
 
 def _component(entry: Entry) -> tuple[str, Number] | None:
@@ -230,101 +315,203 @@ def _component(entry: Entry) -> tuple[str, Number] | None:
         read = number(entry.start + part.start(2), decimal)
     else:
         bits = int(binary, 2) if binary else int(hexadecimal, 16)
-        read = Number(entry.start, entry.end, float(bits))
+        quote = entry.start + entry.text.index("'")
+        read = Number(quote, entry.start + len(entry.text), float(bits))
     return None if read is None else (name.lower(), read)
 
 
-def _follow(found: _Reading, source: Source, start: int, line: str) -> None:
-    """A line as the robot carries it out: another frame or tool, or a motion."""
+# --- what holds -----------------------------------------------------------------------------------
+
+
+def _block(line: str) -> Kind | None:
+    """What a line is to the order in which lines are carried out."""
+    return next((kind for kind, pattern in _BLOCKS if pattern.match(line)), None)
+
+
+def _steps(found: _Krl, source: Source) -> dict[str, list[Step]]:
+    """The steps that set the tool, the base and the interpolation, each with all blocks."""
+    out: dict[str, list[Step]] = {one: [] for one in _THINGS}
+    routines = {
+        one[1].lower() for _, line in source.lines if (one := _ROUTINE.match(line)) is not None
+    }
+    call = re.compile(r"(?<!\w)(\w++)\s*+\(")
+    for start, line in source.lines:
+        at = source.line(start)
+        kind = _block(line)
+        called = kind != "routine" and {one[1].lower() for one in call.finditer(line)} & routines
+        kinds: tuple[Kind, ...] = (*(("call",) if called else ()), *((kind,) if kind else ()))
+        for steps in out.values():
+            steps += [Step(start, one, at) for one in kinds]
+        for which, held in _settings(found, source, start, line):
+            out[which].append(Step(start, "set", at, held))
+    return out
+
+
+def _settings(found: _Krl, source: Source, start: int, line: str) -> Iterator[tuple[str, Held]]:
+    """What a line sets for those that follow it."""
+    at = source.line(start)
+    assigned, part = _ASSIGNED.match(line), _PART.match(line)
     if bas := _BAS.match(line):
-        _set(found, bas[1].lower(), bas[2])
-    elif motion := _MOTION.match(line):
-        _move(found, source, start + motion.start(3), motion)
-    elif (part := _PART.match(line)) and part[1].lower() in ("$tool", "$base"):
-        _set(found, part[1][1:].lower(), f"line {source.line(start)}")
-    elif assigned := _ASSIGNED.match(line):
-        name, value = assigned[2].lower(), assigned[3]
-        if name in ("$tool", "$base"):
-            _set(found, name[1:], _frame(found, source, start + assigned.start(3), name, value))
-        elif name == "fdat_act":
-            said = found.lines.get(_key(value), {})
-            found.outside = "outside" in said
-            _set(found, "tool", said.get("tool_no", ""))
-            _set(found, "base", said.get("base_no", ""))
-        elif name == "$ipo_mode":
-            found.outside = bool(_OUTSIDE.search(value))
+        which, value = bas[1].lower(), bas[2].strip()
+        if which == "initmov":
+            yield from (("tool", ""), ("base", ""))
+        else:
+            known = value.isdecimal()
+            yield which, value if known else Unsure(f"{which} {value} of line {at} is not known")
+    elif _SPLINE.match(line) and (found_with := _WITH.fullmatch(line)):
+        yield from _with(found, source, start + found_with.start(2), found_with[2])
+    elif part and part[1].lower() in ("$tool", "$base"):
+        yield part[1][1:].lower(), f"line {at}"
+    elif part and part[1].lower() == "fdat_act":
+        yield from ((one, Unsure(f"line {at} changes the {one}")) for one in ("tool", "base"))
+    elif assigned and assigned[2].lower() in _MODES:
+        which = _MODES[assigned[2].lower()]
+        yield which, _frame(found, source, start + assigned.start(3), which, assigned[3])
+    elif assigned and assigned[2].lower() == "fdat_act":
+        yield from _form(found, _key(assigned[3]), at)
 
 
-def _set(found: _Reading, which: str, name: str) -> None:
-    if name == "0":
-        frames = found.tools if which == "tool" else found.bases
-        frames["0"] = np.eye(4)
-    setattr(found, which, name)
+def _form(found: _Krl, key: str, at: int) -> Iterator[tuple[str, Held]]:
+    """What the data of an inline form set."""
+    said = _said(key) if key.startswith("{") else found.lines.get(key)
+    for which in _THINGS:
+        if said is None or key in found.changed:
+            yield which, Unsure(f"{key.upper()} of line {at} is not known")
+        else:
+            yield which, said.get(which, "")
 
 
-def _frame(found: _Reading, source: Source, start: int, name: str, value: str) -> str:
-    """What the frame is called that is assigned to $TOOL or $BASE; it is kept if it is known."""
-    key = _key(value)
+def _with(found: _Krl, source: Source, start: int, words: str) -> Iterator[tuple[str, Held]]:
+    """What WITH sets for one motion."""
+    for entry in entries(source.plain, start, start + len(words)):
+        name, _, value = entry.text.partition("=")
+        which = _MODES.get(_key(name))
+        where = entry.start + len(entry.text) - len(value.lstrip())
+        if which:
+            yield which, _frame(found, source, where, which, value.strip())
+        elif _key(name).startswith("$load") and "sload(" not in _key(value):
+            yield "tool", Unsure(f"line {source.line(start)} sets $LOAD")
+
+
+def _frame(found: _Krl, source: Source, start: int, which: str, value: str) -> Held:
+    """What the frame is called that is assigned; it is kept if it is known."""
+    key, at = _key(value), source.line(start)
+    if selected := _SELECTED.fullmatch(key):
+        return dict(_form(found, selected[selected.lastindex or 1], at))[which]
+    if which == "mode":
+        return "outside" if _OUTSIDE.search(value) else ""
     if key in _NULL:
         return "0"
-    if numbered := _NUMBERED.fullmatch(key.upper()):
-        return numbered[1]
-    frames = found.tools if name == "$tool" else found.bases
+    if re.match(r"(?:tool|base)_data\[[^\]]*\]$", key):
+        return _data(found, key, at)
     aggregate = _aggregate(source, start, value)
     if aggregate is not None:
-        key = f"line {source.line(start)}"
-        _keep(frames, key, aggregate)
-    elif len(known := found.points.get(key, [])) == 1 and key not in found.computed:
-        _keep(frames, key, known[0])
+        _keep(found, which, f"line {at}", aggregate)
+        return f"line {at}"
+    known = found.frames.get(key, [])
+    if len(known) > 1:
+        return Unsure(f"{key.upper()} is set more than once")
+    if known:
+        _keep(found, which, key, known[0])
     return key
 
 
-def _move(found: _Reading, source: Source, start: int, motion: re.Match[str]) -> None:
+def _data(found: _Krl, key: str, at: int) -> Held:
+    """TOOL_DATA and BASE_DATA by their numbers."""
+    array = key.partition("[")[0] + "["
+    changed = found.changed.get(key, found.changed.get(array))
+    if not _NUMBERED.fullmatch(key):
+        return Unsure(f"{key.upper()} of line {at} is not known")
+    return Unsure(f"{key.upper()} {changed}") if changed else _number(key)
+
+
+# --- motions --------------------------------------------------------------------------------------
+
+
+def _follow(found: _Krl, source: Source, start: int, line: str, held: _Frames) -> None:
+    """A line as the robot carries it out, if it is a motion."""
+    if _ROUTINE.match(line):
+        found.moved = False
+    elif _SPLINE.match(line):
+        found.account(source, start, start + len(line))
+    elif motion := _MOTION.match(line):
+        found.account(source, start, start + len(line))
+        _move(found, source, start + motion.start(3), motion, held)
+
+
+def _move(found: _Krl, source: Source, start: int, motion: re.Match[str], held: _Frames) -> None:
     """The points of a motion."""
-    line = source.line(start)
-    kind = motion[1].upper()
+    kind, words = motion[1].upper(), motion[3]
+    now = {which: at(start) for which, at in held.items()}
+    if found_with := _WITH.fullmatch(words):
+        words = found_with[1]
+        now |= dict(_with(found, source, start + found_with.start(2), found_with[2]))
+    if motion[2]:
+        why = f"{kind}{motion[2].upper()} moves by a distance"
+        one = Left(source.file, source.line(start), why)
+        found.following.append((one, found.last if found.moved else None))
+        return
+    found.moved = True
     count = 2 if "CIRC" in kind else 1
-    for entry in entries(source.plain, start, start + len(motion[3].rstrip()))[:count]:
-        point = _POINT.fullmatch(entry.text)
-        why = None
-        if motion[2]:
-            why = f"{kind}{motion[2].upper()} moves by a distance"
-        elif point is None:
-            why = f"{entry.text} is computed at run time"
-        elif found.outside:
-            why = f"{point[1]} moves the workpiece at a fixed tool"
-        else:
-            why = _use(found, source, entry.start, point[1], "PTP" in kind)
-        if why:
-            found.left.append(Left(source.file, line, why))
+    given = entries(source.plain, start, start + len(words.rstrip()))
+    for entry in given[:count]:
+        if left := _go(found, source, entry, now, "PTP" in kind):
+            found.left.append(left)
+    for entry in given[count:]:
+        if count == 1 or not entry.text.upper().startswith("CA"):
+            found.leave(source, entry.start, f"{entry.text} is not understood")
 
 
-def _use(found: _Reading, source: Source, start: int, word: str, by_axes: bool) -> str | None:
+def _go(
+    found: _Krl, source: Source, entry: Entry, now: Mapping[str, Held], by_axes: bool
+) -> Left | None:
+    """Note a motion to a point; what is left, where it cannot be corrected."""
+    line, key = source.line(entry.start), _key(entry.text)
+    point = _POINT.fullmatch(entry.text)
+    mode, why, counts = now["mode"], None, True
+    if key in _STANDING:
+        why, counts = f"{entry.text} is where the robot stands", False
+    elif _HOME.fullmatch(key) and key not in found.points:
+        why, counts = f"{entry.text} is a home position of the controller", False
+    elif point is None:
+        why = f"{entry.text} is computed at run time"
+    elif isinstance(mode, Unsure):
+        why = mode.why
+    elif mode:
+        why = f"{point[1]} moves the workpiece at a fixed tool"
+    else:
+        why = _use(found, source, entry.start, point[1], now, by_axes)
+    return Left(source.file, line, why, counts) if why else None
+
+
+def _use(
+    found: _Krl, source: Source, start: int, word: str, now: Mapping[str, Held], by_axes: bool
+) -> str | None:
     """Note a motion to a point; why not, where it cannot be corrected.
 
     S and T of a point hold for PTP; other motions keep the configuration that they come from.
     """
+    points: Sequence[Target | Left]
     if word.startswith("{"):
         inline = _aggregate(source, start, word)
-        points: Sequence[_Aggregate] = [] if inline is None else [inline]
         name = f"the target in line {source.line(start)}"
+        points = [] if inline is None else [inline.target(name)]
     else:
-        points, name = _named(found, word), word
+        points = _named(found, _key(word))
     if not points:
         return f"{word} is not in this program"
-    for point in points:
-        target = point.target(name)
-        if isinstance(target, str):
-            return target
-        stated = target if by_axes or not found.uses else replace(target, ranges=())
-        found.uses.append(Use(stated, found.tool, found.base))
-    return None
+    stated = [
+        one if by_axes or not found.uses or isinstance(one, Left) else replace(one, ranges=())
+        for one in points
+    ]
+    return found.use(stated, now["tool"], now["base"])
 
 
-def _named(found: _Reading, word: str) -> Sequence[_Aggregate]:
+def _named(found: _Krl, key: str) -> Sequence[Target | Left]:
     """The points of a name; all elements of an array where the index is computed."""
-    key = _key(word)
     if key in found.points or not key.endswith("]"):
+        found.named.add(key)
         return found.points.get(key, [])
-    array = key.partition("[")[0] + "["
-    return [one for name, all_ in found.points.items() if name.startswith(array) for one in all_]
+    names = found.parts.get(key.partition("[")[0], [])
+    found.named |= {*names}
+    return [one for name in names for one in found.points[name]]

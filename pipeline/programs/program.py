@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import re
 from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
@@ -15,12 +16,14 @@ from pipeline.programs.notation import Notation
 
 Kind = Literal["joint", "cartesian"]
 
-NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+NUMBER = r"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?"
 _PARTS = re.compile(r"([-+]?)(\d*)(?:\.(\d*))?(?:([eE])([-+]?)(\d+))?")
 _LARGEST = 1e10
 """Of all numbers of a target, whatever their unit; ABB writes 9E9 for an axis that there is not."""
 _FINE_M = 1e-6
-"""[m]: a last digit that is worth more gets another one behind it. No tracker resolves less."""
+"""[m]: a last digit that is worth more gets others behind it. No tracker resolves less."""
+_WHOLE = 1e-9
+"""Of a number of digits [1]: what rounding adds to a whole one."""
 
 
 class Number(NamedTuple):
@@ -44,11 +47,19 @@ def number(start: int, text: str) -> Number | None:
 
 
 class Left(NamedTuple):
-    """What is not corrected, and why."""
+    """What is not corrected, and why.
+
+    Attributes:
+        file: Where it stands.
+        line: In that file, from 1.
+        why: In words.
+        counts: It moves the tool to where it was taught while corrected points are elsewhere.
+    """
 
     file: str
     line: int
     why: str
+    counts: bool = True
 
 
 @dataclass(frozen=True)
@@ -99,7 +110,8 @@ class Program:
         text: Its letters; each stands for one byte.
         notation: How it writes poses.
         targets: Its points, and those of its other file, in the order of the motions to them.
-        left: What is not corrected.
+        left: What is not corrected of it.
+        elsewhere: What is not corrected of its other file.
         tools: Tool frames that it defines, in the flange frame, by name, each (4, 4).
         bases: Frames that it defines, in the world of the controller, by name, each (4, 4).
     """
@@ -109,6 +121,7 @@ class Program:
     notation: Notation
     targets: tuple[Target, ...]
     left: tuple[Left, ...] = ()
+    elsewhere: tuple[Left, ...] = ()
     tools: Mapping[str, Array] = field(default_factory=dict)
     bases: Mapping[str, Array] = field(default_factory=dict)
 
@@ -118,7 +131,7 @@ class Program:
         return tuple(target for target in self.targets if target.file == self.file)
 
     def written(self, values: Mapping[tuple[str, int], Sequence[float]]) -> Program:
-        """The same program with other numbers, in the digits that it has or one more.
+        """The same program with other numbers, in the digits that it has or as many as it takes.
 
         Args:
             values: New numbers of targets, in the unit of the program, by their places.
@@ -160,21 +173,29 @@ def _rewritten(old: str, value: float, worth: float) -> str:
         value: The number.
         worth: How far a unit of it moves the tool [m].
     """
-    found = _PARTS.fullmatch(old)
+    found = _PARTS.fullmatch(_decimal(old))
     if found is None:
         raise ValueError(f"{old} is no number")
     sign, whole, fraction, letter, _, digits = found.groups(default="")
-    decimals = len(fraction)
     power = Decimal(repr(value)).adjusted() if letter and value else 0
-    decimals += worth * 10.0 ** (power - decimals) > _FINE_M
+    least = math.ceil(math.log10(worth / _FINE_M) - _WHOLE) + power
+    decimals = max(len(fraction), least)
     new = format(Decimal(repr(value)), f"z.{decimals}{letter.lower() or 'f'}")
-    if Decimal(new) == Decimal(old):
+    if Decimal(new) == Decimal(_decimal(old)):
         return old
     if letter:
         new = _with_exponent(new, letter, found[5], len(digits))
     elif not whole:
         new = _without_zero(new, value)
     return f"+{new}" if sign == "+" and not new.startswith("-") else new
+
+
+def _decimal(text: str) -> str:
+    """A number that KUKA writes in bits, 'H9C0' or 'B010', in decimal digits."""
+    if not text.startswith("'"):
+        return text
+    word = text.strip("'").strip()
+    return str(int(word[1:].strip(), 16 if word[0] in "hH" else 2))
 
 
 def _without_zero(new: str, value: float) -> str:
@@ -197,31 +218,14 @@ class Use(NamedTuple):
     base: str
 
 
-def changed(
-    points: Mapping[str, Iterable[Target | str]], computed: Mapping[str, int]
-) -> dict[tuple[str, int], int]:
-    """Places of points that a program changes itself, and the line where it does.
-
-    Args:
-        points: Points by name; words for one that cannot be corrected.
-        computed: Names, and the line where they get another value.
-    """
-    return {
-        one.place: line
-        for name, line in computed.items()
-        for one in points.get(name, ())
-        if isinstance(one, Target)
-    }
-
-
 def gathered(
-    uses: Iterable[Use], computed: Mapping[tuple[str, int], int]
+    uses: Iterable[Use], changed: Mapping[tuple[str, int], str]
 ) -> tuple[list[Target], list[Left]]:
     """Each point once, in the order of the motions to it, with the frames it stands in.
 
     Args:
         uses: The motions.
-        computed: Places of points that the program changes itself, and the line where it does.
+        changed: Places of points that are not as taught when the robot comes to them, and why.
     """
     frames: dict[tuple[str, int], dict[tuple[str, str], Target]] = {}
     for target, tool, base in uses:
@@ -231,9 +235,8 @@ def gathered(
     targets, left = [], []
     for place, found in frames.items():
         first, *more = found.values()
-        if place in computed:
-            why = f"{first.name} is changed at run time on line {computed[place]}"
-            left.append(Left(first.file, first.line, why))
+        if place in changed:
+            left.append(Left(first.file, first.line, f"{first.name} {changed[place]}"))
         elif more:
             said = listed(sorted(" in ".join(filter(None, one)) or "none" for one in found))
             why = f"{first.name} is used with different tools or frames ({said})"

@@ -9,33 +9,66 @@ Tool and frame are those of the motions to a point.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
+from bisect import bisect_left
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.machine.robot.inverse import Range
+from pipeline.programs._flow import Held, Kind, Step, Unsure, holding, interrupted
+from pipeline.programs._reading import Lexicon, Reading, finished
 from pipeline.programs._text import Entry, Source, entries, inner, numbers
 from pipeline.programs.notation import ABB
-from pipeline.programs.program import Left, Number, Program, Target, Use, changed, gathered
+from pipeline.programs.program import Left, Number, Program, Target, Use
 
 SUFFIXES = (".mod", ".modx", ".prg")
 
 _SILENT = re.compile(r'"(?:[^"\r\n]|"")*"|![^\r\n]*')
 _DECLARED = re.compile(
-    r"\b(?:CONST|PERS|VAR)\s+(\w+)\s+(\w+)\s*(?:\{[^}]*\})?\s*:=\s*", re.IGNORECASE
+    r"\b(?:CONST|PERS|VAR)\s+(\w+)\s+(\w+)\s*+(\{[^{};]*\})?\s*+:=\s*", re.IGNORECASE
 )
-_ASSIGNED = re.compile(r"(?<![\\\w.])(?<!\\\s)(\w+)\s*(\{[^}]*\})?\s*(\.\s*[\w.\s]+)?:=\s*")
+_ASSIGNED = re.compile(
+    r"(?<![\\\w.])(?<!\\\s)(\w++)(?:\s*+(\{[^{};]*\}))?((?:\s*+\.\s*+\w++){0,8}+)\s*+:=\s*"
+)
+_ROUTINE = re.compile(
+    r"(?<![\w\\])(?:PROC|TRAP|FUNC\s+\w+)\s+(\w+)(?:\s*\(([^()]*)\))?", re.IGNORECASE
+)
+_KNOWN = (
+    r"(?:(?:EGM)?Move|Trigg|Search|Arc|ArcMove|SpotM?|Disp|Paint|Cap|FCPress\d?|Contact|Nut|Stud|Glue"
+    r"|Laser|Cut)(?:AbsJ|ExtJ|PnP|[LJC])(?:Start|End|DO|AO|GO|Sync|IOs|\d)*"
+    r"|EGMRun(?:Joint|Pose)|Ind[ACDR]Move|StepBwdPath|Conf[LJ]|(?:PDisp|EOffs)(?:On|Set|Off)"
+)
+_LIKELY = r"(?:Move|EGM|Trigg|Search|(?:Arc|Spot|Disp|Paint|Cap)[LJC]|PDisp|EOffs|FC)\w*+"
 _MOTION = re.compile(
-    r"(?:^|;|:(?!=)|\b(?:THEN|DO|ELSE)\b)[ \t]*"
-    r"((?:Move|Trigg|Search|(?:Arc|Spot|Disp|Paint)[LJC]|PDisp|EOffs|Conf[LJ])\w*)(?!\s*(?:\(|:=)|\w)",
+    rf"(?<![\w\\.%$])({_KNOWN})(?!\w|\s*(?:\(|:=))"
+    rf"|(?:^|;|:(?!=)|\b(?:THEN|DO|ELSE|ENDIF|ENDFOR|ENDWHILE|ENDTEST)\b)[ \t]*({_LIKELY})"
+    r"(?!\s*(?:\(|:=))",
     re.IGNORECASE | re.MULTILINE,
 )
-_WORD = re.compile(r"\w*")
+_LIST = r"\[[^\[\]]*\]\s*"
+_SIX = r"\[(?:[^\[\],]*,){5}[^\[\],]*\]\s*"
+_LEXICON = Lexicon(
+    motion=re.compile(
+        rf"{_MOTION.pattern}|,\s*(fine|z(?:0|1|5|1?[05]0|15|[2468]0|[1-3]00|vmax)|v(?:5|[1-8]0|1?[05]0"
+        r"|[1-8]00|[1-7][05]00|max))\s*[,;\\]",
+        re.IGNORECASE | re.MULTILINE,
+    ),
+    literal=re.compile(
+        rf"(\[\s*{_LIST},\s*{_LIST},\s*{_LIST},\s*{_LIST}\]|\[\s*{_SIX},\s*{_SIX}\])"
+    ),
+    reading=frozenset(
+        {"offs", "reltool", "calcjointt", "distance", "isrobtargetclose", "orientzyx", "eulerzyx",
+         "crobt", "cjointt", "defframe", "defdframe", "posemult", "poseinv", "dim", "dotprod"}
+    ),
+    end=";",
+    statements=True,
+)  # fmt: skip
+_WORD = re.compile(r"(\w+)\s*(?:\\.*)?", re.DOTALL)
 _POINT = re.compile(r"(\w+)\s*(?:\{\s*(\w+)\s*\})?$")
-_SWITCHES = re.compile(r"(?:\s*\\\s*\w+(?:\s*:=\s*[^\\,]+)?)+$")
-_WOBJ = re.compile(r"\\\s*WObj\s*:=\s*(\w+)\s*", re.IGNORECASE)
+_SWITCHES = re.compile(r"(?<!\s)(?:\s*\\\s*\w+(?:\s*:=\s*[^\\,]+)?)+$")
+_WOBJ = re.compile(r"\\\s*WObj\s*:=\s*([^\\,]*)", re.IGNORECASE)
 _UNUSED = 1e9
 """An external axis of 9E9 is none."""
 
@@ -61,26 +94,50 @@ _MOTIONS: dict[str, tuple[tuple[int, ...], int]] = {
 _NO_MOTION = ("trigg",)
 """How instructions begin that only prepare a motion: TriggIO, TriggEquip."""
 _FRAMES = ("tooldata", "wobjdata")
-_DISPLACED = ("pdispset", "pdispon", "eoffsset", "eoffson")
-_BACK = ("pdispoff", "eoffsoff")
+_MORE = ("do", "sync")
+"""What has two more arguments behind the tool."""
+_SEARCH = ("searchl", "searchc")
+"""What writes into its second argument where it found something."""
+_DISPLACED = {
+    "pdispset": "on", "pdispon": "on", "eoffsset": "on", "eoffson": "on",
+    "pdispoff": "", "eoffsoff": "",
+}  # fmt: skip
 _CHECKED = ("confl", "confj")
 """What says whether the configurations of points hold, in linear motions and in others."""
 _BY_AXES = ("movej", "triggj")
+_BLOCKS: dict[str, Kind] = {
+    "if": "open", "test": "open", "for": "loop", "while": "loop", "proc": "routine",
+    "func": "routine", "trap": "routine", "elseif": "branch", "case": "branch", "else": "else",
+    "default": "else", "endif": "close", "endtest": "close", "endfor": "close",
+    "endwhile": "close", "endproc": "close", "endfunc": "close", "endtrap": "close",
+    "error": "label", "undo": "label", "backward": "label",
+}  # fmt: skip
+_TOKEN = re.compile(r"(?<![\w.\\])(\w++)(\s*+:(?!=))?|;")
 
 
 @dataclass
-class _Reading:
-    """What was read so far; names in small letters."""
+class _Rapid(Reading):
+    """What was read so far of a module.
 
-    source: Source
-    points: dict[str, list[Target | str]] = field(default_factory=dict)
-    computed: dict[str, int] = field(default_factory=dict)
-    uses: list[Use] = field(default_factory=list)
-    left: list[Left] = field(default_factory=list)
-    tools: dict[str, Array] = field(default_factory=lambda: {"tool0": np.eye(4)})
-    bases: dict[str, Array] = field(default_factory=lambda: {"wobj0": np.eye(4)})
-    displaced: bool = False
+    Attributes:
+        routines: Names of its routines.
+        ends: Where statements end.
+        unchecked: Kinds of motions whose configurations do not hold.
+    """
+
+    routines: set[str] = field(default_factory=set)
+    ends: list[int] = field(default_factory=list)
     unchecked: set[str] = field(default_factory=set)
+
+    @property
+    def source(self) -> Source:
+        """The file."""
+        return self.sources[0]
+
+    def end(self, start: int) -> int:
+        """Where the statement ends; one without an end says nothing."""
+        k = bisect_left(self.ends, start)
+        return self.ends[k] if k < len(self.ends) else start
 
 
 def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
@@ -91,75 +148,114 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
         text: Its text.
         other: Nothing: a module stands alone.
     """
-    found = _Reading(Source(file, text, _SILENT))
+    source = Source(file, text, _SILENT)
+    found = _Rapid([source], _LEXICON)
+    found.tools["tool0"] = found.bases["wobj0"] = np.eye(4)
+    found.ends = [one.start() for one in re.finditer(";", source.plain)]
     _define(found)
-    for motion in _MOTION.finditer(found.source.plain):
-        _follow(found, motion)
+    motions = list(_MOTION.finditer(source.plain))
+    steps = list(_steps(found))
+    if re.search(r"\bTRAP\b", source.plain, re.IGNORECASE):
+        places = (one.start(one.lastindex or 0) for one in motions)
+        steps = interrupted(steps, ((at, source.line(at)) for at in places))
+    displaced = holding(steps, "", "displacement")
+    nexts = [*(one.start() for one in motions[1:]), len(text)]
+    for motion, following in zip(motions, nexts, strict=False):
+        _follow(found, motion, following, displaced)
     if not (found.uses or found.left):  # a module of data alone
+        found.named |= {*found.points}
         points = (one for all_ in found.points.values() for one in all_)
         found.uses = [Use(one, "", "") for one in points if isinstance(one, Target)]
-    targets, left = gathered(found.uses, changed(found.points, found.computed))
-    told = tuple(sorted({*found.left, *left}))
-    return Program(file, text, ABB, tuple(targets), told, found.tools, found.bases)
+    return finished(found, file, text, ABB)
 
 
-def _define(found: _Reading) -> None:
+def _define(found: _Rapid) -> None:
     """Points and frames, and what the program itself assigns to them."""
-    plain, declared = found.source.plain, set()
+    plain, declared, behind = found.source.plain, set(), 0
+    for routine in _ROUTINE.finditer(plain):
+        found.routines.add(routine[1].lower())
+        found.account(found.source, *routine.span())
+        for word in re.findall(r"\w+", routine[2] or ""):
+            line = found.source.line(routine.start())
+            why = f"is given by the caller of the routine in line {line}"
+            found.changed.setdefault(word.lower(), why)
     for one in _DECLARED.finditer(plain):
         declared.add(one.start(2))
-        kind, name = one[1].lower(), one[2].lower()
-        value = entries(plain, one.end(), _end(plain, one.end()))
-        if kind in ("robtarget", "jointtarget"):
-            found.points[name] = [*_points(found, one[2], value)]
-        elif kind in _FRAMES and (frame := _frame(plain, kind, value)) is not None:
-            (found.tools if kind == "tooldata" else found.bases)[name] = frame
+        found.account(found.source, *one.span(2))
+        if one.start() >= behind:
+            behind = _declare(found, one)
+    behind = 0
     for one in _ASSIGNED.finditer(plain):
-        if one.start(1) not in declared:
-            _assign(found, one)
+        if one.start(1) not in declared and one.start() >= behind:
+            behind = _assign(found, one)
 
 
-def _end(plain: str, start: int) -> int:
-    """Where the statement ends; one without an end says nothing."""
-    end = plain.find(";", start)
-    return start if end < 0 else end
+def _literal(found: _Rapid, start: int) -> Entry | None:
+    """The list at a place, where a whole statement ends with it."""
+    last = found.source.closing.get(start)
+    plain = found.source.plain
+    if last is None or plain[start] != "[" or plain[last + 1 : found.end(last)].strip():
+        return None
+    return Entry(start, last + 1, plain[start : last + 1])
 
 
-def _assign(found: _Reading, one: re.Match[str]) -> None:
-    """A point, a part of one or a frame that the program sets itself."""
-    name, plain = one[1].lower(), found.source.plain
-    value = entries(plain, one.end(), _end(plain, one.end()))
-    points = list(_points(found, one[1], value))
-    whole = one[2] is None and one[3] is None
-    if whole and all(isinstance(point, Target) for point in points):
+def _declare(found: _Rapid, one: re.Match[str]) -> int:
+    """A point or a frame; where its value ends."""
+    kind, name = one[1].lower(), one[2].lower()
+    value = _literal(found, one.end())
+    end = one.end() if value is None else value.end
+    if kind in ("robtarget", "jointtarget"):
+        if value is None:
+            found.change(name, found.source, one.start(2))
+        else:
+            found.points.setdefault(name, []).extend(_points(found, one[2], [value]))
+    elif kind in _FRAMES:
+        frames = found.tools if kind == "tooldata" else found.bases
+        frame, why = _framed(found.source, kind, value)
+        if name in frames or one[3]:
+            why = "is declared more than once"
+        if frame is not None:
+            frames[name] = frame
+        if why:
+            found.changed.setdefault(name, why)
+    return end
+
+
+def _assign(found: _Rapid, one: re.Match[str]) -> int:
+    """A point, a part of one or a frame that the program sets itself; where its value ends."""
+    name = one[1].lower()
+    found.account(found.source, *one.span(1))
+    value = None if one[2] or one[3] else _literal(found, one.end())
+    points = [] if value is None else list(_points(found, one[1], [value]))
+    if value is not None and points and all(isinstance(point, Target) for point in points):
         found.points.setdefault(name, []).extend(points)
-    else:
-        found.computed[name] = found.source.line(one.start(1))
-        for frames in (found.tools, found.bases):
-            frames.pop(name, None)
+        return value.end
+    found.change(name, found.source, one.start(1))
+    return one.end()
 
 
 def _points(
-    found: _Reading, name: str, value: Sequence[Entry], dimensions: int = 3
-) -> Iterator[Target | str]:
+    found: _Rapid, name: str, value: Sequence[Entry], dimensions: int = 3
+) -> Iterator[Target | Left]:
     """The points of a value, several in an array; why not, where one cannot be corrected."""
-    plain = found.source.plain
     for entry in value:
-        parts = inner(plain, entry)
+        line = found.source.line(entry.start)
+        parts = inner(found.source, entry)
         if parts is None:
-            yield f"{name} is computed at run time"
+            yield Left(found.source.file, line, f"{name} is computed at run time")
             continue
-        deeper = inner(plain, parts[0])
-        if dimensions and deeper and inner(plain, deeper[0]) is not None:  # an array
+        deeper = inner(found.source, parts[0])
+        if dimensions and deeper and inner(found.source, deeper[0]) is not None:  # an array
             for k, one in enumerate(parts, 1):
                 yield from _points(found, f"{name}{{{k}}}", [one], dimensions - 1)
         else:
+            found.account(found.source, entry.start, entry.end)
             yield _point(found, name, entry, parts)
 
 
-def _point(found: _Reading, name: str, entry: Entry, parts: Sequence[Entry]) -> Target | str:
+def _point(found: _Rapid, name: str, entry: Entry, parts: Sequence[Entry]) -> Target | Left:
     """A robtarget of four lists, or a jointtarget of two."""
-    read = [numbers(inner(found.source.plain, part)) or () for part in parts]
+    read = [numbers(inner(found.source, part)) or () for part in parts]
     place = name, found.source.file, found.source.line(entry.start)
     external = tuple(n.value for n in read[-1] if abs(n.value) < _UNUSED)
     match [len(one) for one in read]:
@@ -169,7 +265,7 @@ def _point(found: _Reading, name: str, entry: Entry, parts: Sequence[Entry]) -> 
             pose = (*read[0], *read[1])
             return Target(*place, "cartesian", pose, external, ranges=_ranges(read[2]))
         case _:
-            return f"{name} is computed at run time"
+            return Left(*place[1:], f"{name} is computed at run time")
 
 
 def _ranges(configuration: Sequence[Number]) -> tuple[Range, ...]:
@@ -181,67 +277,113 @@ def _ranges(configuration: Sequence[Number]) -> tuple[Range, ...]:
     return (first, None, None, fourth, fifth, sixth)
 
 
-def _frame(plain: str, kind: str, value: Sequence[Entry]) -> Array | None:
-    """The frame of tooldata or wobjdata; None where it moves with something else."""
-    parts = inner(plain, value[0]) or [] if value else []
-    match kind, [part.text.upper() for part in parts]:
+def _framed(source: Source, kind: str, value: Entry | None) -> tuple[Array | None, str | None]:
+    """The frame of tooldata or wobjdata, or why it is none that stands still."""
+    parts = None if value is None else inner(source, value)
+    match kind, [part.text.upper() for part in parts or ()]:
         case "tooldata", ["TRUE", _, _]:
-            return _pose(plain, parts[1])
+            return _pose(source, (parts or [])[1]), None
+        case "tooldata", ["FALSE", _, _]:
+            return None, "does not move with the robot"
         case "wobjdata", ["FALSE", "TRUE", _, _, _]:
-            user, object_ = _pose(plain, parts[3]), _pose(plain, parts[4])
-            return None if user is None or object_ is None else user @ object_
+            user, object_ = (_pose(source, one) for one in (parts or [])[3:])
+            return None if user is None or object_ is None else user @ object_, None
+        case "wobjdata", [_, _, _, _, _]:
+            return None, "does not stand still"
         case _:
-            return None
+            return None, None
 
 
-def _pose(plain: str, entry: Entry) -> Array | None:
-    parts = inner(plain, entry)
-    lists = [numbers(inner(plain, part)) for part in parts or ()]
+def _pose(source: Source, entry: Entry) -> Array | None:
+    parts = inner(source, entry)
+    lists = [numbers(inner(source, part)) for part in parts or ()]
     if [len(one or ()) for one in lists] != [3, 4]:
         return None
     values = [number.value for one in lists for number in one or ()]
     return ABB.frame(values) if any(values[3:]) else None
 
 
-def _follow(found: _Reading, motion: re.Match[str]) -> None:
+def _steps(found: _Rapid) -> Iterator[Step]:
+    """What displaces points, and the blocks that it stands in; an IF without THEN is a block."""
+    plain, compact, before = found.source.plain, False, ""
+    jumps = {one.lower() for one in re.findall(r"\bGOTO\s+(\w+)", plain, re.IGNORECASE)}
+    for token in _TOKEN.finditer(plain):
+        word, at = (token[1] or "").lower(), token.start()
+        line = found.source.line(at)
+        if word in _DISPLACED:
+            yield Step(at, "set", line, _DISPLACED[word])
+        elif word in _BLOCKS:
+            yield Step(at, _BLOCKS[word], line)
+        elif token[2] and word in jumps:
+            yield Step(at, "label", line)
+        elif word in found.routines and before not in ("proc", "trap", "func"):
+            yield Step(at, "call", line)
+        elif not word and compact:
+            yield Step(at, "close", line)
+        compact = word == "if" or (compact and word not in ("", "then"))
+        before = word
+
+
+def _follow(
+    found: _Rapid, motion: re.Match[str], following: int, displaced: Callable[[int], Held]
+) -> None:
     """An instruction as the robot carries it out."""
-    plain, name = found.source.plain, motion[1].lower()
-    if name in _DISPLACED or name in _BACK:
-        found.displaced = name in _DISPLACED
+    plain, word = found.source.plain, motion[motion.lastindex or 0]
+    name, start, after = word.lower(), motion.start(motion.lastindex or 0), motion.end()
+    end = found.end(after)
+    if name in found.routines:
+        found.account(found.source, start, after)
+    elif not after <= end <= following:
+        found.account(found.source, start, after)
+        found.leave(found.source, start, f"{word} has no end")
+    elif name in _DISPLACED or (name.startswith(_NO_MOTION) and name not in _MOTIONS):
+        found.account(found.source, start, end)
     elif name in _CHECKED:
-        said = plain[motion.end() : _end(plain, motion.end())].lower()
-        found.unchecked = found.unchecked - {name} | ({name} if "off" in said else set())
+        found.account(found.source, start, end)
+        off = "off" in plain[after:end].lower()
+        found.unchecked = found.unchecked - {name} | ({name} if off else set())
     elif name in _MOTIONS:
-        given = entries(plain, motion.end(), _end(plain, motion.end()))
+        found.account(found.source, start, end)
+        given = entries(plain, after, end)
         while given and given[0].text.startswith("\\"):
             given = given[1:]
-        _move(found, name, given)
-    elif not name.startswith(_NO_MOTION):
-        line = found.source.line(motion.start(1))
-        found.left.append(Left(found.source.file, line, f"{motion[1]} is no motion known here"))
+        _move(found, name, start, given, displaced(start))
+    else:
+        found.account(found.source, start, end if re.fullmatch(_KNOWN, name, re.I) else after)
+        found.leave(found.source, start, f"{word} is no motion known here")
 
 
-def _move(found: _Reading, name: str, given: Sequence[Entry]) -> None:
+def _move(found: _Rapid, name: str, start: int, given: Sequence[Entry], displaced: Held) -> None:
     """The points of a motion with its tool and its frame."""
     which, tool_at = _MOTIONS[name]
-    if len(given) <= tool_at:
+    plain = [one for one in given if not one.text.startswith("\\")]
+    if not tool_at < len(plain) <= tool_at + (3 if name.endswith(_MORE) else 1):
+        found.leave(found.source, start, "the motion has not the arguments of its kind")
         return
+    if name in _SEARCH:
+        found.change(given[1].text.lower(), found.source, given[1].start)
     said = given[tool_at].text
-    tool = (_WORD.match(said) or [""])[0].strip().lower()
-    wobj = _WOBJ.search(said)
-    base = wobj[1].lower() if wobj else "wobj0"
+    wobj = _WOBJ.search(found.source.plain, given[tool_at].start, given[-1].end)
+    frames = _named_frame(said), _named_frame(wobj[1].strip()) if wobj else "wobj0"
     checked = ("confj" if name.startswith(_BY_AXES) else "confl") not in found.unchecked
     for k in which:
         entry = given[k]
-        line = found.source.line(entry.start)
         why: str | None = f"{entry.text} is displaced by the program"
-        if not found.displaced:
-            why = _use(found, entry, (tool, base), checked)
+        if isinstance(displaced, Unsure):
+            why = displaced.why
+        elif not displaced:
+            why = _use(found, entry, frames, checked)
         if why:
-            found.left.append(Left(found.source.file, line, why))
+            found.leave(found.source, entry.start, why)
 
 
-def _use(found: _Reading, entry: Entry, frames: tuple[str, str], checked: bool) -> str | None:
+def _named_frame(text: str) -> Held:
+    """The name of a tool or a work object."""
+    word = _WORD.fullmatch(text)
+    return word[1].lower() if word else Unsure(f"{text} is computed at run time")
+
+
+def _use(found: _Rapid, entry: Entry, frames: tuple[Held, Held], checked: bool) -> str | None:
     """Note a motion to a point; why not, where it cannot be corrected.
 
     Args:
@@ -251,26 +393,28 @@ def _use(found: _Reading, entry: Entry, frames: tuple[str, str], checked: bool) 
         checked: The configuration that it states holds.
     """
     text = _SWITCHES.sub("", entry.text)
+    points: Sequence[Target | Left]
     if text.startswith("["):
         inline = Entry(entry.start, entry.start + len(text), text)
         name = f"the target in line {found.source.line(entry.start)}"
-        points: Sequence[Target | str] = list(_points(found, name, [inline]))
+        points = list(_points(found, name, [inline]))
     elif named := _POINT.match(text):
         points = _named(found, named[1].lower(), named[2])
     else:
         return f"{text} is computed at run time"
     if not points:
         return f"{text} is not in this program"
-    for point in points:
-        if isinstance(point, str):
-            return point
-        found.uses.append(Use(point if checked else replace(point, ranges=()), *frames))
-    return None
+    stated = [
+        one if checked or isinstance(one, Left) else replace(one, ranges=()) for one in points
+    ]
+    return found.use(stated, *frames)
 
 
-def _named(found: _Reading, name: str, index: str | None) -> Sequence[Target | str]:
+def _named(found: _Rapid, name: str, index: str | None) -> Sequence[Target | Left]:
     """The points of a name; all elements of an array where the index is computed."""
     points = found.points.get(name, [])
-    if index and index.isdigit():
-        return points[int(index) - 1 : int(index)]
+    found.named.add(name)
+    single = len({one.name for one in points if isinstance(one, Target)}) == len(points)
+    if index and index.isdecimal() and single:
+        return points[int(index[:9]) - 1 : int(index[:9])]
     return points

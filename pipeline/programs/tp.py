@@ -17,32 +17,69 @@ from __future__ import annotations
 
 import re
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 
 from pipeline.machine.robot.inverse import Range
+from pipeline.programs._reading import Lexicon, Reading, finished
 from pipeline.programs._text import Source
 from pipeline.programs.notation import FANUC
-from pipeline.programs.program import NUMBER, Left, Number, Program, Target, number
+from pipeline.programs.program import NUMBER, Left, Number, Program, Target, Use, number
 
 SUFFIXES = (".ls",)
 
 _SILENT = re.compile(r"^[ \t]*\d+[ \t]*:[ \t]*(?:!|//)[^\r\n]*", re.MULTILINE)
 _POSITIONS = re.compile(r"^/POS\b", re.MULTILINE | re.IGNORECASE)
 _MOTIONS = re.compile(r"^/MN\b", re.MULTILINE | re.IGNORECASE)
-_POINT = re.compile(r"^\s*P\s*\[\s*(\d+)[^\]\r\n]*\]\s*\{(.*?)\}", re.M | re.DOTALL | re.IGNORECASE)
-_GROUP = re.compile(r"GP1\s*:(.*?)(?=GP\d+\s*:|\Z)", re.DOTALL | re.IGNORECASE)
+_LABEL = r"P\s*\[\s*(\d{1,6})(?!\d)"
+_POINT = re.compile(
+    rf'^[ \t]*{_LABEL}\s*(?::\s*"[^"\r\n]*"\s*|[^\]\r\n]*)\]\s*\{{([^{{}}]*)\}}',
+    re.MULTILINE | re.IGNORECASE,
+)
+_GROUP = re.compile(r"\bGP(\d)\s*:", re.IGNORECASE)
 _FRAMES = re.compile(r"\b(UF|UT)\s*:\s*(\w+)", re.IGNORECASE)
 _VALUE = re.compile(rf"\b([XYZWPR]|[JE]\d)\s*=\s*({NUMBER})\s*(mm|deg)\b", re.IGNORECASE)
-_TURNS = re.compile(r"CONFIG\s*:\s*'[^',]*,\s*(-?\d+)\s*,\s*(-?\d+)\s*,\s*(-?\d+)", re.IGNORECASE)
-_STATEMENT = re.compile(r"^[ \t]*\d+[ \t]*:([^;]*);", re.MULTILINE)
-_MOTION = re.compile(r"\s*([JLCA])\s+(?=@?PR?\s*\[)", re.IGNORECASE)
-_NAMED = re.compile(r"(?<!\w)P\s*\[\s*(\d+)", re.IGNORECASE)
-_INDIRECT = re.compile(r"(?<!\w)PR?\s*\[(?:[^\[\]]|\[[^\]]*\])*\]", re.IGNORECASE)
-_COMPUTED = re.compile(r"\b(Tool_Offset|Offset|VOFFSET|PTH_OFFSET|INC)\b", re.IGNORECASE)
+_TURNS = re.compile(
+    r"CONFIG\s*:\s*'[^',]*,\s*(-?\d{1,3})\s*,\s*(-?\d{1,3})\s*,\s*(-?\d{1,3})\b", re.IGNORECASE
+)
+_STATEMENT = re.compile(r"^[ \t]*\d+[ \t]*:([^;\r\n]*(?:[\r\n]+[ \t]*:[^;\r\n]*)*)", re.MULTILINE)
+_MOTION = re.compile(r"\s*([JLCAS])\s+(?=@?\s*PR?\s*\[)", re.IGNORECASE)
+_NAMED = re.compile(rf"(?<!\w){_LABEL}", re.IGNORECASE)
+_INDIRECT = re.compile(r"(?<!\w)PR?\s*\[(?:[^\[\]]|\[[^\[\]]*\])*\]", re.IGNORECASE)
+_READ = re.compile(r"\s*PR\s*\[(?:[^\[\]]|\[[^\[\]]*\])*\]\s*=", re.IGNORECASE)
+_COMPUTED = re.compile(
+    r"\b(Tool_Offset|Offset|VOFFSET|Touch_?Offset|PTH_OFFSET|RTCP|COORD|TRACK|INC)\b", re.IGNORECASE
+)
+_SELECTED = re.compile(
+    r"(?<!\w)\$?(?:MNU)?(UFRAME|UTOOL|FRAME|TOOL)(_?NUM)?\s*"
+    r"(?:\[([^=;\r\n]*)\])?(?:\.\s*\w+)?\s*=\s*([^;\r\n]*)",
+    re.IGNORECASE,
+)
 _POSE, _AXES = ("x", "y", "z", "w", "p", "r"), tuple(f"j{k}" for k in range(1, 7))
 _EXTERNAL = tuple(f"e{k}" for k in range(1, 10))
+_LEXICON = Lexicon(
+    motion=re.compile(
+        r"(?<![\w$])(PR?\s*\[[^\]\r\n]{0,40}\]?)|^[ \t]*\d+[ \t]*:\s*([JLCAS])[ \t]", re.M | re.I
+    ),
+    literal=re.compile(
+        r"(?:^|,)[ \t]*((?:X|J1)[ \t]*=[ \t]*[-+.\d]+)", re.MULTILINE | re.IGNORECASE
+    ),
+)
+
+
+@dataclass
+class _Tp(Reading):
+    """What was read so far of a TP program; points by their numbers.
+
+    Attributes:
+        tools_set: Why tools are not those of the points, by their numbers; "" is for all.
+        bases_set: Likewise.
+    """
+
+    tools_set: dict[str, str] = field(default_factory=dict)
+    bases_set: dict[str, str] = field(default_factory=dict)
 
 
 def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
@@ -56,52 +93,119 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     source = Source(file, text, _SILENT)
     positions = _POSITIONS.search(source.plain)
     end = positions.start() if positions else len(text)
-    points = {int(found[1]): _point(source, found) for found in _POINT.finditer(source.plain, end)}
-    order, left, moved = _motions(source, end)
-    order = order or ([] if left else list(points))  # without motions all are meant
-    targets = []
-    for label in dict.fromkeys(order):
-        point = points.get(label)
-        if label in moved:
-            left.append(moved[label])
-        elif isinstance(point, Target):
-            targets.append(point)
-        elif point is not None:
-            left.append(point)
-    frames = {"0": np.eye(4)}
-    return Program(file, text, FANUC, tuple(targets), tuple(sorted({*left})), frames, frames)
+    found = _Tp([source], _LEXICON)
+    found.tools["0"] = found.bases["0"] = np.eye(4)
+    for one in _POINT.finditer(source.plain, end):
+        found.account(source, *one.span())
+        found.points.setdefault(_number(one[1]), []).append(_point(source, one))
+    _motions(found, end)
+    if not (found.uses or found.left or found.following):  # without motions all are meant
+        found.named |= {*found.points}
+        for several in found.points.values():
+            _note(found, several, source, several[0].line)
+    return finished(found, file, text, FANUC)
 
 
-def _motions(source: Source, end: int) -> tuple[list[int], list[Left], dict[int, Left]]:
-    """Points in the order of the motions; what is not corrected; points that are no places."""
+def _number(label: str) -> str:
+    return f"P[{int(label)}]"
+
+
+def _motions(found: _Tp, end: int) -> None:
+    """Frames that the program sets, then its motions."""
+    source = found.sources[0]
     first = _MOTIONS.search(source.plain)
-    order: list[int] = []
-    left: list[Left] = []
-    moved: dict[int, Left] = {}
-    for found in _STATEMENT.finditer(source.plain, first.end() if first else 0, end):
-        if _MOTION.match(found[1]):
-            named = [int(number) for number in _NAMED.findall(found[1])]
-            why = _computed(found[1], named)
-            if why is None:
-                order += named
-                continue
-            left.append(Left(source.file, source.line(found.start(1)), why))
-            if why.endswith(_DISTANCE):
-                moved |= dict.fromkeys(named, left[-1])
-    return order, left, moved
+    start = first.end() if first else 0
+    statements = list(_STATEMENT.finditer(source.plain, start, max(start, end)))
+    for one in statements:
+        for selected in _SELECTED.finditer(one[1]):
+            _select(found, source.line(one.start(1)), selected)
+    for one in statements:
+        if _MOTION.match(one[1]):
+            found.account(source, one.start(), one.end())
+            _move(found, source, one)
+        else:
+            _other(found, source, one)
 
 
-def _computed(words: str, named: Sequence[int]) -> str | None:
+def _select(found: _Tp, line: int, selected: re.Match[str]) -> None:
+    """A frame that gets other numbers, or a choice of one that is known at run time only."""
+    frames = found.tools_set if "TOOL" in selected[1].upper() else found.bases_set
+    index, value = selected[3] or "", selected[4].strip()
+    if not selected[2]:
+        which = index if index.isdecimal() else ""
+        frames.setdefault(which, f"{selected[1].upper()}[{index}] is set on line {line}")
+    elif not value.isdecimal():
+        word = "UTOOL_NUM" if frames is found.tools_set else "UFRAME_NUM"
+        frames.setdefault("", f"{word} is known at run time only, from line {line} on")
+
+
+def _other(found: _Tp, source: Source, one: re.Match[str]) -> None:
+    """What is no motion: registers are computed from points, points from anything."""
+    sides = one[1].partition("=")
+    if _READ.match(one[1]):
+        found.account(source, one.start(), one.end())
+        found.read |= {_number(label) for label in _NAMED.findall(sides[2])}
+    elif "=" in one[1] and (set_ := _NAMED.match(one[1].lstrip())):
+        found.account(source, one.start(), one.end())
+        found.change(_number(set_[1]), source, one.start(1))
+    elif not _NAMED.search(one[1]) and not re.match(r"\s*[JLCAS]\s", one[1], re.IGNORECASE):
+        found.account(source, one.start(), one.end())  # a register by itself moves nothing
+
+
+def _move(found: _Tp, source: Source, one: re.Match[str]) -> None:
+    """The points of a motion."""
+    named = [_number(label) for label in _NAMED.findall(one[1])]
+    found.named |= {*named}
+    line = source.line(one.start(1))
+    why = _computed(one[1], named)
+    if why is not None and why.endswith(_DISTANCE):
+        found.following.append((Left(source.file, line, why), found.last))
+        for label in named:
+            found.changed.setdefault(label, _DISTANCE)
+    elif why is not None:
+        found.left.append(Left(source.file, line, why))
+    for label in named if why is None else ():
+        points = found.points.get(label, [])
+        if points:
+            _note(found, points, source, line)
+        else:
+            found.left.append(Left(source.file, line, f"{label} is not in this program"))
+
+
+def _note(found: _Tp, points: Sequence[Target | Left], source: Source, line: int) -> None:
+    """Note a motion to a point, or what is left of it."""
+    for point in points:
+        if isinstance(point, Left):
+            found.left.append(point)
+            continue
+        why = _unsteady(found, point)
+        if why:
+            found.left.append(Left(source.file, line, f"{point.name}: {why}"))
+        else:
+            found.uses.append(Use(point, point.tool, point.base))
+
+
+def _unsteady(found: _Tp, point: Target) -> str | None:
+    """Why the frames of a point are not those that it was taught in."""
+    pairs = [(found.tools_set, point.tool)]
+    pairs += [(found.bases_set, point.base)] if point.kind == "cartesian" else []
+    whys = (frames.get(name, frames.get("")) for frames, name in pairs)
+    return next((why for why in whys if why), None)
+
+
+def _computed(words: str, named: Sequence[str]) -> str | None:
     """Why the point of a motion is known at run time only; None where it is taught."""
-    computed = _COMPUTED.search(words)
-    if computed and computed[1].upper() == "INC":
-        return f"P[{named[0]}] {_DISTANCE}" if named else f"its point {_DISTANCE}"
+    computed = {one.upper(): one for one in _COMPUTED.findall(words)}
+    if "INC" in computed:
+        return f"{named[0]} {_DISTANCE}" if named else f"its point {_DISTANCE}"
     if computed:
-        return f"{computed[1]} moves the point at run time"
-    if named:
+        return f"{next(iter(computed.values()))} moves the point at run time"
+    registers = [
+        word[0] for word in _INDIRECT.finditer(words) if not _NAMED.fullmatch(word[0][:-1])
+    ]
+    if named and not any(word.upper().startswith("P[R") for word in registers):
         return None
-    word = _INDIRECT.search(words)
-    return f"{word[0] if word else 'its point'} is known at run time only"
+    return f"{registers[0] if registers else 'its point'} is known at run time only"
 
 
 _DISTANCE = "is a distance"
@@ -109,7 +213,7 @@ _DISTANCE = "is a distance"
 
 def _point(source: Source, found: re.Match[str]) -> Target | Left:
     """A point of /POS; why not, where it cannot be corrected."""
-    name, line = f"P[{found[1]}]", source.line(found.start(1))
+    name, line = _number(found[1]), source.line(found.start(1))
     start, end = _first_group(source.plain, *found.span(2))
     values = _values(source.plain, start, end)
     joint = "j1" in values
@@ -129,8 +233,11 @@ def _point(source: Source, found: re.Match[str]) -> Target | Left:
 
 def _first_group(plain: str, start: int, end: int) -> tuple[int, int]:
     """Where the arm's part of a point begins and ends; the others are of positioners."""
-    group = _GROUP.search(plain, start, end)
-    return group.span(1) if group else (start, end)
+    groups = list(_GROUP.finditer(plain, start, end))
+    first = next((k for k, one in enumerate(groups) if one[1] == "1"), None)
+    if first is None:
+        return (start, start) if groups else (start, end)
+    return groups[first].end(), groups[first + 1].start() if groups[first + 1 :] else end
 
 
 def _values(plain: str, start: int, end: int) -> dict[str, Number]:

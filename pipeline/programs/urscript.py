@@ -10,44 +10,72 @@ The tool is that of the last set_tcp in the text.
 from __future__ import annotations
 
 import re
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass, field
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.base.arrays import Array
-from pipeline.programs._text import Entry, Source, closing, entries, inner, numbers
+from pipeline.programs._flow import Held, Kind, Step, holding, interrupted
+from pipeline.programs._reading import Lexicon, Reading, finished
+from pipeline.programs._text import Entry, Source, entries, inner, numbers
 from pipeline.programs.notation import UR
-from pipeline.programs.program import Left, Program, Target, Use, changed, gathered
+from pipeline.programs.program import Left, Program, Target
 
 SUFFIXES = (".script", ".urscript")
 
 _SILENT = re.compile(r'"[^"\r\n]*"|\'[^\'\r\n]*\'|#[^\r\n]*')
 _ASSIGNED = re.compile(
-    r"^[ \t]*(?:(?:global|local)[ \t]+)?(\w+)[ \t]*(\[[^\]]*\])?[ \t]*=(?!=)[ \t]*", re.MULTILINE
+    r"^[ \t]*(?:(?:global|local)[ \t]+)?(\w+)[ \t]*+((?:\[[^\[\]\r\n]*\][ \t]*+){0,3})=(?!=)[ \t]*",
+    re.MULTILINE,
 )
 _CALL = re.compile(
     r"(?<![\w.])(movej|movel|movep|movec|servoj|servoc|speedl|speedj|set_tcp)\s*(?=\()"
 )
 _ARGUMENT = re.compile(r"(?:pose|q|pose_via|pose_to|p)\s*=\s*(?!=)")
 _INVERSE = re.compile(r"get_inverse_kin\s*(?=\()")
+_TCP = re.compile(r"tcp\w*\s*=")
+_PLAIN = 3
+"""Arguments of get_inverse_kin behind the pose that do not name another tool: joints near it, and
+how exactly it is solved."""
 _NEAR = re.compile(r"(?:qnear\s*=\s*)?")
 _NAMED = re.compile(r"(\w+)\s*(?:\[\s*(\w+)\s*\])?$")
+_OPENING, _EOL = re.compile(r"p?\s*\["), re.compile(r"[\r\n]|\Z")
 _POINTS = {"movec": 2, "servoc": 1}
 _SPEEDS = ("speedl", "speedj")
+_ROUTINE = re.compile(r"^[ \t]*(def|thread|sec)[ \t]+(\w+)[ \t]*\(([^()]*)", re.MULTILINE)
+_BLOCK = re.compile(
+    r"(?<![\w.])(if|elif|else|while|for|switch|case|default|def|thread|sec|end)\b(?!\s*=)"
+)
+_BLOCKS: dict[str, Kind] = {
+    "if": "open", "switch": "open", "elif": "branch", "case": "branch", "else": "else",
+    "default": "else", "while": "loop", "for": "loop", "def": "routine", "thread": "routine",
+    "sec": "routine", "end": "close",
+}  # fmt: skip
+_LEXICON = Lexicon(
+    motion=re.compile(
+        r"(?<![\w.])((?:opti)?move[jlpc]\w*|movej|movel|servo[a-z]\w*|speed[jl]\w*|mc_\w+|force_mode"
+        r"|freedrive_mode|teach_mode|path_offset_\w+|track_conveyor_\w+|screw_driving|jog\w*"
+        r"|pathmove\w*|direct_torque)\s*\("
+    ),
+    literal=re.compile(r"(?<!\w)(p)\s*\["),
+    reading=frozenset(
+        {"pose_trans", "pose_inv", "pose_add", "pose_sub", "pose_dist", "point_dist",
+         "interpolate_pose", "get_inverse_kin", "get_inverse_kin_has_solution", "get_forward_kin",
+         "wrench_trans", "textmsg", "popup", "to_str", "str_cat", "norm", "length", "size",
+         "is_within_safety_limits", "set_tcp", "rtde_set_watchdog"}
+    ),
+    cased=True,
+)  # fmt: skip
 
 
 @dataclass
-class _Reading:
-    """What was read so far."""
+class _Script(Reading):
+    """What was read so far of a script."""
 
-    source: Source
-    points: dict[str, list[Target | str]] = field(default_factory=dict)
-    computed: dict[str, int] = field(default_factory=dict)
-    uses: list[Use] = field(default_factory=list)
-    left: list[Left] = field(default_factory=list)
-    tools: dict[str, Array] = field(default_factory=dict)
-    tool: str = ""
+    @property
+    def source(self) -> Source:
+        """The file."""
+        return self.sources[0]
 
 
 def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
@@ -58,86 +86,136 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
         text: Its text.
         other: Nothing: a script stands alone.
     """
-    found = _Reading(Source(file, text, _SILENT))
-    for assigned in _ASSIGNED.finditer(found.source.plain):
-        _define(found, assigned)
-    for call in _CALL.finditer(found.source.plain):
-        _follow(found, call)
-    targets, left = gathered(found.uses, changed(found.points, found.computed))
-    told = tuple(sorted({*found.left, *left}))
-    return Program(file, text, UR, tuple(targets), told, found.tools, {"": np.eye(4)})
+    source = Source(file, text, _SILENT)
+    found = _Script([source], _LEXICON)
+    found.bases[""] = np.eye(4)
+    _define(found)
+    calls = list(_CALL.finditer(source.plain))
+    steps = sorted(_steps(found, calls), key=lambda one: one.at)
+    if any(one[1] == "thread" for one in _ROUTINE.finditer(source.plain)):
+        moves = (one for one in calls if one[1] != "set_tcp")
+        steps = interrupted(steps, ((one.start(), source.line(one.start())) for one in moves))
+    tool = holding(steps, "", "tool")
+    for call in calls:
+        _follow(found, call, tool)
+    return finished(found, file, text, UR)
 
 
-def _define(found: _Reading, assigned: re.Match[str]) -> None:
-    """What a variable is set to."""
-    name, plain = assigned[1], found.source.plain
-    value = _value(plain, assigned.end())
+def _define(found: _Script) -> None:
+    """What routines get, and what variables are set to."""
+    source, behind = found.source, 0
+    for routine in _ROUTINE.finditer(source.plain):
+        found.account(source, *routine.span())
+        for word in re.findall(r"\w+", routine[3]):
+            line = source.line(routine.start(1))
+            why = f"is given by the caller of the routine in line {line}"
+            found.changed.setdefault(word, why)
+    for assigned in _ASSIGNED.finditer(source.plain):
+        found.account(source, *assigned.span())
+        if assigned.start() >= behind:
+            behind = _assign(found, assigned)
+
+
+def _assign(found: _Script, assigned: re.Match[str]) -> int:
+    """What a variable is set to; where that ends."""
+    name, source = assigned[1], found.source
+    value = _value(source, assigned.end())
     points = [] if assigned[2] else list(_points(found, name, value))
     if points and all(isinstance(point, Target) for point in points):
         found.points.setdefault(name, []).extend(points)
     else:
-        found.computed[name] = found.source.line(assigned.start(1))
+        found.change(name, source, assigned.start(1))
+        if found.lexicon.literal.match(source.plain, value.start):
+            found.account(source, value.start, value.start + 1)
+    return value.end
 
 
-def _value(plain: str, start: int) -> Entry:
+def _value(source: Source, start: int) -> Entry:
     """What stands behind an equals sign: a list over several lines, or the rest of one."""
-    opening = re.compile(r"p?\s*\[").match(plain, start)
-    last = closing(plain, opening.end() - 1) if opening else None
-    end = re.compile(r"[\r\n]|\Z").search(plain, start if last is None else last)
+    plain = source.plain
+    opening = _OPENING.match(plain, start)
+    last = source.closing.get(opening.end() - 1) if opening else None
+    end = _EOL.search(plain, start if last is None else last)
     text = plain[start : end.start() if end else len(plain)]
     return Entry(start, start + len(text), text.rstrip())
 
 
 def _points(
-    found: _Reading, name: str, value: Entry, several: bool = True
-) -> Iterator[Target | str]:
+    found: _Script, name: str, value: Entry, several: bool = True
+) -> Iterator[Target | Left]:
     """The points of a value, several in a list of them; why not, where one cannot be corrected."""
-    plain, pose = found.source.plain, value.text.startswith("p")
+    source, pose = found.source, value.text.startswith("p")
     shift = len(value.text) - len(value.text[1:].lstrip()) if pose else 0
     listed = Entry(value.start + shift, value.end, value.text[shift:])
-    parts = inner(plain, listed)
+    parts = inner(source, listed)
     own = numbers(parts)
+    line = source.line(value.start)
     if own is not None and len(own) == 6:
         kind = "cartesian" if pose else "joint"
-        line = found.source.line(value.start)
-        yield Target(name, found.source.file, line, kind, own)  # type: ignore[arg-type]
+        found.account(source, value.start, value.start + 1)
+        yield Target(name, source.file, line, kind, own)  # type: ignore[arg-type]
     elif several and parts and not pose and parts[0].text.startswith(("p", "[")):
         for k, part in enumerate(parts):
             yield from _points(found, f"{name}[{k}]", part, several=False)
     else:
-        yield f"{name} is computed at run time"
+        yield Left(source.file, line, f"{name} is computed at run time")
 
 
-def _follow(found: _Reading, call: re.Match[str]) -> None:
-    """A call as the robot carries it out: a tool, or a motion."""
-    plain, name = found.source.plain, call[1]
-    last = closing(plain, call.end())
-    given = entries(plain, call.end() + 1, len(plain) if last is None else last)
-    line = found.source.line(call.start())
-    if name == "set_tcp":
-        _tool(found, given[0], line)
-    elif name in _SPEEDS:
-        found.left.append(Left(found.source.file, line, f"{name} has a speed and no target"))
-    else:
+def _steps(found: _Script, calls: Sequence[re.Match[str]]) -> Iterator[Step]:
+    """What sets the tool, and the blocks that it stands in."""
+    source = found.source
+    for block in _BLOCK.finditer(source.plain):
+        yield Step(block.start(1), _BLOCKS[block[1]], source.line(block.start(1)))
+    for call in calls:
+        if call[1] == "set_tcp":
+            line = source.line(call.start())
+            yield Step(call.start(), "set", line, _tool(found, call, line))
+    names = {one[2] for one in _ROUTINE.finditer(source.plain)}
+    for called in re.finditer(r"(?<!\w)(?<!def )(?<!thread )(\w++)\s*+\(", source.plain):
+        if called[1] in names:
+            yield Step(called.start(), "call", source.line(called.start()))
+
+
+def _arguments(found: _Script, call: re.Match[str]) -> list[Entry] | None:
+    """What stands between the brackets of a call; None where these have no end."""
+    last = found.source.closing.get(call.end())
+    return None if last is None else entries(found.source.plain, call.end() + 1, last)
+
+
+def _follow(found: _Script, call: re.Match[str], tool: Callable[[int], Held]) -> None:
+    """A motion as the robot carries it out."""
+    source, name = found.source, call[1]
+    given = _arguments(found, call)
+    found.account(source, call.start(), call.end() if given is None else given[-1].end + 1)
+    if name in _SPEEDS:
+        found.leave(source, call.start(), f"{name} has a speed and no target")
+    elif given is None:
+        found.leave(source, call.start(), f"{name} has no end")
+    elif name != "set_tcp":
         for entry in given[: _POINTS.get(name, 1)]:
-            if why := _use(found, entry):
-                found.left.append(Left(found.source.file, found.source.line(entry.start), why))
+            if why := _use(found, entry, tool(call.start())):
+                found.leave(source, entry.start, why)
 
 
-def _tool(found: _Reading, entry: Entry, line: int) -> None:
-    """The tool that holds from here on."""
-    found.tool = f"line {line}"
-    points = found.points.get(entry.text, []) if entry.text not in found.computed else []
+def _tool(found: _Script, call: re.Match[str], line: int) -> str:
+    """The tool that holds from here on; it is kept if it is known."""
+    name = f"line {line}"
+    given = _arguments(found, call) or [Entry(call.end(), call.end(), "")]
+    said = _without(given[0], _ARGUMENT)
+    points = found.points.get(said.text, []) if said.text not in found.changed else []
     if not points:
-        points = list(_points(found, "tool", entry))
+        points = list(_points(found, "tool", said))
+    else:
+        found.named.add(said.text)
     if len(points) == 1 and isinstance(points[0], Target) and points[0].kind == "cartesian":
-        found.tools[found.tool] = UR.frame(points[0].values)
+        found.tools[name] = UR.frame(points[0].values)
+    return name
 
 
-def _use(found: _Reading, entry: Entry) -> str | None:
+def _use(found: _Script, entry: Entry, tool: Held) -> str | None:
     """Note a motion to a point; why not, where it cannot be corrected."""
     entry, near = _inside(found, _without(entry, _ARGUMENT))
-    points: Sequence[Target | str]
+    points: Sequence[Target | Left]
     if entry.text.startswith("[") or re.match(r"p\s*\[", entry.text):
         points = list(_points(found, f"the target in line {found.source.line(entry.start)}", entry))
     elif named := _NAMED.match(entry.text):
@@ -146,12 +224,8 @@ def _use(found: _Reading, entry: Entry) -> str | None:
         return f"{entry.text} is computed at run time"
     if not points:
         return f"{entry.text} is computed at run time"
-    for point in points:
-        if isinstance(point, str):
-            return point
-        with_start = Target(**{**vars(point), "near": near})
-        found.uses.append(Use(with_start, found.tool, ""))
-    return None
+    stated = [one if isinstance(one, Left) else replace(one, near=near) for one in points]
+    return found.use(stated, tool, "")
 
 
 def _without(entry: Entry, prefix: re.Pattern[str]) -> Entry:
@@ -162,27 +236,31 @@ def _without(entry: Entry, prefix: re.Pattern[str]) -> Entry:
     return Entry(entry.start + named.end(), entry.end, entry.text[named.end() :])
 
 
-def _inside(found: _Reading, entry: Entry) -> tuple[Entry, tuple[float, ...]]:
+def _inside(found: _Script, entry: Entry) -> tuple[Entry, tuple[float, ...]]:
     """The pose within get_inverse_kin(pose, qnear), and the joints near which it is looked for."""
-    plain, call = found.source.plain, _INVERSE.match(entry.text)
+    source, call = found.source, _INVERSE.match(entry.text)
     if call is None:
         return entry, ()
     start = entry.start + call.end()
-    last = closing(plain, start)
+    last = source.closing.get(start)
     if last is None or last + 1 != entry.start + len(entry.text):
         return entry, ()
-    first, *more = entries(plain, start + 1, last)
+    first, *more = entries(source.plain, start + 1, last)
+    if any(_TCP.match(one.text) for one in more) or len(more) > _PLAIN:
+        return entry, ()
     near: tuple[float, ...] = ()
     for other in more[:1]:
         said = _without(other, _NEAR)
         points = found.points.get(said.text, []) or list(_points(found, "", said))
+        found.named.add(said.text)
         near = next((p.values for p in points if isinstance(p, Target)), ())
-    return first, near
+    return _without(first, _ARGUMENT), near
 
 
-def _named(found: _Reading, name: str, index: str | None) -> Sequence[Target | str]:
+def _named(found: _Script, name: str, index: str | None) -> Sequence[Target | Left]:
     """The points of a name; all elements of a list where the index is computed."""
     points = found.points.get(name, [])
-    if index and index.isdigit():
-        return points[int(index) : int(index) + 1]
+    found.named.add(name)
+    if index and index.isdecimal() and len({one.line for one in points}) <= 1 + len(points):
+        return points[int(index[:9]) : int(index[:9]) + 1]
     return points

@@ -10,7 +10,7 @@ import typer
 from typer import Argument, Option
 
 from pipeline.app.commands._shared import Named, Root, app, fitted
-from pipeline.app.corrected import Frame, Given, listed_lines, program, write
+from pipeline.app.corrected import Frame, Given, beside_input, listed_lines, program, write
 from pipeline.base import files
 
 _NAMED = "[NAME=]X,Y,Z,A,B,C, as the program writes poses"
@@ -80,6 +80,14 @@ def compensate(
             "Never in data/raw."
         ),
     ] = None,
+    partial: Annotated[
+        bool,
+        Option(
+            "--partial",
+            help="Write a program although motions or points of it cannot be corrected; each is "
+            "listed with its line.",
+        ),
+    ] = False,
     root: Root = Path(),
 ) -> None:
     """Correct a path or a robot program for the deflection under load.
@@ -92,12 +100,14 @@ def compensate(
     from pipeline.programs import dialect
     from pipeline.store.campaign import outside_raw
 
-    given = Given(tip, force, force_frame, tool or (), base or (), world, flange, start)
+    given = Given(tip, force, force_frame, tool or (), base or (), world, flange, start, partial)
     try:
         if not dialect(path.name):
             written, remarks = write(root, campaign, path, output=output, given=given)
             typer.echo(written)
         else:
+            if output is not None:
+                beside_input(path, output)
             data, remarks = program(root, campaign, path, given)
             _put(data, None if output is None else outside_raw(root, output))
     except Refused as wrong:

@@ -1,0 +1,204 @@
+"""What holds where a motion stands: the tool, the frame, a displacement, whatever branches come.
+
+A program is a sequence of steps in the order of its text. Where two ways lead to the same place
+with different values, nobody knows which holds there; then it is said, and nothing is corrected.
+"""
+
+from __future__ import annotations
+
+from bisect import bisect_right
+from collections import Counter
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, field
+from itertools import pairwise
+from typing import Literal, NamedTuple
+
+Kind = Literal[
+    "set", "open", "loop", "branch", "else", "scope", "routine", "close", "call", "label"
+]
+"""`open`, `loop`, `scope` and `routine` begin a block, `branch` and `else` another way through it.
+A `scope` gives back at its end what held before it; a `call` is of another routine of the text."""
+
+
+_BEGIN = ("open", "loop", "scope", "routine")
+
+
+@dataclass(frozen=True)
+class Unsure:
+    """Nobody knows what holds.
+
+    Attributes:
+        why: In words for a sentence.
+    """
+
+    why: str
+
+
+Held = str | Unsure
+"""The name of what holds."""
+
+
+class Step(NamedTuple):
+    """One step of a program.
+
+    Attributes:
+        at: Its letter in the text.
+        kind: What it is.
+        line: Its line, from 1.
+        value: What it sets, if it does.
+    """
+
+    at: int
+    kind: Kind
+    line: int
+    value: Held = ""
+
+
+@dataclass
+class _Block:
+    """A block that is not closed yet.
+
+    Attributes:
+        begun: Its first step.
+        entry: What held before it.
+        ends: What holds at the end of each way through it so far.
+        every: One of its ways is always taken.
+    """
+
+    begun: Step
+    entry: Held
+    ends: list[Held] = field(default_factory=list)
+    every: bool = False
+
+
+def holding(steps: Sequence[Step], first: str, thing: str) -> Callable[[int], Held]:
+    """What holds at a place of the text.
+
+    Args:
+        steps: In the order of the text.
+        first: What holds before any of them.
+        thing: What it is, for a sentence.
+    """
+    flow = _Flow(steps, first, thing)
+    marks = [(0, flow.now)]
+    for step in steps:
+        flow.take(step)
+        marks.append((step.at, flow.now))
+    places = [at for at, _ in marks]
+    return lambda at: marks[bisect_right(places, at) - 1][1]
+
+
+def interrupted(steps: Sequence[Step], motions: Iterable[tuple[int, int]]) -> list[Step]:
+    """The steps where another routine may run before each motion, by an interrupt or beside it.
+
+    Args:
+        steps: Without that.
+        motions: Letter and line of each.
+    """
+    calls = [Step(at, "call", line) for at, line in motions]
+    return sorted([*steps, *calls], key=lambda one: one.at)
+
+
+def _within(steps: Iterable[Step]) -> dict[int, set[Held]]:
+    """What is set within each block, by the place where it begins; -1 is for the whole text."""
+    found: dict[int, set[Held]] = {-1: set()}
+    open_: list[tuple[int, Kind]] = [(-1, "routine")]
+    for step in steps:
+        if step.kind in _BEGIN:
+            open_.append((step.at, step.kind))
+            found[step.at] = set()
+        elif step.kind == "set":
+            found[open_[-1][0]].add(step.value)
+        elif step.kind == "close" and len(open_) > 1:
+            at, kind = open_.pop()
+            found[open_[-1][0]] |= found[at] if kind != "scope" else set()
+    for (outer, _), (at, _) in reversed(list(pairwise(open_))):
+        found[outer] |= found[at]
+    return found
+
+
+class _Flow:
+    """What holds while one step after the other is taken."""
+
+    def __init__(self, steps: Sequence[Step], first: str, thing: str) -> None:
+        self.within, self.first, self.thing = _within(steps), first, thing
+        routines = (step.at for step in steps if step.kind == "routine")
+        self.setters = Counter(value for at in routines for value in self.within[at])
+        self.others: dict[int, set[Held]] = {}
+        self.now: Held = first
+        self.blocks: list[_Block] = []
+        self.routines = 0
+        self.sure: set[Held] = set()
+
+    def take(self, step: Step) -> None:
+        """The next step."""
+        match step.kind:
+            case "set":
+                self._set(step.value)
+            case kind if kind in _BEGIN:
+                self._begin(step)
+            case "branch" | "else":
+                self._turn(step)
+            case "close":
+                self._end()
+            case "call" if self._elsewhere() - {self.now}:
+                self.now = Unsure(
+                    f"a routine called in line {step.line} or before may change the {self.thing}"
+                )
+            case "label" if self.within[-1] - {self.now}:
+                self.now = Unsure(f"line {step.line} can be jumped to with another {self.thing}")
+
+    def _set(self, value: Held) -> None:
+        self.now = value
+        if self.routines <= 1 and all(one.begun.kind == "routine" for one in self.blocks):
+            self.sure.add(value)
+
+    def _begin(self, step: Step) -> None:
+        self.blocks.append(_Block(step, self.now))
+        sets = self.within[step.at]
+        if step.kind == "routine":
+            self.now = self._entered(step)
+        elif step.kind == "loop" and sets - {self.now}:
+            self.now = self._depends(step)
+
+    def _entered(self, step: Step) -> Held:
+        """What holds where a routine begins: the first is the program, others are called by it."""
+        self.routines += 1
+        everywhere = self.within[-1]
+        if self.routines == 1 or not everywhere:
+            return self.first
+        if len(everywhere) == 1 and everywhere <= self.sure:
+            return next(iter(everywhere))
+        why = f"the {self.thing} in the routine of line {step.line} is that of its caller"
+        return Unsure(why)
+
+    def _elsewhere(self) -> set[Held]:
+        """All that is set in other routines than this."""
+        mine = {one.begun.at for one in self.blocks if one.begun.kind == "routine"}
+        key = max(mine, default=-1)
+        if key not in self.others:
+            own = self.within.get(key, set())
+            self.others[key] = {v for v, times in self.setters.items() if times > (v in own)}
+        return self.others[key]
+
+    def _turn(self, step: Step) -> None:
+        if not self.blocks or self.blocks[-1].begun.kind != "open":
+            return
+        block = self.blocks[-1]
+        block.ends.append(self.now)
+        block.every |= step.kind == "else"
+        self.now = block.entry
+
+    def _end(self) -> None:
+        if not self.blocks:
+            return
+        block = self.blocks.pop()
+        if block.begun.kind in ("routine", "scope"):
+            self.now = block.entry
+            return
+        ends = {*block.ends, self.now, *(() if block.every else (block.entry,))}
+        if len(ends) > 1:
+            self.now = self._depends(block.begun)
+
+    def _depends(self, step: Step) -> Unsure:
+        return Unsure(f"the {self.thing} depends on what line {step.line} decides")

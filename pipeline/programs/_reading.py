@@ -1,0 +1,246 @@
+"""What is read of a program of any language, and the rule that nothing of it is overlooked.
+
+A language says what it understood: motions, points, and the stretches of text it accounts for. A
+second look, which knows words only and no grammar, then finds every word like a motion and every
+mention of a taught point. What the language did not account for is left, with its line.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, field
+
+from pipeline.base.arrays import Array
+from pipeline.programs._flow import Held, Unsure
+from pipeline.programs._text import Source
+from pipeline.programs.notation import Notation
+from pipeline.programs.program import Left, Program, Target, Use, gathered
+
+
+@dataclass(frozen=True)
+class Lexicon:
+    """Words of a language, wherever they stand.
+
+    Attributes:
+        motion: Every word like a motion.
+        literal: How coordinates begin that are written into the text.
+        reading: Functions that read a point, and neither change it nor move to it.
+        end: What ends a statement.
+        statements: A word without brackets may be a call: its arguments stand behind it.
+        cased: Small letters are not capital ones.
+    """
+
+    motion: re.Pattern[str]
+    literal: re.Pattern[str]
+    reading: frozenset[str] = frozenset()
+    end: str = "\n"
+    statements: bool = False
+    cased: bool = False
+
+    def key(self, name: str) -> str:
+        """A name as it is looked up."""
+        return name if self.cased else name.lower()
+
+
+@dataclass
+class Reading:
+    """What was read so far; names as they are looked up.
+
+    Attributes:
+        sources: The files.
+        lexicon: Words of the language.
+        points: Taught points; what is left of those that cannot be corrected.
+        changed: Why points or frames of these names are not as taught when they are used.
+        named: Points that motions name.
+        read: Points that something else is computed from.
+        uses: The motions.
+        left: What is not corrected.
+        following: Motions by a distance, and the place of the point before them.
+        tools: Frames by name, each (4, 4).
+        bases: Likewise.
+        steady: Names of points that no motion needs: frames.
+    """
+
+    sources: Sequence[Source]
+    lexicon: Lexicon
+    points: dict[str, list[Target | Left]] = field(default_factory=dict)
+    changed: dict[str, str] = field(default_factory=dict)
+    named: set[str] = field(default_factory=set)
+    read: set[str] = field(default_factory=set)
+    uses: list[Use] = field(default_factory=list)
+    left: list[Left] = field(default_factory=list)
+    following: list[tuple[Left, tuple[str, int] | None]] = field(default_factory=list)
+    tools: dict[str, Array] = field(default_factory=dict)
+    bases: dict[str, Array] = field(default_factory=dict)
+    steady: set[str] = field(default_factory=set)
+    _known: dict[str, bytearray] = field(default_factory=dict)
+
+    def account(self, source: Source, start: int, end: int) -> None:
+        """Say that the language has understood a stretch of text."""
+        mask = self._mask(source)
+        mask[start:end] = b"\1" * (min(end, len(mask)) - start)
+
+    def _mask(self, source: Source) -> bytearray:
+        if source.file not in self._known:
+            self._known[source.file] = bytearray(len(source.text))
+        return self._known[source.file]
+
+    def change(self, name: str, source: Source, at: int) -> None:
+        """Note that the program itself gives a point or a frame another value."""
+        self.changed.setdefault(name, f"is changed at run time on line {source.line(at)}")
+
+    def leave(self, source: Source, at: int, why: str) -> None:
+        """Note what is not corrected."""
+        self.left.append(Left(source.file, source.line(at), why))
+
+    def use(self, points: Sequence[Target | Left], tool: Held, base: Held) -> str | None:
+        """Note a motion to a point, or to any of several; why not, where it cannot be corrected.
+
+        Args:
+            points: They.
+            tool: What holds, or that nobody knows.
+            base: Likewise; axes stand in no frame.
+        """
+        unfit = next((one.why for one in points if isinstance(one, Left)), None)
+        targets = [one for one in points if isinstance(one, Target)]
+        posed = any(one.kind == "cartesian" for one in targets)
+        held = (tool, base) if posed else (tool,)
+        unsure = next((one.why for one in held if isinstance(one, Unsure)), None)
+        if why := unfit or unsure:
+            return why
+        for one in targets:
+            self.uses.append(Use(one, str(tool), str(base) if posed else ""))
+        return None
+
+    @property
+    def last(self) -> tuple[str, int] | None:
+        """The place of the point that the last motion went to."""
+        return self.uses[-1].target.place if self.uses else None
+
+
+def finished(found: Reading, file: str, text: str, notation: Notation) -> Program:
+    """The program, with all that the language did not account for among what is left."""
+    for source in found.sources:
+        _hand_over(found, source)
+        _overlooked(found, source)
+    changed = {
+        one.place: why
+        for name, why in found.changed.items()
+        for one in found.points.get(name, ())
+        if isinstance(one, Target)
+    }
+    targets, left = gathered([*_steady(found)], changed)
+    places = {one.place for one in targets}
+    follow = [one._replace(counts=place not in places) for one, place in found.following]
+    every = sorted({*found.left, *left, *follow, *_spare(found)})
+    own, other = ([one for one in every if (one.file == file) is mine] for mine in (True, False))
+    return Program(
+        file, text, notation, tuple(targets), tuple(own), tuple(other), found.tools, found.bases
+    )
+
+
+def _steady(found: Reading) -> Iterator[Use]:
+    """Motions whose tool and frame are as declared; the others are left."""
+    for use in found.uses:
+        moved = next((one for one in (use.tool, use.base) if one in found.changed), None)
+        if moved is None:
+            yield use
+        else:
+            why = f"{use.target.name} stands in {moved}, which {found.changed[moved]}"
+            found.left.append(Left(use.target.file, use.target.line, why))
+
+
+def _overlooked(found: Reading, source: Source) -> None:
+    """Words like motions that the language has not understood."""
+    known = found._mask(source)
+    for word in found.lexicon.motion.finditer(source.plain):
+        at = word.start(word.lastindex or 0)
+        if not known[at]:
+            said = " ".join(word[word.lastindex or 0].split())
+            found.leave(source, at, f"{said} is no motion known here")
+
+
+def _hand_over(found: Reading, source: Source) -> None:
+    """Points, frames and coordinates that other routines get: they may be changed or moved to."""
+    known, names = found._mask(source), {*found.points, *found.tools, *found.bases} - {""}
+    for at, name, to in _mentions(source, found.lexicon, names):
+        if known[at]:
+            continue
+        if not name:
+            if to is not None:
+                to = "what is not known here" if to == ":=" else to
+                found.leave(source, at, f"coordinates are handed to {to}, which may move there")
+        elif to is None:
+            found.read.add(name)
+        elif to == ":=":
+            found.change(name, source, at)
+        else:
+            why = f"is handed to {to} on line {source.line(at)}, which may change it or move there"
+            found.changed.setdefault(name, why)
+
+
+_TOKEN = re.compile(
+    r"(?P<switch>\\\s*)?(?<![\w$#.])(?P<name>[A-Za-z_]\w*)|(?P<sign>[()\[\]{};\n]|:=)"
+)
+_SET = re.compile(r"\s*(?:[\[{][^\[\]{};\r\n]*[\]}]\s*){0,3}(?:\s*\.\s*\w+)*\s*:?=(?!=)")
+_STARTS = frozenset({"then", "else", "do", "endif", "endfor", "endwhile", "error"})
+_NO_CALL = _STARTS | {"if", "elif", "elseif", "while", "until", "and", "or", "not", "xor", "exor"}
+
+
+def _mentions(
+    source: Source, lexicon: Lexicon, names: set[str]
+) -> Iterator[tuple[int, str, str | None]]:
+    """Where names stand, and what gets them: a routine, an assignment, or what only reads them.
+
+    Coordinates have an empty name.
+    """
+    literals = {one.start(1) for one in lexicon.literal.finditer(source.plain)}
+    calls: list[str] = []
+    head, before, assigned = "", "", False
+    for token in _TOKEN.finditer(source.plain):
+        word, sign = token["name"], token["sign"]
+        key, at = lexicon.key(word) if word else "", token.start("name" if word else "sign")
+        if at in literals or (key in names and not token["switch"]):
+            name = "" if at in literals else key
+            yield at, name, _getter(source, lexicon, token, calls, head, assigned)
+        if sign == lexicon.end and not (calls and lexicon.cased):
+            calls, head, assigned = [], "", False
+        elif sign == ":=":
+            assigned = True
+        elif sign in tuple("([{"):
+            called = before if sign == "(" and before.lower() not in _NO_CALL else ""
+            calls.append(called or (calls[-1] if calls else ""))
+        elif sign in tuple(")]}") and calls:
+            calls.pop()
+        head = "" if word and word.lower() in _STARTS else head or (word or "")
+        before = word or ""
+
+
+def _getter(
+    source: Source,
+    lexicon: Lexicon,
+    token: re.Match[str],
+    calls: Sequence[str],
+    head: str,
+    assigned: bool,
+) -> str | None:
+    """What gets a name: a routine, an assignment (`:=`); None for what only reads it."""
+    if not (calls and calls[-1]) and _SET.match(source.plain, token.end()):
+        return ":="
+    if calls and calls[-1]:
+        return None if calls[-1].lower() in lexicon.reading else calls[-1]
+    return (head or "a routine") if lexicon.statements and not assigned else None
+
+
+def _spare(found: Reading) -> Iterator[Left]:
+    """Points that no motion names: they count where something else does."""
+    for name, several in found.points.items():
+        if name in found.named or name in found.steady:
+            continue
+        for one in several:
+            why = found.changed.get(name, "is taught, and no motion here goes to it")
+            word = one.name if isinstance(one, Target) else name
+            yield Left(
+                one.file, one.line, f"{word} {why}", name in found.changed or name in found.read
+            )
