@@ -41,15 +41,19 @@ pytestmark = [
 
 
 @contextlib.contextmanager
-def serving(root, port, stop=signal.SIGINT, command="serve"):
-    """`pipeline serve` until the end of the block; then the signal, and its exit code."""
+def serving(root, port, stop=signal.SIGINT, command="serve", cwd=HERE, script=None):
+    """`pipeline serve` until the end of the block; then the signal, and its exit code.
+
+    It is started in the folder `cwd`, as a script where one is given.
+    """
     clean = {k: v for k, v in os.environ.items() if not k.startswith(("PREFECT_", "PIPELINE_"))}
-    said = root / "said.txt"
+    said = cwd / root / "said.txt"
+    program = ["-m", "pipeline"] if script is None else [script]
     words = ["--port", str(port)] if command == "serve" else []
     with said.open("wb") as kept:
         process = subprocess.Popen(
-            [sys.executable, "-m", "pipeline", command, "--root", root, *words],
-            cwd=HERE,
+            [sys.executable, *program, command, "--root", root, *words],
+            cwd=cwd,
             env=clean | {"PYTHONPATH": str(HERE)},
             stdout=kept,
             stderr=kept,

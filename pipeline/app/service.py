@@ -8,6 +8,7 @@ from __future__ import annotations
 import base64
 import http.client
 import json
+import importlib.util
 import os
 import secrets
 import shutil
@@ -160,6 +161,8 @@ def settle(root: Path) -> None:
     given("PREFECT_SERVER_DATABASE_TIMEOUT", "60")  # a busy disk locks SQLite
     given("PREFECT_SERVER_DATABASE_CONNECTION_TIMEOUT", "60")
     given("PREFECT_SERVER_SERVICES_DB_VACUUM_ENABLED", "events,flow_runs")
+    given("PREFECT_PROFILES_PATH", os.devnull)
+    given("PREFECT_LOGGING_SETTINGS_PATH", _logging())
     given("PREFECT_SERVER_SERVICES_DB_VACUUM_RETENTION_PERIOD", str(_KEPT_S))
     given("PREFECT_SERVER_CORS_ALLOWED_ORIGINS", "")
     given("PREFECT_LOGGING_HANDLERS_CONSOLE_LEVEL", "CRITICAL")
@@ -181,6 +184,14 @@ def known_password(root: Path) -> str | None:
         return (root / HOME / PASSWORD).read_text()
     except (OSError, ValueError):
         return None
+def _logging() -> str:
+    """Prefect's own settings of its logs, else it takes a file of its home, which can run code."""
+    package = importlib.util.find_spec("prefect")  # which imports nothing
+    assert package is not None
+    assert package.origin is not None
+    return str(Path(package.origin).parent / "logging" / "logging.yml")
+
+
 
 
 def answers(api: str) -> bool:

@@ -17,6 +17,7 @@ from pipeline.app.processes import sheltered
 from pipeline.app.progress import Progress, Tell, told
 from pipeline.base import files
 from pipeline.base.errors import InputError, PipelineError, UsageError
+from pipeline.base.environment import elsewhere
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import Campaign
 
@@ -97,10 +98,12 @@ def _through_prefect(campaign: Campaign, force: bool, tell: Tell) -> Answer:
         home.mkdir(parents=True, exist_ok=True)
     service.has_room(home)
     service.settle(campaign.root)
-    from pipeline.app.flow import identified, telling  # importing Prefect takes two seconds
+    there = Campaign(campaign.root.absolute(), campaign.folder.absolute())
+    with elsewhere():
+        from pipeline.app.flow import identified, telling  # importing Prefect takes two seconds
 
-    with telling(tell), sheltered(signal.SIGUSR1):
-        return identified(campaign, force)
+        with telling(tell), sheltered(signal.SIGUSR1):
+            return identified(there, force)
 
 
 def check(root: Path, name: str) -> Outcome:

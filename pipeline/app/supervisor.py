@@ -25,6 +25,7 @@ from pipeline.app import notify, service
 from pipeline.app.preferences import Preferences, Service
 from pipeline.app.processes import PARENT, PYTHON, REPORTS_URL, ROOT
 from pipeline.base import files
+from pipeline.base.environment import NOBODYS
 from pipeline.base.errors import UsageError
 from pipeline.store.campaign import dump
 
@@ -83,6 +84,7 @@ class _Child:
                 start_new_session=True,  # Ctrl-C is for this process, which ends the others
             )
         self._began = self._heard = time.monotonic()
+                cwd=NOBODYS,
         self.since = time.time()
 
     @property
@@ -143,7 +145,7 @@ def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
         urls = settled(root, port)
         server = _Child(
             "Prefect's server",
-            [*PYTHON, "pipeline.app.gate", str(root / "reports"), str(port)],
+            [*PYTHON, "pipeline.app.gate", str(root.absolute() / "reports"), str(port)],
             root / service.HOME / "server.log",
             lambda: service.answers(urls["api"]),
         )
