@@ -495,6 +495,23 @@ def test_what_stands_still_is_started_again(tmp_path):
     assert not alive(still)
 
 
+def test_a_damaged_database_stops_nobody(tmp_path):
+    """Damaged before the service starts and while it runs: it goes on with another, and says so."""
+    raw = project(tmp_path, "a")
+    base = tmp_path / ".prefect" / "prefect.db"
+    base.parent.mkdir(mode=0o700)
+    base.write_bytes(os.urandom(20000))
+    with serving(tmp_path, free_port()):
+        until(lambda: reported(tmp_path, "a"), 150)
+        with base.open("r+b") as file:
+            file.write(os.urandom(2**20))
+        shutil.copytree(KEPT, raw / "b")
+        until(lambda: reported(tmp_path, "b"), 360)
+
+    assert told(tmp_path).count("cannot be read") == 2
+    assert len(list(base.parent.glob("prefect.db.damaged-*[0-9]"))) == 2
+
+
 @pytest.mark.parametrize("left", ["", "pipeline", "a b:c\n"])
 def test_half_a_password_is_none(tmp_path, monkeypatch, left):
     """As a full disk leaves it: a new one, for its owner only, and the service works."""
