@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 
 _T = TypeVar("_T", bound=np.generic)
@@ -56,15 +57,23 @@ class Blocks(Locked):
         return s > _SMALL and p * s**3 > _WASTE * int((self.count.astype(np.int64) ** 3).sum())
 
     def square(self, work: Callable[[Array], Array], padded: Array) -> Array:
-        """Work on stacks of matrices (p, s, s), done on each without its padding where it counts.
+        """Work on matrices (p, s, s), of each without its padding where that counts.
 
-        The padding is the identity, and stays it.
+        There it is done in place; the padding is the identity, and stays it.
         """
         if not self.uneven:
             return work(padded)
-        out = padded.copy()
-        for one, n in zip(out, self.count, strict=True):
+        for one, n in zip(padded, self.count, strict=True):
             one[:n, :n] = work(one[:n, :n])
+        return padded
+
+    def solve(self, A: Array, padded: Array) -> Array:
+        """Solutions of the regular A x = y of each block, (p, s, s) and (p, s, j), likewise."""
+        if not self.uneven:
+            return linear.solve(A, padded)
+        out = np.zeros_like(padded)
+        for one, a, y, n in zip(out, A, padded, self.count, strict=True):
+            one[:n] = linear.solve(a[:n, :n], y[:n])
         return out
 
     @property
