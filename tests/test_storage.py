@@ -472,3 +472,27 @@ def test_an_old_object_is_not_taken_for_the_new_one(made, tmp_path, age_s):
 
     assert mirror.fetch(tmp_path, WHERE) == []
     assert here.read_bytes() == new
+
+
+JUNK = [
+    b"",
+    b"[1]",
+    b'{"copied": 1}',
+    b'{"copied": {"z/campaign.toml": 5}}',
+    b'{"copied": {"z/campaign.toml": []}}',
+    b'{"copied": {"z/campaign.toml": [4, 0.0]}}',
+    b'{"told": 5}',
+    b'{"put": [1]}',
+    b'{"other": 1}',
+]
+
+
+@pytest.mark.parametrize("junk", JUNK)
+def test_a_damaged_note_is_none(made, tmp_path, junk):
+    """What is known of the storage is found out again; the same objects are copies of ours."""
+    made(GOOD)
+    assert mirror.fetch(tmp_path, WHERE) == []
+    (tmp_path / "data" / "processed" / "storage.json").write_bytes(junk)
+
+    assert mirror.fetch(tmp_path, WHERE) == []
+    assert mirror.untold(tmp_path, []) == []

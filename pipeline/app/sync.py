@@ -14,6 +14,8 @@ from dataclasses import asdict, dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from pipeline.app.outcome import Outcome, failed
 from pipeline.app.preferences import Storage
 from pipeline.app.storage import Store
@@ -40,7 +42,7 @@ class Note:
         told: Complaints that `watch` and `serve` have made.
     """
 
-    copied: dict[str, list[Any]] = field(default_factory=dict)
+    copied: dict[str, tuple[int, float | None, str]] = field(default_factory=dict)
     put: dict[str, list[int]] = field(default_factory=dict)
     told: list[str] = field(default_factory=list)
 
@@ -48,8 +50,8 @@ class Note:
     def of(root: Path) -> Note:
         """As it was left, or an empty one."""
         try:
-            return Note(**(recalled(_processed(root) / _NOTE) or {}))
-        except (OSError, ValueError, TypeError):
+            return TypeAdapter(Note).validate_python(recalled(_processed(root) / _NOTE))
+        except (OSError, ValueError):  # ValidationError is one
             return Note()
 
     def keep(self, root: Path) -> None:
@@ -170,7 +172,7 @@ def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: Note) -> 
     new = {
         name: store.read(name, mark)
         for name, mark in marks.items()
-        if copied.get(name, [])[:2] != list(mark) or not (raw / name).is_file()
+        if copied.get(name, ())[:2] != mark or not (raw / name).is_file()
     }
     gone = [name for name in copied if name.startswith(f"{campaign}/") and name not in marks]
     for name in (*new, *gone):
@@ -183,7 +185,7 @@ def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: Note) -> 
         _put_here(raw / name, new[name])
         size, put = marks[name]
         settled = now - put > _FRESH_S
-        copied[name] = [size, put if settled else None, files.sha256(new[name])]
+        copied[name] = (size, put if settled else None, files.sha256(new[name]))
     for name in gone:
         with files.writing(raw / name):
             (raw / name).unlink(missing_ok=True)
@@ -196,7 +198,7 @@ def _put_here(path: Path, data: bytes) -> None:
         files.write(path, data)
 
 
-def _ours_to_change(path: Path, copied: list[Any] | None, data: bytes | None) -> bool:
+def _ours_to_change(path: Path, copied: tuple[Any, ...] | None, data: bytes | None) -> bool:
     """Nothing is there, or our own copy, or what is to be there anyway."""
     if not path.is_file():
         return not path.exists()
