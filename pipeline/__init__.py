@@ -11,6 +11,15 @@ Numpy and the rest are imported when the first of these names is asked for.
 
 from __future__ import annotations
 
+import sys
+
+if (
+    sys.argv[:1] == ["-m"]
+    and not sys.flags.safe_path
+    and not __file__.startswith(f"{sys.path[0]}/")
+):
+    del sys.path[0]  # `python -m pipeline`: the current folder, where anybody's modules may lie
+
 from importlib import import_module
 from typing import TYPE_CHECKING, Any
 

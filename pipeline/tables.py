@@ -556,12 +556,13 @@ def as_csv(table: pa.Table) -> bytes:
     such cells get an apostrophe in front.
     """
     texts = [column.cast(STR) if column.type == _WORD else column for column in table.columns]
-    columns = [_harmless(column) if column.type == STR else column for column in texts]
+    columns = [harmless(column) if column.type == STR else column for column in texts]
     sink = pa.BufferOutputStream()
     csv.write_csv(pa.table(columns, table.column_names), sink)
     return bytes(sink.getvalue())
 
 
-def _harmless(words: pa.ChunkedArray) -> pa.ChunkedArray:
+def harmless(words: pa.ChunkedArray) -> pa.ChunkedArray:
+    """Words with an apostrophe in front where a spreadsheet would carry them out."""
     formula = pc.match_substring_regex(words, r"^\s*[=+\-@\t\r]")
     return pc.if_else(formula, pc.binary_join_element_wise("'", words, ""), words)

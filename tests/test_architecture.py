@@ -96,6 +96,19 @@ def test_prefect_is_imported_by_flow_and_server_only():
     assert knowing == {"app/flow.py", "app/gate.py"}
 
 
+def test_matplotlib_is_imported_behind_one_door():
+    """Which keeps it from the settings of the current folder: svg.py, before any figure."""
+    knowing = {
+        path.relative_to(PACKAGE).as_posix()
+        for path in PACKAGE.rglob("*.py")
+        if any(name.split(".")[0] == "matplotlib" for name in imports(path))
+    }
+    door = "import pipeline.report.svg"
+
+    assert {one for one in knowing if not one.startswith("report/figures/")} == {"report/svg.py"}
+    assert door in (PACKAGE / "report" / "figures" / "__init__.py").read_text("utf-8")
+
+
 def test_no_two_files_import_each_other():
     """Whatever a file uses stands below it, also what is imported late."""
     known = {

@@ -55,3 +55,29 @@ def test_covariances_of_blocks_are_those_of_the_whole_matrix():
         assert found[block, :n, :n] == pytest.approx(V[np.ix_(mine, mine)])
         assert not found[block, n:].any()
         assert not found[block, :, n:].any()
+
+
+def test_one_large_block_costs_no_padding_and_gives_the_same():
+    """Work on each block alone is that on the padded stack, to rounding."""
+    rng = np.random.default_rng(5)
+    key = np.repeat([0, 1, 2, 3, 4, 5, 6], [100, 3, 3, 3, 3, 3, 3])
+    blocks = Blocks.of(rng.permutation(key))
+    p, s = blocks.shape
+    half = rng.normal(size=(p, s, s)) * blocks.there[:, :, None] * blocks.there[:, None, :]
+    V = half @ np.swapaxes(half, 1, 2) + np.eye(s)
+    y = blocks.padded(rng.normal(size=(len(key), 2)))
+
+    assert blocks.uneven
+    assert not Blocks.of(np.repeat(np.arange(30), 12)).uneven
+    assert blocks.solve(V, y) == pytest.approx(np.linalg.solve(V, y), rel=1e-9, abs=1e-12)
+    expected = np.linalg.inv(V)
+    sizes = []
+
+    def inverse(one):
+        sizes.append(one.shape[-1])
+        return np.linalg.inv(one)
+
+    assert blocks.square(inverse, V) == pytest.approx(expected, rel=1e-9, abs=1e-12)
+    assert sizes == blocks.count.tolist()
+    assert [len(own) for own in blocks.members] == blocks.count.tolist()
+    assert all((blocks.index[own] == k).all() for k, own in enumerate(blocks.members))

@@ -117,6 +117,39 @@ def test_what_a_killed_run_or_somebody_took_away_is_made_again(lost, project):
     assert ask(project, question) == before
 
 
+@pytest.mark.parametrize("damage", ["cut", "noise", "inside"])
+@pytest.mark.parametrize("table", ["stiffness", "wear"])
+def test_a_damaged_table_is_made_again(damage, table, project, capsys):
+    """And said, where that shows only when it is asked; the others are answered as ever."""
+    questions = [f"SELECT * FROM {name} ORDER BY ALL" for name in ("campaigns", "stiffness")]
+    before = [ask(project, one) for one in questions]
+    path = next((fleet.folder(project) / table).glob("*/*.parquet"))
+    data = path.read_bytes()
+    spoilt = {"cut": data[:-30], "noise": b"x" * 99, "inside": b"PAR1" + b"x" * 99 + b"PAR1"}
+    path.write_bytes(spoilt[damage])
+
+    assert [ask(project, one) for one in questions] == before
+    if damage == "inside" and table == "stiffness":
+        assert "could not be read and was made again" in capsys.readouterr().err
+
+
+def test_a_damaged_table_that_cannot_be_made_again_costs_itself_alone(project, monkeypatch, capsys):
+    """On a disk that is only read: a sentence for it, answers from the others."""
+    told(project)
+    path = next((fleet.folder(project) / "stiffness").glob("*/*.parquet"))
+    path.write_bytes(b"PAR1" + b"x" * 99 + b"PAR1")
+
+    def refuse(*_, **__):
+        raise OSError(errno.EROFS, "Read-only file system")
+
+    monkeypatch.setattr(Path, "unlink", refuse)
+    words = ["--root", str(project)]
+
+    assert cli._exit_code(["query", "SELECT name FROM stiffness", *words]) == 3
+    assert str(path) in capsys.readouterr().err
+    assert cli._exit_code(["query", "SELECT campaign FROM campaigns", *words]) == 0
+
+
 def worn(root):
     """The three campaigns half a year apart, the second joint's compliance growing by a third."""
     for k, name in enumerate(NAMES):
@@ -254,7 +287,9 @@ def test_formats_hold_the_same_values(finished, tmp_path, capsys):
     printed = capsys.readouterr().out
     head, *lines = csv.reader(io.StringIO(files["csv"].read_text("utf-8")))
     assert head == ["campaign", "joint", "value", "identifiable"]
-    assert [[c, int(j), float(v) if v else None, i == "True"] for c, j, v, i in lines] == rows
+    texts = [[f"'{c}" if c.startswith("=") else c, *others] for c, *others in rows]
+    assert [[c, int(j), float(v) if v else None, i == "True"] for c, j, v, i in lines] == texts
+    assert texts != rows
     assert printed.endswith(files["csv"].read_text("utf-8"))
     assert [list(one.values()) for one in json.loads(files["json"].read_bytes())] == rows
     sheet = load_workbook(files["xlsx"]).active

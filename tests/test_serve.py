@@ -41,15 +41,19 @@ pytestmark = [
 
 
 @contextlib.contextmanager
-def serving(root, port, stop=signal.SIGINT, command="serve"):
-    """`pipeline serve` until the end of the block; then the signal, and its exit code."""
+def serving(root, port, stop=signal.SIGINT, command="serve", cwd=HERE, script=None):
+    """`pipeline serve` until the end of the block; then the signal, and its exit code.
+
+    It is started in the folder `cwd`, as a script where one is given.
+    """
     clean = {k: v for k, v in os.environ.items() if not k.startswith(("PREFECT_", "PIPELINE_"))}
-    said = root / "said.txt"
+    said = cwd / root / "said.txt"
+    program = ["-m", "pipeline"] if script is None else [script]
     words = ["--port", str(port)] if command == "serve" else []
     with said.open("wb") as kept:
         process = subprocess.Popen(
-            [sys.executable, "-m", "pipeline", command, "--root", root, *words],
-            cwd=HERE,
+            [sys.executable, *program, command, "--root", root, *words],
+            cwd=cwd,
             env=clean | {"PYTHONPATH": str(HERE)},
             stdout=kept,
             stderr=kept,
@@ -489,6 +493,23 @@ def test_what_stands_still_is_started_again(tmp_path):
 
     assert "The schedule answers no more" in told(tmp_path)
     assert not alive(still)
+
+
+def test_a_damaged_database_stops_nobody(tmp_path):
+    """Damaged before the service starts and while it runs: it goes on with another, and says so."""
+    raw = project(tmp_path, "a")
+    base = tmp_path / ".prefect" / "prefect.db"
+    base.parent.mkdir(mode=0o700)
+    base.write_bytes(os.urandom(20000))
+    with serving(tmp_path, free_port()):
+        until(lambda: reported(tmp_path, "a"), 150)
+        with base.open("r+b") as file:
+            file.write(os.urandom(2**20))
+        shutil.copytree(KEPT, raw / "b")
+        until(lambda: reported(tmp_path, "b"), 360)
+
+    assert told(tmp_path).count("cannot be read") == 2
+    assert len(list(base.parent.glob("prefect.db.damaged-*[0-9]"))) == 2
 
 
 @pytest.mark.parametrize("left", ["", "pipeline", "a b:c\n"])

@@ -9,6 +9,7 @@ import threading
 from pathlib import Path
 
 import localbucket
+import made_bucket
 import pytest
 import report_sample
 
@@ -246,16 +247,17 @@ def test_what_vanishes_there(bucket, tmp_path):
 def test_a_name_cannot_leave_data_raw(tmp_path, monkeypatch):
     """Objects may be called anything; nothing is written outside of its campaign."""
     names = ["../x/campaign.toml", "a/campaign.toml", "a/../../../b", ".c/campaign.toml"]
-    names += ["d\\e/f", "without/forces.csv", "lying-about.csv"]
+    names += ["d\\e/f", "without/forces.csv", "lying-about.csv", "good/campaign.toml"]
     monkeypatch.setattr(Store, "marks", lambda _: dict.fromkeys(names, (1, 0.0)))
     monkeypatch.setattr(Store, "read", lambda *_: b"x")
-    mirror.fetch(tmp_path, WHERE)
+    (refused,) = mirror.fetch(tmp_path, WHERE)
     found = {path.relative_to(tmp_path).as_posix() for path in tmp_path.rglob("*")}
 
     assert {name for name in found if (tmp_path / name).is_file()} == {
-        "data/raw/a/campaign.toml",
+        "data/raw/good/campaign.toml",
         "data/processed/storage.json",
     }
+    assert refused.campaign == "a"
 
 
 def test_a_campaign_arrives_whole(bucket, tmp_path, monkeypatch):
@@ -274,11 +276,16 @@ def test_a_storage_that_goes_away_meanwhile_is_told_once(tmp_path, monkeypatch):
     """Not once for each campaign, and no further campaign is asked for."""
     asked = []
 
-    def away(_, name):
+    def there(_):
+        if asked:
+            raise InputError("s3://robots/raw cannot be read", "check", passing=True)
+        return {f"{c}/campaign.toml": (1, 0.0) for c in "ab"}
+
+    def away(_, name, mark):
         asked.append(name)
         raise InputError("s3://robots/raw cannot be read", "check", passing=True)
 
-    monkeypatch.setattr(Store, "marks", lambda _: {f"{c}/campaign.toml": (1, 0.0) for c in "ab"})
+    monkeypatch.setattr(Store, "marks", there)
     monkeypatch.setattr(Store, "read", away)
 
     assert [outcome.campaign for outcome in mirror.fetch(tmp_path, WHERE)] == ["storage"]
@@ -372,3 +379,120 @@ def test_an_address_without_a_scheme_is_refused(tmp_path):
 
     with pytest.raises(Exception, match=r"storage\.raw: an address looks like s3://bucket/folder"):
         load(tmp_path)
+
+
+GOOD = {f"raw/{name}/campaign.toml": b"good" for name in ("Aa", "z")}
+ODD = {
+    "long": {"raw/b/campaign.toml": b"x", f"raw/b/{'x' * 300}": b"x"},
+    "almost": {"raw/b/campaign.toml": b"x", f"raw/b/{'x' * 250}": b"x"},
+    "long campaign": {f"raw/{'b' * 300}/campaign.toml": b"x"},
+    "both": {"raw/b/campaign.toml": b"x", "raw/b/x": b"x", "raw/b/x/y": b"x"},
+    "empty": {"raw//campaign.toml": b"x"},
+    "empty inside": {"raw/b/campaign.toml": b"x", "raw/b//x": b"x"},
+    "dots": {"raw/b/campaign.toml": b"x", "raw/b/../../../x": b"x"},
+    "backslash": {"raw/b/campaign.toml": b"x", "raw/b/..\\x": b"x"},
+    "line": {"raw/b/campaign.toml": b"x", "raw/b/x\ny": b"x"},
+    "escape": {"raw/b\x1b[2J/campaign.toml": b"x"},
+}
+
+
+@pytest.fixture
+def made(monkeypatch):
+    """Storage with these objects, whatever their names; a function that makes it."""
+    with contextlib.ExitStack() as stack:
+
+        def make(objects, **lies):
+            at(monkeypatch, stack.enter_context(serving(made_bucket.handler(objects, **lies))))
+
+        yield make
+
+
+@pytest.mark.parametrize("odd", ODD.values(), ids=ODD)
+def test_odd_objects_stop_no_other_campaign(made, tmp_path, odd):
+    """Their own campaign is left out with a sentence, and none of its objects is written."""
+    made(GOOD | odd)
+
+    (refused,) = mirror.fetch(tmp_path, WHERE)
+    here = {p.relative_to(tmp_path).as_posix() for p in tmp_path.rglob("*") if p.is_file()}
+
+    assert here == {"data/processed/storage.json", *(f"data/{name}" for name in GOOD)}
+    assert refused.exit_code == 5
+    assert refused.complaints[0].isprintable()
+    assert "rename" in refused.complaints[0]
+
+
+@pytest.mark.parametrize("name", ["/x/campaign.toml", "b/x\0", "/campaign.toml", "b/\ud800"])
+def test_what_no_listing_of_s3_holds_stops_nobody_either(tmp_path, monkeypatch, name):
+    """Other drivers may list it: nothing is written outside, and the others are fetched."""
+    names = [name, "b/campaign.toml", "z/campaign.toml"]
+    monkeypatch.setattr(Store, "marks", lambda _: dict.fromkeys(names, (1, 0.0)))
+    monkeypatch.setattr(Store, "read", lambda *_: b"x")
+    refused = mirror.fetch(tmp_path, WHERE)
+
+    assert (tmp_path / "data" / "raw" / "z" / "campaign.toml").is_file()
+    assert len(refused) == 1 or name == "/x/campaign.toml"
+    assert not Path("/x").exists()
+
+
+def test_an_object_that_nobody_may_read_stops_no_other_campaign(made, tmp_path):
+    """As one that was archived, or has a key of its own."""
+    made(GOOD | {"raw/b/campaign.toml": b"x"}, refused=["raw/b/campaign.toml"])
+
+    (refused,) = mirror.fetch(tmp_path, WHERE)
+
+    assert refused.campaign == "b"
+    assert (tmp_path / "data" / "raw" / "z" / "campaign.toml").read_bytes() == b"good"
+
+
+def test_more_than_a_campaign_has_is_not_read(made, tmp_path, asked):
+    """A service reads a campaign into its memory: it is refused by what the listing tells."""
+    many = {f"raw/b/{k}": b"" for k in range(20_001)}
+    made(GOOD | many | {"raw/b/campaign.toml": b"x"})
+
+    (refused,) = mirror.fetch(tmp_path, WHERE)
+
+    assert "20002 objects" in refused.complaints[0]
+    assert not (tmp_path / "data" / "raw" / "b").exists()
+
+
+@pytest.mark.parametrize("age_s", [0, 60])
+def test_an_old_object_is_not_taken_for_the_new_one(made, tmp_path, age_s):
+    """A storage of several machines may list the new one and give the old one for a while."""
+    name, old, new = "raw/b/campaign.toml", b"old", b"longer" if not age_s else b"new"
+    times = {"times": {name: made_bucket.LONG_AGO + 60}} if age_s else {}
+    made(GOOD | {name: old})
+    assert mirror.fetch(tmp_path, WHERE) == []
+    made(GOOD | {name: old}, listed={name: new}, **times)
+    (stale,) = mirror.fetch(tmp_path, WHERE)
+    here = tmp_path / "data" / name
+    assert stale.campaign == "b"
+    assert stale.passing
+    assert here.read_bytes() == old
+    made(GOOD | {name: new}, **({"changed": times["times"]} | times if times else {}))
+
+    assert mirror.fetch(tmp_path, WHERE) == []
+    assert here.read_bytes() == new
+
+
+JUNK = [
+    b"",
+    b"[1]",
+    b'{"copied": 1}',
+    b'{"copied": {"z/campaign.toml": 5}}',
+    b'{"copied": {"z/campaign.toml": []}}',
+    b'{"copied": {"z/campaign.toml": [4, 0.0]}}',
+    b'{"told": 5}',
+    b'{"put": [1]}',
+    b'{"other": 1}',
+]
+
+
+@pytest.mark.parametrize("junk", JUNK)
+def test_a_damaged_note_is_none(made, tmp_path, junk):
+    """What is known of the storage is found out again; the same objects are copies of ours."""
+    made(GOOD)
+    assert mirror.fetch(tmp_path, WHERE) == []
+    (tmp_path / "data" / "processed" / "storage.json").write_bytes(junk)
+
+    assert mirror.fetch(tmp_path, WHERE) == []
+    assert mirror.untold(tmp_path, []) == []

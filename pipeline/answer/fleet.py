@@ -195,6 +195,36 @@ def refresh(root: Path, scatter: float | None = None) -> bool:
     return True
 
 
+def mend(root: Path, scatter: float | None = None) -> list[Path]:
+    """Make tables again that cannot be read.
+
+    Args:
+        root: The project's root.
+        scatter: As for `refresh`.
+
+    Returns:
+        Those that could not.
+
+    Raises:
+        CannotWrite: The disk refuses.
+    """
+    damaged = [path for path in sorted(folder(root).glob("*/*/*.parquet")) if not _readable(path)]
+    for path in damaged:
+        with files.writing(path):
+            path.unlink()
+    if damaged:
+        refresh(root, scatter)
+    return damaged
+
+
+def _readable(path: Path) -> bool:
+    try:
+        parquet.read(path)
+    except (OSError, pa.ArrowException):
+        return False
+    return True
+
+
 def _marks(root: Path) -> dict[str, tuple[Campaign, str]]:
     """Campaigns with a result that counts, and the hashes of their manifests, by name."""
     found, processed, reports = {}, root / "data" / "processed", root / "reports"
@@ -279,8 +309,8 @@ def _known(place: Path, scatter: float | None) -> dict[str, _Entry]:
     except (TypeError, LookupError, AttributeError):
         return {}
     whole = {
-        part: all(_path(place, table, *part).is_file() for table in PROMISED)
-        and _path(place, "wear", part[0], "wear").is_file()
+        part: all(parquet.begins_and_ends(_path(place, table, *part)) for table in PROMISED)
+        and parquet.begins_and_ends(_path(place, "wear", part[0], "wear"))
         for part in {(entry.robot, _part(name)) for name, entry in known.items()}
     }
     return {name: one for name, one in known.items() if whole[one.robot, _part(name)]}
@@ -307,7 +337,7 @@ def _write(
     for name, promise in PROMISED.items():
         path = _path(place, name, robot, part)
         kept = []
-        if path.is_file():
+        if parquet.begins_and_ends(path):
             old = parquet.read(path)
             kept = [old.filter(pc.invert(pc.is_in(old["campaign"], pa.array(list(stale)))))]
         table = pa.concat_tables([promise.empty_table(), *kept, *(one[name] for one in rows)])

@@ -1,10 +1,7 @@
-"""Commands, Prefect flow and service.
-
-Linear algebra gets one thread before numpy is there: our matrices are small, so that a second one
-only costs time, and with the number of threads the last digits change.
-"""
+"""Commands, Prefect flow and service, in an environment made before any library is there."""
 
 import os
 
-for _library in ("OPENBLAS", "OMP", "MKL"):
-    os.environ.setdefault(f"{_library}_NUM_THREADS", "1")
+from pipeline.base.environment import OURS
+
+os.environ |= OURS

@@ -9,6 +9,7 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
+from typing import TextIO
 
 from pipeline.base.shown import lines
 
@@ -85,11 +86,12 @@ def sheltered(end: int) -> Iterator[None]:
         raise KeyboardInterrupt
 
 
-def say(line: str) -> None:
-    """One line on the screen; a log on a full disk misses some, and that stops nothing."""
+def say(line: str, screen: TextIO | None = None) -> None:
+    """One line on stdout or `screen`; a log on a full disk misses some, and that stops nothing."""
+    screen = screen or sys.stdout
     with contextlib.suppress(OSError):
-        sys.stdout.write(f"{lines(line)}\n")
-        sys.stdout.flush()
+        screen.write(f"{lines(line)}\n")
+        screen.flush()
 
 
 def follow(parent: int) -> None:

@@ -2,10 +2,12 @@
 
 from __future__ import annotations
 
+import contextlib
 import csv
 import importlib
 import io
 import math
+import sys
 from collections.abc import Sequence
 from dataclasses import dataclass
 from datetime import date, datetime
@@ -13,11 +15,15 @@ from decimal import Decimal
 from pathlib import Path
 from typing import Any
 
+import pyarrow as pa
+
 from pipeline.answer import fleet
 from pipeline.app import preferences
+from pipeline.app.processes import say
 from pipeline.base import files
-from pipeline.base.errors import CannotWrite, UsageError
+from pipeline.base.errors import CannotWrite, UsageError, listed
 from pipeline.base.shown import in_json, printable
+from pipeline.tables import harmless
 
 FORMATS = ("table", "csv", "json", "xlsx")
 
@@ -45,22 +51,38 @@ def ask(root: Path, query: str) -> Found:
     Raises:
         UsageError: It is none, cannot be carried out, or there is nothing to ask.
     """
+    scatter = preferences.load(root).fleet.scatter
     try:
-        fleet.refresh(root, preferences.load(root).fleet.scatter)
+        fleet.refresh(root, scatter)
     except CannotWrite:  # a project that is only read: as its last run left them
         if not fleet.folder(root).is_dir():
             raise
     duckdb, place = _duckdb(), fleet.folder(root).resolve()
     if not any(place.glob("campaigns/*/*.parquet")):
         raise UsageError("no campaign is finished: run `pipeline run` first")
-    with duckdb.connect(":memory:") as base:
-        _prepare(base, place)
-        try:
-            _select(duckdb, query)
-            answer = base.execute(query)
-            return Found([column[0] for column in answer.description], answer.fetchall())
-        except duckdb.Error as problem:
+    try:
+        return _answered(duckdb, place, query)
+    except duckdb.Error as problem:
+        if not (damaged := fleet.mend(root, scatter)):
             raise UsageError(f"the query cannot be answered: {_said(problem)}; {_SEE}") from problem
+    say(f"{listed(map(str, damaged))} could not be read and was made again.", sys.stderr)
+    try:
+        return _answered(duckdb, place, query)
+    except duckdb.Error as problem:
+        raise UsageError(f"the query cannot be answered: {_said(problem)}; {_SEE}") from problem
+
+
+def _answered(duckdb: Any, place: Path, query: str) -> Found:
+    """What one query gives.
+
+    Raises:
+        duckdb.Error: It cannot be carried out, or a table that it asks cannot be read.
+    """
+    with duckdb.connect(":memory:") as base:
+        _prepare(duckdb, base, place)
+        _select(duckdb, query)
+        answer = base.execute(query)
+        return Found([column[0] for column in answer.description], answer.fetchall())
 
 
 _SEE = "docs/query.md has the tables, their columns and examples"
@@ -75,15 +97,19 @@ def _duckdb() -> Any:
         ) from None
 
 
-def _prepare(base: Any, place: Path) -> None:
-    """Views of the tables; then no other file can be read, and nothing of that changed."""
+def _prepare(duckdb: Any, base: Any, place: Path) -> None:
+    """Views of the tables; then no other file can be read, and nothing of that changed.
+
+    A table that cannot be read is not there, which a query is told that asks for it.
+    """
     for name, promise in fleet.VIEWS.items():
         columns = ", ".join(["robot", *(f'"{column}"' for column in promise.names)])
         source = _quoted(f"{place}/{name}/*/*.parquet")
         options = "hive_partitioning = true, hive_types = {'robot': varchar}"
-        base.execute(
-            f"create view {name} as select {columns} from read_parquet({source}, {options})"
-        )
+        with contextlib.suppress(duckdb.Error):
+            base.execute(
+                f"create view {name} as select {columns} from read_parquet({source}, {options})"
+            )
     base.execute(f"set allowed_directories = [{_quoted(f'{place}/')}]")
     base.execute("set enable_external_access = false")
     base.execute("set python_enable_replacements = false")  # else a name may be a variable of ours
@@ -119,9 +145,18 @@ def written(found: Found, form: str) -> bytes:
 def _csv(found: Found) -> bytes:
     sink = io.StringIO()
     writer = csv.writer(sink, lineterminator="\n")
-    writer.writerow(found.columns)
-    writer.writerows([_word(value) for value in row] for row in found.rows)
+    columns = [_cells([row[k] for row in found.rows]) for k in range(len(found.columns))]
+    writer.writerow(_cells(found.columns))
+    writer.writerows(zip(*columns, strict=True))
     return sink.getvalue().encode("utf-8", "backslashreplace")
+
+
+def _cells(values: Sequence[Any]) -> list[str]:
+    """A column as text, in which no words can pass for a formula, as in csv/ of a report."""
+    words = [None if isinstance(one, int | float | Decimal) else _word(one) for one in values]
+    safe = harmless(pa.array(words, pa.string())).to_pylist()
+    pairs = zip(values, safe, strict=True)
+    return [_word(value) if word is None else word for value, word in pairs]
 
 
 def _json(found: Found) -> bytes:

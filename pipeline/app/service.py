@@ -6,18 +6,24 @@ Nothing here imports Prefect, which takes seconds.
 from __future__ import annotations
 
 import base64
+import contextlib
 import http.client
+import importlib.util
 import json
 import os
 import secrets
 import shutil
+import sqlite3
+import urllib.error
 import urllib.request
+from datetime import datetime
 from pathlib import Path
-from typing import TypeVar
+from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
 from pipeline.app.processes import REPORTS_URL
+from pipeline.base import files
 from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.base.strict import Strict
 from pipeline.store.campaign import recalled
@@ -27,8 +33,9 @@ HERE = "127.0.0.1"
 
 HOME = ".prefect"
 """Prefect's own files, under the project's root."""
+DATABASE = "prefect.db"
 PASSWORD, SERVING = "password", "serving.json"
-"""Files in HOME: what the API asks for, as user:password, and where this project is served."""
+"""Files in HOME: Prefect's runs; what the API asks for, as user:password; where we are served."""
 
 PATIENCE_S = 120.0
 """How long Prefect's server may take to start [s]; on a busy machine it can need a minute."""
@@ -154,6 +161,8 @@ def settle(root: Path) -> None:
     """
     given = os.environ.setdefault
     given("PREFECT_HOME", str(root.resolve() / HOME))
+    given("PREFECT_PROFILES_PATH", os.devnull)
+    given("PREFECT_LOGGING_SETTINGS_PATH", _logging())
     given("DO_NOT_TRACK", "1")
     given("PREFECT_SERVER_ANALYTICS_ENABLED", "false")
     given("PREFECT_SERVER_EPHEMERAL_STARTUP_TIMEOUT_SECONDS", f"{PATIENCE_S:.0f}")
@@ -175,6 +184,14 @@ def settle(root: Path) -> None:
         given("PREFECT_API_AUTH_STRING", password)
 
 
+def _logging() -> str:
+    """Prefect's own settings of its logs, else it takes a file of its home, which can run code."""
+    package = importlib.util.find_spec("prefect")  # which imports nothing
+    assert package is not None
+    assert package.origin is not None
+    return str(Path(package.origin).parent / "logging" / "logging.yml")
+
+
 def known_password(root: Path) -> str | None:
     """The password of this project's server; None for those who may not read it."""
     try:
@@ -192,16 +209,75 @@ def answers(api: str) -> bool:
         return False
 
 
+def works(api: str) -> bool:
+    """Whether a Prefect server answers, also what it has to look up; a slow disk is no failure."""
+    try:
+        _asked(f"{api}/deployments/count")
+    except urllib.error.HTTPError as refused:
+        if refused.code >= http.HTTPStatus.INTERNAL_SERVER_ERROR:
+            return False
+    except (OSError, http.client.HTTPException, ValueError):
+        pass
+    return answers(api)
+
+
 def paused(api: str) -> bool:
     """Whether somebody has paused the schedule on Prefect's page."""
-    key = base64.b64encode(os.environ.get("PREFECT_API_AUTH_STRING", "").encode()).decode()
-    head = {"Content-Type": "application/json", "Authorization": f"Basic {key}"}
     try:
-        asked = urllib.request.Request(f"{api}/deployments/filter", b"{}", head)
-        with urllib.request.urlopen(asked, timeout=5) as answer:
-            return any(one["paused"] for one in json.loads(answer.read()))
+        return any(one["paused"] for one in _asked(f"{api}/deployments/filter"))
     except (OSError, http.client.HTTPException, ValueError, LookupError, TypeError):
         return False
+
+
+def _asked(address: str) -> Any:
+    """What this project's server answers to a question of its API."""
+    key = base64.b64encode(os.environ.get("PREFECT_API_AUTH_STRING", "").encode()).decode()
+    head = {"Content-Type": "application/json", "Authorization": f"Basic {key}"}
+    with urllib.request.urlopen(urllib.request.Request(address, b"{}", head), timeout=5) as answer:
+        return json.loads(answer.read())
+
+
+def mended(root: Path) -> str:
+    """Move a database aside that Prefect cannot read; what to say of it, empty where it is sound.
+
+    Prefect would neither start on it nor make another. It only has what the pages of earlier runs
+    show: answers and reports are not in it.
+
+    Raises:
+        CannotWrite: It cannot be moved.
+    """
+    base = root / HOME / DATABASE
+    why = _damage(base)
+    if not why:
+        return ""
+    aside = f".damaged-{datetime.now():%Y%m%d-%H%M%S}"
+    for part in ("", "-wal", "-shm"):
+        path = base.with_name(base.name + part)
+        with files.writing(path):
+            if path.exists():
+                path.rename(path.with_name(path.name + aside))
+    moved = base.with_name(base.name + aside)
+    return f"{base} cannot be read ({why}); it is {moved} now, and Prefect begins a new one."
+
+
+def _damage(base: Path) -> str:
+    """What is wrong with a database; empty where it is sound, not there, or held by somebody."""
+    if not base.exists():
+        return ""
+    if not base.is_file():
+        return "it is no file"
+    try:
+        with contextlib.closing(sqlite3.connect(base, timeout=1)) as known:
+            (said,) = known.execute("pragma quick_check(1)").fetchone()
+            if known.execute(
+                "select 1 from sqlite_master where name = 'alembic_version'"
+            ).fetchone():
+                known.execute("select (select count(*) from flow_run), count(*) from deployment")
+    except sqlite3.OperationalError as problem:
+        return str(problem) if "no such table" in str(problem) else ""
+    except sqlite3.DatabaseError as problem:
+        return str(problem)
+    return "" if said == "ok" else said.splitlines()[-1]
 
 
 def serving(root: Path) -> dict[str, str] | None:

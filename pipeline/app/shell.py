@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import signal
+import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
@@ -13,9 +14,10 @@ from typing import TYPE_CHECKING, Any
 from pipeline.app import preferences, service, sync
 from pipeline.app.many import Meant, outcomes
 from pipeline.app.outcome import EARLIER, Outcome, dated, failed, named, outcome, sentences
-from pipeline.app.processes import sheltered
+from pipeline.app.processes import say, sheltered
 from pipeline.app.progress import Progress, Tell, told
 from pipeline.base import files
+from pipeline.base.environment import elsewhere
 from pipeline.base.errors import InputError, PipelineError, UsageError
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import Campaign
@@ -96,11 +98,15 @@ def _through_prefect(campaign: Campaign, force: bool, tell: Tell) -> Answer:
     with files.writing(home):
         home.mkdir(parents=True, exist_ok=True)
     service.has_room(home)
+    if service.serving(campaign.root) is None and (said := service.mended(campaign.root)):
+        say(said, sys.stderr)
     service.settle(campaign.root)
-    from pipeline.app.flow import identified, telling  # importing Prefect takes two seconds
+    there = Campaign(campaign.root.absolute(), campaign.folder.absolute())
+    with elsewhere():
+        from pipeline.app.flow import identified, telling  # importing Prefect takes two seconds
 
-    with telling(tell), sheltered(signal.SIGUSR1):
-        return identified(campaign, force)
+        with telling(tell), sheltered(signal.SIGUSR1):
+            return identified(there, force)
 
 
 def check(root: Path, name: str) -> Outcome:

@@ -8,8 +8,9 @@ from __future__ import annotations
 
 import contextlib
 import re
-from collections.abc import Iterator
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
+from datetime import datetime
 from functools import cached_property
 from typing import Any
 from urllib.parse import urlsplit
@@ -84,11 +85,16 @@ class Store:
             if info.type == fs.FileType.File
         }
 
-    def read(self, name: str) -> bytes:
+    def read(self, name: str, mark: tuple[int, float]) -> bytes:
         """Content of one object.
 
+        Args:
+            name: Its name from here.
+            mark: Its size and time, as `marks` has them.
+
         Raises:
-            InputError: It cannot be read.
+            InputError: It cannot be read, or is given as it was before its last change: storage
+                may be of several machines, of which one is behind.
         """
         with self._reading():
             files, folder = self._place
@@ -96,7 +102,11 @@ class Store:
                 if source.size() > largest(name):
                     thing = f"{self.shown}/{name} {too_large(source.size(), largest(name))}"
                     raise InputError(thing, "split the export")
-                return bytes(source.read())
+                data, put = bytes(source.read()), _put(source.metadata())
+        if len(data) != mark[0] or (put is not None and put < mark[1] - _WHOLE_S):
+            thing = f"{self.shown}/{name} was given with {len(data)} bytes, not as it is listed"
+            raise InputError(thing, "run again in a moment", passing=True)
+        return data
 
     def write(self, name: str, data: bytes) -> None:
         """Put an object there, in place of an older one.
@@ -125,6 +135,22 @@ class Store:
             raise InputError(
                 f"{self.shown} cannot be read ({thing})", way_out, passing=True
             ) from problem
+
+
+def _put(said: Mapping[bytes | str, bytes | str] | None) -> float | None:
+    """When an object was put there that is just given [s since 1970]; None where nobody says."""
+    told = {_text(word): _text(value) for word, value in (said or {}).items()}
+    with contextlib.suppress(KeyError, ValueError):
+        return datetime.fromisoformat(told["Last-Modified"]).timestamp()
+    return None
+
+
+def _text(word: bytes | str) -> str:
+    return word.decode(errors="replace") if isinstance(word, bytes) else word
+
+
+_WHOLE_S = 1.0
+"""A listing tells fractions of a second, an object whole ones [s]."""
 
 
 def _said(problem: Exception) -> tuple[str, str]:

@@ -25,6 +25,7 @@ from pipeline.app import notify, service
 from pipeline.app.preferences import Preferences, Service
 from pipeline.app.processes import PARENT, PYTHON, REPORTS_URL, ROOT
 from pipeline.base import files
+from pipeline.base.environment import NOBODYS
 from pipeline.base.errors import UsageError
 from pipeline.store.campaign import dump
 
@@ -57,6 +58,7 @@ class _Child:
         log: Where its complaints go.
         answers: Whether it still does what it is there for.
         shown: What it says is for the screen.
+        before: What is seen to before it is started.
         since: When it was started, by the clock on the wall [s].
     """
 
@@ -65,6 +67,7 @@ class _Child:
     log: Path
     answers: Callable[[], bool]
     shown: bool = False
+    before: Callable[[], object] = str
     since: float = 0.0
     _process: subprocess.Popen[bytes] | None = None
     _fails: int = 0
@@ -73,6 +76,7 @@ class _Child:
 
     def start(self) -> None:
         """Start it, with a new log."""
+        self.before()
         files.write(self.log, b"")
         with self.log.open("ab") as log:
             self._process = subprocess.Popen(
@@ -80,6 +84,7 @@ class _Child:
                 stdin=subprocess.DEVNULL,
                 stdout=None if self.shown else log,
                 stderr=log,
+                cwd=NOBODYS,
                 start_new_session=True,  # Ctrl-C is for this process, which ends the others
             )
         self._began = self._heard = time.monotonic()
@@ -143,9 +148,10 @@ def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
         urls = settled(root, port)
         server = _Child(
             "Prefect's server",
-            [*PYTHON, "pipeline.app.gate", str(root / "reports"), str(port)],
+            [*PYTHON, "pipeline.app.gate", str(root.absolute() / "reports"), str(port)],
             root / service.HOME / "server.log",
-            lambda: service.answers(urls["api"]),
+            lambda: service.works(urls["api"]),
+            before=lambda: _mended(root, schedule, tell),
         )
         schedule = _Child(
             "The schedule",
@@ -176,6 +182,13 @@ def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
             notify.systemd("STOPPING=1")
             schedule.stop()
             server.stop()
+
+
+def _mended(root: Path, schedule: _Child, tell: Tell) -> None:
+    """Go on without a damaged database; the schedule, which was in it, begins anew."""
+    if said := service.mended(root):
+        tell(said)
+        schedule.stop()
 
 
 def _stuck(root: Path, wanted: Service, since: float, api: str) -> bool:

@@ -6,18 +6,23 @@ here is ever replaced or removed.
 
 from __future__ import annotations
 
+import errno
 import time
+import unicodedata
 from collections.abc import Mapping
 from dataclasses import asdict, dataclass, field
 from pathlib import Path, PurePosixPath
 from typing import Any
 
+from pydantic import TypeAdapter
+
 from pipeline.app.outcome import Outcome, failed
 from pipeline.app.preferences import Storage
 from pipeline.app.storage import Store
 from pipeline.base import files
-from pipeline.base.errors import InputError, PipelineError
-from pipeline.store.campaign import dump, recalled
+from pipeline.base.errors import CannotWrite, InputError, PipelineError
+from pipeline.base.shown import printable
+from pipeline.store.campaign import MOST_ENTRIES, dump, recalled, unfit
 
 _NOTE = "storage.json"
 _HERE = "storage"
@@ -37,7 +42,7 @@ class Note:
         told: Complaints that `watch` and `serve` have made.
     """
 
-    copied: dict[str, list[Any]] = field(default_factory=dict)
+    copied: dict[str, tuple[int, float | None, str]] = field(default_factory=dict)
     put: dict[str, list[int]] = field(default_factory=dict)
     told: list[str] = field(default_factory=list)
 
@@ -45,8 +50,8 @@ class Note:
     def of(root: Path) -> Note:
         """As it was left, or an empty one."""
         try:
-            return Note(**(recalled(_processed(root) / _NOTE) or {}))
-        except (OSError, ValueError, TypeError):
+            return TypeAdapter(Note).validate_python(recalled(_processed(root) / _NOTE))
+        except (OSError, ValueError):  # ValidationError is one
             return Note()
 
     def keep(self, root: Path) -> None:
@@ -66,12 +71,9 @@ def fetch(root: Path, storage: Storage) -> list[Outcome]:
     refused: dict[str, PipelineError] = {}
     try:
         for name, marks in _campaigns(store.marks()).items():
-            try:
-                _take(root / "data" / "raw", store, name, marks, note)
-            except InputError as problem:
-                if problem.passing:  # the storage, not the campaign
-                    raise
-                refused[name] = problem
+            problem = _left_out(root / "data" / "raw", store, name, marks, note)
+            if problem is not None:
+                refused[name or _HERE] = problem
     except PipelineError as problem:
         refused[_HERE] = problem
     note.keep(root)
@@ -81,13 +83,81 @@ def fetch(root: Path, storage: Storage) -> list[Outcome]:
 _Marks = Mapping[str, tuple[int, float]]
 
 
+def _left_out(
+    raw: Path, store: Store, campaign: str, marks: _Marks, note: Note
+) -> PipelineError | None:
+    """Bring one campaign's copy up to date; why that is not done, None where it is.
+
+    Raises:
+        PipelineError: The storage or the disk refuses, as it would refuse the others.
+    """
+    try:
+        _refuse_odd(campaign, marks)
+        _take(raw, store, campaign, marks, note)
+    except CannotWrite as problem:
+        if isinstance(problem.__cause__, OSError) and problem.__cause__.errno in _OF_THE_DISK:
+            raise
+        return problem
+    except InputError as problem:
+        if problem.passing:
+            store.marks()  # fails where it is the storage that is away, and not one object
+        return problem
+    except (OSError, ValueError) as problem:
+        return InputError(f"it cannot be copied ({printable(str(problem), 200)})", _RENAME)
+    return None
+
+
+_OF_THE_DISK = (*files.FULL, errno.EROFS)
+"""What the disk says to every file, not to those of one campaign."""
+
+_RENAME = "rename it in the storage, or take it out"
+
+_LONGEST = 240
+"""Bytes in the name of a file or folder: file systems allow 255, half-written ones have 10 more."""
+
+_MOST_BYTES = 2**32
+"""Of the objects of a campaign together: two of the largest files that are read [B]."""
+
+
+def _refuse_odd(campaign: str, marks: _Marks) -> None:
+    """See that all objects of a campaign can be files of one folder, before one is read.
+
+    Raises:
+        InputError: They cannot, whatever the operating system would make of them.
+    """
+    if why := unfit(campaign):
+        raise InputError(why, _RENAME)
+    for name in marks:
+        if why := _odd(name) or ("is a file and a folder" if _above(name) & {*marks} else ""):
+            raise InputError(f'the object "{printable(name, 120)}" {why}', _RENAME)
+    size = sum(size for size, _ in marks.values())
+    if len(marks) > MOST_ENTRIES or size > _MOST_BYTES:
+        thing = f"it has {len(marks)} objects of {size / 2**30:.3g} GiB together"
+        most = f"more than the {MOST_ENTRIES} or {_MOST_BYTES / 2**30:g} GiB that are copied"
+        raise InputError(f"{thing}, {most}", "take out what is no measurement")
+
+
+def _odd(name: str) -> str:
+    """Why an object can be no file; empty where it can."""
+    if {"", ".", ".."} & {*name.split("/")}:
+        return "has an empty or dotted part in its name"
+    if "\\" in name or any(unicodedata.category(letter) in ("Cc", "Cs") for letter in name):
+        return "has a backslash or a control character in its name"
+    longest = max(len(part.encode()) for part in name.split("/"))
+    return f"has {longest} bytes in a part of its name" if longest > _LONGEST else ""
+
+
+def _above(name: str) -> set[str]:
+    """The folders that a file of this name is in."""
+    return {str(one) for one in PurePosixPath(name).parents}
+
+
 def _campaigns(marks: _Marks) -> dict[str, dict[str, tuple[int, float]]]:
     """Objects by campaign: folders one level down that hold a campaign.toml."""
     found: dict[str, dict[str, tuple[int, float]]] = {}
     for name, mark in marks.items():
         campaign, _, inner = name.partition("/")
-        parts = PurePosixPath(inner).parts
-        if inner and ".." not in parts and not campaign.startswith(".") and "\\" not in name:
+        if inner and not campaign.startswith("."):
             found.setdefault(campaign, {})[name] = mark
     return {name: inside for name, inside in found.items() if f"{name}/campaign.toml" in inside}
 
@@ -100,9 +170,9 @@ def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: Note) -> 
     """
     now, copied = time.time(), note.copied
     new = {
-        name: store.read(name)
+        name: store.read(name, mark)
         for name, mark in marks.items()
-        if copied.get(name, [])[:2] != list(mark) or not (raw / name).is_file()
+        if copied.get(name, ())[:2] != mark or not (raw / name).is_file()
     }
     gone = [name for name in copied if name.startswith(f"{campaign}/") and name not in marks]
     for name in (*new, *gone):
@@ -115,7 +185,7 @@ def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: Note) -> 
         _put_here(raw / name, new[name])
         size, put = marks[name]
         settled = now - put > _FRESH_S
-        copied[name] = [size, put if settled else None, files.sha256(new[name])]
+        copied[name] = (size, put if settled else None, files.sha256(new[name]))
     for name in gone:
         with files.writing(raw / name):
             (raw / name).unlink(missing_ok=True)
@@ -128,7 +198,7 @@ def _put_here(path: Path, data: bytes) -> None:
         files.write(path, data)
 
 
-def _ours_to_change(path: Path, copied: list[Any] | None, data: bytes | None) -> bool:
+def _ours_to_change(path: Path, copied: tuple[Any, ...] | None, data: bytes | None) -> bool:
     """Nothing is there, or our own copy, or what is to be there anyway."""
     if not path.is_file():
         return not path.exists()

@@ -21,6 +21,7 @@ from multiprocessing.context import SpawnProcess
 from multiprocessing.process import BaseProcess
 from typing import Any, ClassVar, Generic, Protocol, TypeVar
 
+from pipeline.base.environment import OURS
 from pipeline.base.errors import PipelineError, Unfinished
 
 S = TypeVar("S")
@@ -31,9 +32,6 @@ Sent = tuple[T | None, Exception | None]
 
 _AGAIN = 2
 """How often an item is begun again whose process was lost."""
-
-_THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS")
-"""One core for each process: two with all cores each are slower than either alone."""
 
 _GRACE_S = 5.0
 """How long a process whose line broke may take to end by itself [s]."""
@@ -149,7 +147,7 @@ class Processes:
 
     def results(self, work: Callable[[S], T], items: Iterable[S]) -> Iterator[Done[S, T]]:
         """As they end; an item whose process is lost is begun again in another, at most twice."""
-        os.environ |= dict.fromkeys(_THREADS, "1")
+        os.environ |= OURS  # which they inherit
         left = iter(items)
         workers: list[_Worker[S, T]] = []
         try:

@@ -49,8 +49,13 @@ def is_printable(text: str) -> bool:
     return _ODD.search(text) is None
 
 
-_TYPED = re.compile(r"`((?:pipeline|xacro|dask)\b[^`]*)`")
-"""What to type; a backtick in a name of somebody else's stays one."""
+_WORD = r"[ \n](?:--)?\w[\w.,/=%-]*"
+_TYPED = re.compile(
+    rf"`(pipeline(?:{_WORD})*|dask scheduler|dask worker tcp://[\w.:-]+ --nthreads 1"
+    r"|xacro FILE\.xacro > FILE\.urdf)`"
+)
+"""What to type. Whatever stands between somebody else's backticks, nothing else passes for ours:
+no other program, no sign of a shell and no address, where `--on` would send the work."""
 
 
 def runs(text: str) -> Iterator[tuple[str, bool]]:

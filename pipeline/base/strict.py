@@ -7,12 +7,22 @@ them stay numbers, which those of 1e160 do not.
 
 from __future__ import annotations
 
+import functools
 from collections.abc import Iterator, Mapping, Sequence
 from difflib import get_close_matches
 from pathlib import PurePosixPath
-from typing import Annotated, Any, TypeVar, get_args, get_origin
+from typing import Annotated, Any, Literal, TypeVar, get_args, get_origin
 
-from pydantic import AfterValidator, AliasChoices, BaseModel, ConfigDict, Field, ValidationError
+from pydantic import (
+    AfterValidator,
+    AliasChoices,
+    BaseModel,
+    ConfigDict,
+    Field,
+    ValidationError,
+    ValidationInfo,
+    field_validator,
+)
 
 from pipeline.base import patterns, toml
 from pipeline.base.errors import InputError, decisive, first_wrong
@@ -120,7 +130,45 @@ def with_parts(*names: str) -> AfterValidator:
     return AfterValidator(check)
 
 
-class Strict(BaseModel):
+class Numbers(BaseModel):
+    """A table whose numbers are numbers: `true` is none, though Python would count it as one."""
+
+    @field_validator("*", mode="before")
+    @classmethod
+    def _no_truth(cls, value: object, info: ValidationInfo) -> object:
+        kinds = _kinds(cls, str(info.field_name))
+        values = list(value.values()) if dict in kinds and isinstance(value, dict) else value
+        if bool not in kinds and kinds & {int, float} and _holds_truth(values):
+            raise ValueError("true and false are no numbers; write the number")
+        return value
+
+
+@functools.cache
+def _kinds(record: type[BaseModel], field: str) -> frozenset[type]:
+    """The plain types that values of a field may have."""
+    return frozenset(_plain_kinds(record.model_fields[field].annotation))
+
+
+def _plain_kinds(annotation: object) -> Iterator[type]:
+    if get_origin(annotation) is Literal:
+        yield from map(type, get_args(annotation))
+        return
+    if annotation in (bool, int, float):
+        yield annotation
+    if get_origin(annotation) is dict:
+        yield dict
+    for one in get_args(annotation):
+        yield from _plain_kinds(one)
+
+
+def _holds_truth(value: object) -> bool:
+    """Whether a value or one of a list, at any depth, is true or false; tables see to their own."""
+    if isinstance(value, list | tuple):
+        return any(map(_holds_truth, value))
+    return isinstance(value, bool)
+
+
+class Strict(Numbers):
     """A table that reports unknown words instead of overlooking them."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)

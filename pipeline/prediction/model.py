@@ -9,12 +9,13 @@ from pathlib import Path
 from typing import Annotated, Any, Literal
 
 import numpy as np
-from pydantic import BaseModel, Field, ValidationError
+from pydantic import Field, ValidationError
 
 from pipeline.base import linear, toml
 from pipeline.base.arrays import Array, Bools, Locked, Parameter
 from pipeline.base.errors import InputError, first_wrong
 from pipeline.base.files import words
+from pipeline.base.strict import Numbers
 from pipeline.diagnosis.average import average
 from pipeline.machine.cell import Cell, Prediction, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
@@ -407,13 +408,13 @@ HEAD = """\
 """
 
 
-class _Parameter(BaseModel):
+class _Parameter(Numbers):
     name: str
     value: float
     stiffness: float | None = None
 
 
-class _Hypothesis(BaseModel):
+class _Hypothesis(Numbers):
     weight: float = 1.0
     equilibrium: str
     effects: list[tuple[str, str]]
@@ -423,7 +424,7 @@ class _Hypothesis(BaseModel):
     variance_within: list[float] | None = None
 
 
-class _File(BaseModel):
+class _File(Numbers):
     format: Literal[2]
     campaign: str
     verdict: str

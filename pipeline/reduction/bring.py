@@ -6,10 +6,12 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
+import numpy as np
 import pandas as pd
 import pyarrow as pa
 
 from pipeline import tables
+from pipeline.base.errors import InputError
 from pipeline.reduction.case import Case
 from pipeline.reduction.days import with_days
 from pipeline.reduction.displacements import displacements
@@ -83,11 +85,37 @@ def to_displacements(case: Case, keep: Keep = conformed, step: Step = plain) -> 
     return Placed(registration, base, placed, pulled, moved)
 
 
+_MOST = 300
+"""Displacements of one pose at most: all its errors are one covariance, whose square root takes
+minutes and gigabytes for more. By 300 the scatter of readings is averaged to a seventeenth, and
+what the pulls of a pose have in common (its lever arms, its zero, the scale) is not averaged."""
+
+
+def _refuse_crowded(data: Measured) -> None:
+    """See that no pose has more displacements than are computed.
+
+    Raises:
+        InputError: One has.
+    """
+    pose, count = np.unique(data.pulls.pose[data.pull], return_counts=True)
+    if count.max(initial=0) > _MOST:
+        raise InputError(
+            f"pose {pose[count.argmax()]} has {count.max()} displacements of targets, more than "
+            f"the {_MOST} that are computed together; the stiffnesses hardly gain from so many",
+            "leave some of its pulls out, or pull in further poses instead",
+        )
+
+
 def bring(case: Case, keep: Keep = conformed, step: Step = plain) -> Reduced:
-    """From readings in the tracker's frame to forces and displacements in F_b, as arrays."""
+    """From readings in the tracker's frame to forces and displacements in F_b, as arrays.
+
+    Raises:
+        InputError: A pose has more pulls than are computed together.
+    """
     got = to_displacements(case, keep, step)
     tables = case.joints, got.forces, got.displacements
     data = measured(case.settings, case.robot, got.registration, *tables, got.placed)
+    _refuse_crowded(data)
     data = with_days(data)
     shown = {
         "readings": case.readings,

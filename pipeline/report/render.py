@@ -139,15 +139,15 @@ def _words(text: str) -> Markup:
 
 def pdf(report: Report, drawings: Mapping[str, str]) -> bytes:
     """The report as tagged PDF (PDF/UA-1); all words travel as data, none as markup."""
-    import matplotlib
     import typst
 
+    from pipeline.report.svg import FONTS
+
     said = asdict(_typeset(report)) | {"version": __version__, "worst": report.worst}
-    fonts = f"{matplotlib.get_data_path()}/fonts/ttf"  # the face that the figures are set in
     compiled = typst.compile(  # type: ignore[call-overload]  # its own stub lacks bytes
         _text("page.typ").encode(),
         sys_inputs={"report": json.dumps(said), "figures": json.dumps(dict(drawings))},
-        font_paths=[fonts],
+        font_paths=[FONTS],
         ignore_system_fonts=True,
         pdf_standards="ua-1",
         timestamp=0,

@@ -9,9 +9,15 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Any
 
-from matplotlib import rc_context
-from matplotlib.backends.backend_svg import FigureCanvasSVG
-from matplotlib.figure import Figure as Canvas
+from pipeline.base.environment import elsewhere
+
+with elsewhere():  # the first import reads a matplotlibrc, which must not be a campaign's
+    import matplotlib
+    from matplotlib.backends.backend_svg import FigureCanvasSVG
+    from matplotlib.figure import Figure as Canvas
+
+FONTS = f"{matplotlib.get_data_path()}/fonts/ttf"
+"""The face that the figures are set in."""
 
 INK, MUTED, GRID = "#1a1c21", "#5b6270", "#d4d8de"
 BLUE, RED, GREEN, PURPLE = "#0072b2", "#c8500a", "#00785a", "#8a4f7e"
@@ -68,7 +74,10 @@ STYLE: Any = {
     "figure.constrained_layout.use": True,
 }
 
-_ON_THE_PAGE: Any = STYLE | {"figure.facecolor": "none", "axes.facecolor": "none"}
+_PLAIN: Any = {key: matplotlib.rcParamsDefault[key] for key in matplotlib.rcParamsDefault}
+_PLAIN.pop("backend")  # of windows, of which we open none
+_ON_THE_PAGE: Any = _PLAIN | STYLE | {"figure.facecolor": "none", "axes.facecolor": "none"}
+"""Every setting, so that pictures are the same whatever a matplotlibrc says."""
 
 _SHAPES = {"use", "path"}
 
@@ -100,7 +109,7 @@ def drawn(name: str, draw: Callable[[Canvas], Mapping[str, Sequence[str]]]) -> D
     """
     text = io.StringIO()
     nothing = dict.fromkeys(("Date", "Creator", "Format", "Type"))
-    with rc_context(_ON_THE_PAGE | {"svg.hashsalt": name}):
+    with matplotlib.rc_context(_ON_THE_PAGE | {"svg.hashsalt": name}):
         canvas = Canvas()
         tips = draw(canvas)
         canvas.align_ylabels()  # of plots below each other

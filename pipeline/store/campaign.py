@@ -486,7 +486,7 @@ def unfit(name: str) -> str | None:
     return "the name of its folder is one of our own files" if _OURS.fullmatch(name) else None
 
 
-_MOST_ENTRIES, _DEEPEST = 20_000, 16
+MOST_ENTRIES, _DEEPEST = 20_000, 16
 """Files and folders of a campaign, and how deep they are looked for."""
 
 
@@ -501,13 +501,13 @@ def _within(folder: Path, deepest: int) -> Iterator[str]:
         inner, depth = left.pop()
         try:
             with os.scandir(folder / inner) as listing:
-                entries = list(itertools.islice(listing, _MOST_ENTRIES))
+                entries = list(itertools.islice(listing, MOST_ENTRIES))
         except OSError as problem:
             thing = f"cannot be listed ({problem.strerror})"
             raise InputError(thing, "check its permissions", file=inner or folder.name) from problem
         seen += len(entries)
-        if seen >= _MOST_ENTRIES:
-            thing = f"the folder contains more than {_MOST_ENTRIES} files"
+        if seen >= MOST_ENTRIES:
+            thing = f"the folder contains more than {MOST_ENTRIES} files"
             raise InputError(thing, "keep only those of the campaign", file="campaign.toml")
         for entry in entries:
             if not entry.is_dir(follow_symlinks=False):

@@ -145,7 +145,7 @@ class Base(Locked):
             own: Each block has its own coefficients for all columns of X.
         """
         blocks = Blocks.of(np.zeros(len(y), np.int64) if key is None else key)
-        Q = linear.spans(blocks.padded(X)) if own else blocks.padded(linear.orthonormal(X))
+        Q = _spans(blocks, X) if own else blocks.padded(linear.orthonormal(X))
         rank = np.sum(np.abs(Q).max(axis=1, initial=0.0) > 0) if own else Q.shape[2]
         empty = cls(blocks, Q, own, np.zeros(blocks.shape), len(y) - int(rank))
         return empty.against(y)
@@ -208,6 +208,18 @@ class Base(Locked):
         beyond, left = self.beyond(D), self.blocks.rows(self.left)
         N, g = beyond.T @ beyond, beyond.T @ left
         return Beside(N, g, np.einsum("mk,mk->k", D, D), self.rest, self.dof)
+
+
+def _spans(blocks: Blocks, X: Array) -> Array:
+    """Orthonormal columns of each block by itself, shape (p, s, r); columns beyond its rank: 0."""
+    stack = blocks.padded(X)
+    if not blocks.uneven:
+        return linear.spans(stack)
+    out = np.zeros((*blocks.shape, min(stack.shape[1:])))
+    for one, rows, n in zip(out, stack, blocks.count, strict=True):
+        (own,) = linear.spans(rows[None, :n])
+        one[:n, : own.shape[1]] = own
+    return out
 
 
 def left_beside(M: Array, base: Ints, at: Ints) -> tuple[Array, Array, Array]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import TypeVar
 
@@ -9,9 +10,15 @@ import numpy as np
 import numpy.typing as npt
 import scipy.sparse
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 
 _T = TypeVar("_T", bound=np.generic)
+
+_SMALL = 60
+"""Rows up to which a block is padded whatever the others have: twenty readings in three axes."""
+_WASTE = 4
+"""Work with padding, in times of that without, from which one by one is faster than a stack."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +51,41 @@ class Blocks(Locked):
         return len(self.count), int(self.count.max(initial=0))
 
     @property
+    def uneven(self) -> bool:
+        """Whether one block is so large that cubes of the padding cost more than all the rest."""
+        p, s = self.shape
+        return s > _SMALL and p * s**3 > _WASTE * int((self.count.astype(np.int64) ** 3).sum())
+
+    def square(self, work: Callable[[Array], Array], padded: Array) -> Array:
+        """Work on matrices (p, s, s), of each without its padding where that counts.
+
+        There it is done in place; the padding is the identity, and stays it.
+        """
+        if not self.uneven:
+            return work(padded)
+        for one, n in zip(padded, self.count, strict=True):
+            one[:n, :n] = work(one[:n, :n])
+        return padded
+
+    def solve(self, A: Array, padded: Array) -> Array:
+        """Solutions of the regular A x = y of each block, (p, s, s) and (p, s, j), likewise."""
+        if not self.uneven:
+            return linear.solve(A, padded)
+        out = np.zeros_like(padded)
+        for one, a, y, n in zip(out, A, padded, self.count, strict=True):
+            one[:n] = linear.solve(a[:n, :n], y[:n])
+        return out
+
+    @property
     def there(self) -> Bools:
         """Where a padded array holds a row, shape (p, s)."""
         return np.asarray(np.arange(self.shape[1]) < self.count[:, None])
+
+    @property
+    def members(self) -> list[Ints]:
+        """The rows of each block, in their own order."""
+        order = np.argsort(self.index, kind="stable")
+        return np.split(order, np.cumsum(self.count)[:-1])
 
     def padded(self, rows: npt.NDArray[_T]) -> npt.NDArray[_T]:
         """Rows (M, ...) by block, zeros below the shorter ones, shape (p, s, ...)."""

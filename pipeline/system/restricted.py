@@ -28,6 +28,7 @@ class Blocks(Locked):
     """Rows by pose, padded to the largest: y, what is estimated along, and the parts of V.
 
     Attributes:
+        rows: By pose, s of the largest.
         y: Shape (p, s).
         X: Orthonormal fixed effects, then errors common to all poses, shape (p, s, k + r).
         prior: 0 for the former, 1 for the latter, which are random, shape (k + r,).
@@ -36,6 +37,7 @@ class Blocks(Locked):
         dof: Rows minus fixed effects.
     """
 
+    rows: Rows
     y: Array
     X: Array
     prior: Array
@@ -63,6 +65,7 @@ class Blocks(Locked):
         which, at = np.nonzero(~blocks.there)
         parts[-1, which, at, at] = 1.0  # padding: independent rows of zeros
         return cls(
+            rows=blocks,
             y=blocks.padded(y),
             X=blocks.padded(np.hstack([Q, A])),
             prior=np.repeat([0.0, 1.0], [Q.shape[1], A.shape[1]]),
@@ -83,10 +86,10 @@ class Blocks(Locked):
         weights = np.append(np.exp(2 * log_scale), 1.0)
         V = np.einsum("k,kpij->pij", weights, self.parts)
         try:
-            L = np.linalg.cholesky(V)
+            L = self.rows.square(lambda own: np.asarray(np.linalg.cholesky(own)), V)
         except np.linalg.LinAlgError:
             return np.full(len(self.y), np.inf), 0.0
-        both = linear.solve(L, np.concatenate([self.X, self.y[..., None]], axis=2))
+        both = self.rows.solve(L, np.concatenate([self.X, self.y[..., None]], axis=2))
         X, y = both[..., :-1], both[..., -1]
         own = 2 * np.log(np.einsum("pii->pi", L)).sum(axis=1) + (y**2).sum(axis=1)
         if not X.shape[2]:

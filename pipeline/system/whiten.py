@@ -85,6 +85,11 @@ class Whitener(Locked):
 def _each(factor: Array, blocks: Blocks, rows: Array) -> Array:
     """Rows (M,) or (M, any) of each block multiplied by its matrix, shape of `rows`."""
     wide = rows[:, None] if rows.ndim == 1 else rows
+    if blocks.uneven:
+        out = np.empty(wide.shape)
+        for own, one in zip(blocks.members, factor, strict=True):
+            out[own] = one[: len(own), : len(own)] @ wide[own]
+        return out.reshape(rows.shape)
     return blocks.rows(factor @ blocks.padded(wide)).reshape(rows.shape)
 
 
@@ -99,7 +104,7 @@ def whitener(errors: Errors, pose: Ints) -> Whitener:
     V = blocks.covariance(errors.G[:, ~errors.common])
     which, at = np.nonzero(~blocks.there)
     V[which, at, at] = 1.0
-    inverse = linear.whitening(V)
+    inverse = blocks.square(linear.whitening, V)
     common = _each(inverse, blocks, errors.G[:, errors.common].toarray())
     axes, size, _ = np.linalg.svd(common, full_matrices=False)
     return Whitener(blocks, inverse, common, axes, 1 - 1 / np.sqrt(1 + size**2))

@@ -9,6 +9,7 @@ import typer
 from typer import Option
 
 from pipeline.app.commands._shared import AsJson, Root, app
+from pipeline.base.environment import NOBODYS, elsewhere
 from pipeline.base.errors import UsageError
 from pipeline.base.toml import given
 
@@ -71,10 +72,12 @@ def deploy(
 
     wanted = _preferred(root, interval_s=interval, cron=cron)
     service.join(root)
-    from pipeline.app import flow  # after Prefect's settings are made
+    with elsewhere():
+        from pipeline.app import flow  # after Prefect's settings are made
 
-    flow.deploy(pool, wanted.service)
-    typer.echo(f"{processes.ROOT}={root.resolve()} prefect worker start --pool {pool} --limit 2")
+        flow.deploy(pool, wanted.service)
+    place = f"cd {NOBODYS} && {processes.ROOT}={root.resolve()}"  # as elsewhere() has it
+    typer.echo(f"{place} prefect worker start --pool {pool} --limit 2")
 
 
 @app.command(short_help="Check this machine: what is missing, and how to install it.")

@@ -12,11 +12,11 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field
+from pydantic import AliasChoices, ConfigDict, Field
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.errors import InputError, listed
-from pipeline.base.strict import Length, Name, Positive
+from pipeline.base.strict import Length, Name, Numbers, Positive
 
 BASE: Literal["base"] = "base"
 """The link that stands still: F_b."""
@@ -24,7 +24,7 @@ BASE: Literal["base"] = "base"
 _End = tuple[Length, Length, Length]
 
 
-class Capsule(BaseModel):
+class Capsule(Numbers):
     """One `[[capsules]]` of a robot file [m], in the frame of its link.
 
     `link` is the name of the joint that carries it, and its frame that of the joint's row, which

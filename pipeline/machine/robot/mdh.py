@@ -16,7 +16,7 @@ from typing import Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
-from pydantic import AliasChoices, BaseModel, ConfigDict, Field, model_validator
+from pydantic import AliasChoices, ConfigDict, Field, model_validator
 
 from pipeline.base import files, toml
 from pipeline.base.arrays import Array, Bools, Locked
@@ -27,6 +27,7 @@ from pipeline.base.strict import (
     Mass,
     Name,
     NotNegative,
+    Numbers,
     Positive,
     Prose,
     Stiffness,
@@ -58,7 +59,7 @@ Rx(alpha), Hayati and Mirmirani's fifth letter (J. Robotic Systems 2, 1985), kee
 """
 
 
-class Joint(BaseModel):
+class Joint(Numbers):
     """One `[[joint]]` of a robot file; lengths [m], angles in degrees or radians by suffix.
 
     Columns of joints.csv are called after its name: `r1_m`, `theta2_deg`.
@@ -173,7 +174,7 @@ _TURNING = (
 """What only a sliding and only a turning joint has."""
 
 
-class Controller(BaseModel):
+class Controller(Numbers):
     """How the controller's axes become the model's joint variables: q = matrix @ axes + offset."""
 
     model_config = ConfigDict(extra="forbid")
@@ -183,7 +184,7 @@ class Controller(BaseModel):
     offset_deg: list[Degrees] | None = None
 
 
-class RobotFile(BaseModel):
+class RobotFile(Numbers):
     """A robot file, as written by a person."""
 
     model_config = ConfigDict(extra="forbid")
@@ -193,7 +194,7 @@ class RobotFile(BaseModel):
     description: Prose
     convention: Literal["khalil", "craig", "standard"]
     source: Prose
-    assumptions: list[Prose] = []
+    assumptions: list[Prose] = Field(default=[])
     payload_kg: Mass | None = None
     base: Fixed | None = None
     flange: Fixed | None = None

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import numpy as np
-from pydantic import BaseModel, ConfigDict
+from pydantic import ConfigDict
 
 from pipeline.base.arrays import Array
-from pipeline.base.strict import Degrees, Length
+from pipeline.base.strict import Degrees, Length, Numbers
 
 
-class Fixed(BaseModel):
+class Fixed(Numbers):
     """A constant step between two frames: a shift [m], then Rz(yaw) Ry(pitch) Rx(roll) [deg]."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)

@@ -1,0 +1,105 @@
+"""An S3 server whose objects may have any name and any lie about themselves."""
+
+import http.server
+from datetime import UTC, datetime
+from email.utils import formatdate
+from hashlib import md5
+from urllib.parse import parse_qs, quote, unquote, urlsplit
+from xml.sax.saxutils import escape
+
+LONG_AGO = 1_700_000_000
+"""When every object was put there [s since 1970], where nothing else is said."""
+
+
+def handler(objects, listed=None, refused=(), times=None, changed=None):
+    """A handler of requests for one bucket.
+
+    Args:
+        objects: Content by name.
+        listed: Content by name as listings tell of it, where that differs.
+        refused: Names of which nothing is given, as of archived objects.
+        times: When an object was put there, by name, as listings tell it [s since 1970].
+        changed: The same, as the object tells it itself.
+    """
+
+    class Handler(http.server.BaseHTTPRequestHandler):
+        def do_HEAD(self):
+            self._object(body=False)
+
+        def do_GET(self):
+            query = parse_qs(urlsplit(self.path).query, keep_blank_values=True)
+            if "list-type" in query or not self._name():
+                said = {word: values[0] for word, values in query.items()}
+                told = {**objects, **(listed or {})}
+                self._answer(200, _listing(told, times or {}, **_known(said)))
+            else:
+                self._object(body=True)
+
+        def _name(self):
+            return unquote(urlsplit(self.path).path).removeprefix("/robots").removeprefix("/")
+
+        def _time(self):
+            return (changed or {}).get(self._name(), LONG_AGO)
+
+        def _object(self, body):
+            name = self._name()
+            if name in refused:
+                self._answer(403, b"<Error><Code>InvalidObjectState</Code></Error>", body)
+            elif name not in objects:
+                self._answer(404, b"<Error><Code>NoSuchKey</Code></Error>", body)
+            else:
+                self._answer(200, objects[name], body)
+
+        def _answer(self, code, data, body=True):
+            whole, first = len(data), 0
+            asked = self.headers.get("Range")
+            if asked and code == 200 and data:
+                first, last = (int(one or whole) for one in asked.removeprefix("bytes=").split("-"))
+                data, code = data[first : last + 1], 206
+            self.send_response(code)
+            self.send_header("Content-Length", str(len(data)))
+            if code == 206:
+                self.send_header("Content-Range", f"bytes {first}-{first + len(data) - 1}/{whole}")
+            self.send_header("ETag", f'"{md5(data).hexdigest()}"')
+            self.send_header("Last-Modified", formatdate(self._time(), usegmt=True))
+            self.end_headers()
+            if body:
+                self.wfile.write(data)
+
+        def log_message(self, *_):
+            pass
+
+    return Handler
+
+
+def _stamp(time_s):
+    return datetime.fromtimestamp(time_s, UTC).strftime("%Y-%m-%dT%H:%M:%S.000Z")
+
+
+def _known(said):
+    words = {"prefix": "prefix", "delimiter": "delimiter", "encoding-type": "encoding"}
+    return {words[word]: value for word, value in said.items() if word in words}
+
+
+def _listing(objects, times, prefix="", delimiter="", encoding=""):
+    shown = quote if encoding == "url" else escape
+    entries, folders = [], {}
+    for name, data in sorted(objects.items()):
+        if not name.startswith(prefix):
+            continue
+        rest = name[len(prefix) :]
+        if delimiter and delimiter in rest:
+            folders[prefix + rest.partition(delimiter)[0] + delimiter] = None
+            continue
+        entries.append(
+            f"<Contents><Key>{shown(name)}</Key>"
+            f"<LastModified>{_stamp(times.get(name, LONG_AGO))}</LastModified>"
+            f'<ETag>"{md5(data).hexdigest()}"</ETag><Size>{len(data)}</Size></Contents>'
+        )
+    common = [f"<CommonPrefixes><Prefix>{shown(f)}</Prefix></CommonPrefixes>" for f in folders]
+    return (
+        '<?xml version="1.0"?><ListBucketResult><Name>robots</Name>'
+        f"<Prefix>{shown(prefix)}</Prefix><KeyCount>{len(entries)}</KeyCount><MaxKeys>1000</MaxKeys>"
+        f"{'<EncodingType>url</EncodingType>' if encoding else ''}"
+        f"<IsTruncated>false</IsTruncated>{''.join(entries + common)}</ListBucketResult>"
+    ).encode()
