@@ -31,6 +31,7 @@ from pipeline.answer.inputs import (
     registration_findings,
     rejected_entries,
     rounding_findings,
+    sheet_findings,
     shot_findings,
     treated_findings,
     unit_entry,
@@ -70,6 +71,7 @@ def answer(found: Findings) -> Answer:
         *entry_findings(found.right.case, text),
         *told_factor(factor),
     ]
+    said += sheet_findings(raw.settings)
     said += [*stated, *filter(None, map(enormous, found.diagnosis.causes))]
     payloads = payload_entries(given.case)
     together = combination_entries(found.told.values)
