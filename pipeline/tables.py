@@ -87,7 +87,7 @@ READINGS = _promise(
     _word("state", "unloaded or loaded, null for base reflectors", nullable=True),
     *_axes("{}_m", "m", "tracker frame"),
     *_six("c{}_m2", "m^2", "covariance of {} and {}, NaN where the file has none"),
-    _word("covariance_from", "file | instrument | stated | paper | none"),
+    _word("covariance_from", "file | instrument | sheet | stated | paper | none"),
     _TIME,
 )
 """Readings in the frame of the tracker, in the order of the files; covariance of the reading."""

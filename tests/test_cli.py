@@ -150,7 +150,7 @@ def test_a_bar_shows_on_the_terminal_and_stdout_stays_data(tmp_path):
 def test_init_asks_on_a_terminal(tmp_path):
     """Name, robot and the two uncertainties go into campaign.toml; stdout is the folder."""
     command = [sys.executable, "-m", "pipeline", "init", "--root", str(tmp_path)]
-    out, err, code = on_a_terminal(command, ["hall-3", "fanuc_r2000ic", "0.05", "4"])
+    out, err, code = on_a_terminal(command, ["hall-3", "fanuc_r2000ic", "", "0.05", "4"])
     folder = tmp_path / "data" / "raw" / "hall-3"
     content = tomllib.loads((folder / "campaign.toml").read_text())
 

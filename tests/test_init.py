@@ -193,7 +193,9 @@ def test_a_table_that_nobody_knows_is_proposed_and_asked(init):
 def test_what_inspect_asks_of_a_table_is_asked(init):
     """On a terminal: the columns, then the unit, and nothing of it twice."""
     places = [""] * (len(TRUE["tool"]) + len(TRUE["base_frame"]))
-    text = init(unknown("|", "Serie|A|B|C|Ziel"), "1", "1", "kr500_rail", "0.03", "2", "", *places)
+    text = init(
+        unknown("|", "Serie|A|B|C|Ziel"), "1", "1", "kr500_rail", "", "0.03", "2", "", *places
+    )
 
     assert tomllib.loads(text)["tracker"]["unit"] == "mm"
     assert tomllib.loads(text)["tracker"]["mapping"]["columns"]["z"] == "C"
@@ -214,7 +216,7 @@ def test_titles_of_others_are_proposed_for_the_logs(init):
     logs = {"kraft.csv": LOADS.encode("cp1252"), "achsen.csv": JOINTS.encode("cp1252")}
     files = {"tracker.csv": FILES["tracker.csv"], **logs}
     said = propose(logs | FILES)
-    text = init(files, "kr500_rail", *[""] * 11)
+    text = init(files, "kr500_rail", *[""] * 12)
 
     assert said.refused["loads.csv"] == "kraft.csv is such a log, too"
     assert set(said.refused) == {"loads.csv", "joints.csv"}
@@ -354,7 +356,7 @@ def test_with_all_answers_it_is_the_campaign_that_was_measured(init):
     points = TRUE["tool"] | TRUE["base_frame"]
     order = ["load_point", "P1", "P2", "P3", "B1", "B2", "B3", "B4"]
     places = ["; ".join(str(x).replace(".", ",") for x in points[name]) for name in order]
-    said = parse(init(FILES, "kr500_rail", "0.03", "2,0", "21,5", *places))
+    said = parse(init(FILES, "kr500_rail", "", "0.03", "2,0", "21,5", *places))
     true = parse(MADE["campaign.toml"].decode())
 
     for part in ("robot", "tool", "base_frame", "joints"):
@@ -372,7 +374,7 @@ def test_answers_may_have_their_own_units(init):
     order = ["load_point", "P1", "P2", "P3", "B1", "B2", "B3", "B4"]
     mm = [" ".join(f"{1e3 * x:.10g}" for x in points[name]) + " mm" for name in order]
     mm[1] = ", ".join(f"{x / 0.0254:.16g}" for x in points["P1"]) + "in"
-    said = parse(init(FILES, "kr500_rail", "3e-5 m", "0,5 lbf", "", *mm))
+    said = parse(init(FILES, "kr500_rail", "", "3e-5 m", "0,5 lbf", "", *mm))
 
     assert said.tool["P1"] == pytest.approx(points["P1"], rel=1e-11)
     assert said.tool["load_point"] == tuple(points["load_point"])
@@ -383,11 +385,29 @@ def test_answers_may_have_their_own_units(init):
 
 def test_a_unit_that_is_none_is_asked_again(init):
     """A word behind the number that is no unit of it."""
-    said = init(FILES, "", "0.03 kg", "0.03", "2 mm", "2", *[""] * 9)
+    said = init(FILES, "", "", "0.03 kg", "0.03", "2 mm", "2", *[""] * 9)
 
     assert tomllib.loads(said)["tracker"]["sigma_m"] == pytest.approx(3e-5)
     assert tomllib.loads(said)["scale"]["sigma_n"] == 2
     assert "robot" in unfilled(said).values()
+
+
+def test_a_tracker_whose_data_sheet_is_known_has_its_noise(init):
+    """Its type is asked first, and the noise only of one that is in no list."""
+    text = init(FILES, "kr500_rail", "leica at960 mr", "2", *[""] * 9)
+    said = tomllib.loads(text)
+
+    assert said["instrument"]["model"] == "leica at960 mr"
+    assert "sigma_m" not in said["tracker"]
+
+
+def test_a_tracker_that_is_in_no_list_is_asked_once_more(init, capsys):
+    """With the names that are like it; what is typed then is written, and its noise is asked."""
+    said = tomllib.loads(init(FILES, "kr500_rail", "AT96O", "AT96X", "0.03", "2", *[""] * 9))
+
+    assert "like it: Leica AT960" in capsys.readouterr().err
+    assert said["instrument"]["model"] == "AT96X"
+    assert said["tracker"]["sigma_m"] == pytest.approx(3e-5)
 
 
 def test_the_unit_of_titles_that_state_none_is_asked(init):
@@ -398,7 +418,7 @@ def test_the_unit_of_titles_that_state_none_is_asked(init):
         "kraft.csv": LOADS.replace("[kg]", "").encode("cp1252"),
         "achsen.csv": f"{titles}\n{angles}".encode(),
     }
-    said = tomllib.loads(init(files, "kr500_rail", "kp", "rad", *[""] * 11))
+    said = tomllib.loads(init(files, "kr500_rail", "kp", "rad", *[""] * 12))
 
     assert said["scale"]["columns"]["Kraft"] == "force_kp"
     assert {said["joints"]["columns"][f"Achse {k}"] for k in range(1, 7)} == {
@@ -524,7 +544,7 @@ def test_the_way_to_part_names_that_is_chosen_holds(init, capsys):
     rows = [f"{one}-{two}-{three};{k};{k * k % 7};{k * 3 % 11}" for k, (one, two, three) in
             enumerate((a, b, c) for a in "ABC" for b in "RSTU" for c in "PQ")]  # fmt: skip
     files = {"tracker.csv": "\n".join(["Punkt;X [mm];Y [mm];Z [mm]", *rows]).encode()}
-    text = init(files, "2", *[""] * 4)
+    text = init(files, "2", *[""] * 5)
 
     assert tomllib.loads(text)["tracker"]["names"] == "(?P<target>.+?)-(?P<group>.+)"
     assert "How do names hold group and target?" in capsys.readouterr().err
@@ -556,7 +576,7 @@ def french(pose, repeat, state):
 def test_words_of_any_language_are_asked(init):
     """One answer, and all that was read is known, as with words that the readings tell apart."""
     files = without_chain(french)
-    text = tomllib.loads(init(files, "avez", "sans", *["", "mm"], *[""] * 11))
+    text = tomllib.loads(init(files, "avez", "sans", *["", "mm"], *[""] * 12))
 
     assert text["naming"]["states"] == {"sans": "unloaded", "avec": "loaded"}
     assert text["naming"]["measured"] == TRUE["naming"]["measured"]
@@ -687,7 +707,7 @@ def test_the_uncertainty_of_weights_is_asked_and_used(init):
     files = loads_of(["mass_kg", "mass_sigma_kg"], ["60", ""])
     lines = files["loads.csv"].decode().splitlines()
     files |= {"loads.csv": "\n".join([*lines[:-1], lines[-1] + "0.5", ""]).encode()}
-    toml = tomllib.loads(init(files, "kr500_rail", "", "20 g", *[""] * 9))
+    toml = tomllib.loads(init(files, "kr500_rail", "", "", "20 g", *[""] * 9))
     scale = MADE["campaign.toml"].decode().replace("[scale]", "[scale]\nmass_sigma_kg = 0.02")
     raw = in_memory(files | {"campaign.toml": scale.encode()})
     sigma = ingest(raw.settings, raw.robot, raw.files).loads["mass_sigma_kg"].to_pylist()

@@ -2,10 +2,15 @@
 
 import numpy as np
 import pytest
+from small_case import PLAN
 
 from pipeline.base import covariance
 from pipeline.machine import instrument
-from pipeline.machine.instrument import InstrumentNoise, beam_covariance
+from pipeline.machine.instrument import InstrumentNoise, beam_covariance, near, sheet, sheets
+from pipeline.reduction.bring import conformed, plain
+from pipeline.run import answered, ingested
+from pipeline.simulate import revised, simulate
+from pipeline.store.campaign import in_memory
 
 NOISE = InstrumentNoise(range_m=8e-6, range_per_m=4e-7, transverse_m=1.5e-5, transverse_per_m=6e-6)
 
@@ -73,3 +78,103 @@ def test_the_papers_share_is_the_mean_over_its_angles():
 
     assert shares[0] == pytest.approx(u.T @ u / len(u), abs=1e-6)
     assert shares[1] == pytest.approx(np.eye(3))
+
+
+@pytest.mark.parametrize(
+    ("written", "listed"),
+    [
+        ("Leica AT960-MR", "Leica AT960-MR"),
+        ("leica absolute tracker at 960 MR", "Leica AT960-MR"),
+        ("AT402", "Leica AT402"),
+        ("FARO Laser Tracker Vantage S6", "FARO Vantage S6"),
+        ("API Tracker3", "API Tracker3"),
+        ("Vantage", "FARO Vantage"),
+    ],
+)
+def test_a_type_is_known_however_it_is_written(written, listed):
+    """With or without its maker, in any case, with blanks or hyphens."""
+    assert listed in sheet(written).names
+
+
+def test_what_is_in_no_list_is_none_and_has_names_near_it():
+    """No guess from a name that is only like another."""
+    assert sheet("Leica AT96O") is None
+    assert "Leica AT960" in near("Leica AT96O")
+    assert sheet("Leica AT960X") is None
+    assert near("coordinate arm of a mill") == []
+
+
+def test_every_sheet_gives_what_it_prints():
+    """A third of the square of a bound, or half of two sigma; its source has both figures."""
+    assert len([name for one in sheets() for name in one.names]) > 20
+    vantage = sheet("FARO Vantage").noise
+    assert vantage.range_m == pytest.approx(16e-6 / np.sqrt(3))
+    assert vantage.transverse_per_m == pytest.approx(5e-6 / np.sqrt(3))
+    assert sheet("Leica LTD500").noise.transverse_per_m == pytest.approx(5e-6)
+    for one in sheets():
+        assert all(f"{size:g} um" in one.source for size in (*one.along, *one.across) if size)
+
+
+def made(**tables):
+    """A small campaign, its campaign.toml with other lines in [tracker] and [instrument]."""
+    polar = {"range_m": 5.8e-6, "transverse_m": 8.7e-6, "transverse_per_m": 3.5e-6}
+    plan = revised(PLAN, {"tracker": {"noise": polar}})
+    files = dict(simulate(plan, np.random.default_rng(3)).files)
+    lines = files["campaign.toml"].decode().splitlines()
+    lines = [line for line in lines if not line.startswith(("sigma_m", "noise"))]
+    for table, more in tables.items():
+        if f"[{table}]" not in lines:
+            lines += [f"[{table}]"]
+        at = lines.index(f"[{table}]")
+        lines[at + 1 : at + 1] = more
+    return in_memory(files | {"campaign.toml": "\n".join(lines).encode()})
+
+
+MODEL = ['model = "Leica AT402"']
+
+
+@pytest.mark.parametrize(
+    ("tables", "source"),
+    [
+        ({"instrument": MODEL}, "sheet"),
+        ({"instrument": MODEL, "tracker": ["sigma_m = 2e-5"]}, "stated"),
+        (
+            {
+                "instrument": MODEL,
+                "tracker": ["noise = { range_m = 1e-5, transverse_m = 2e-5 }"],
+            },
+            "instrument",
+        ),
+        ({"instrument": ['model = "Leica AT96O"']}, "none"),
+        ({"instrument": [*MODEL, 'kind = "camera"']}, "none"),
+        ({"instrument": [*MODEL, 'measures = "poses"']}, "none"),
+        ({}, "none"),
+    ],
+)
+def test_what_is_stated_comes_before_the_data_sheet(tables, source):
+    """And a sheet is of a tracker that measures points."""
+    readings = ingested(made(**tables), conformed, plain).readings
+
+    assert set(readings["covariance_from"]) == {source}
+    if source == "sheet":
+        at = readings[["x_m", "y_m", "z_m"]].to_numpy()[0]
+        C = covariance.matrices(readings)[0]
+        reach = np.linalg.norm(at)
+        assert at @ C @ at / reach**2 == pytest.approx((10e-6 / np.sqrt(3)) ** 2)
+        side = np.cross(at, [0.1, -0.5, 0.9])
+        side /= np.linalg.norm(side)
+        assert side @ C @ side == pytest.approx(((15e-6 + 6e-6 * reach) / np.sqrt(3)) ** 2)
+
+
+def test_the_answer_says_where_the_noise_is_from():
+    """By its data sheet, or that none is known, with the names that are near."""
+    known = answered("known", made(instrument=MODEL)).answer
+    assert "AT402" in known.instrument.data_sheet
+    assert any("that of a data sheet: 5.77 um" in one for one in known.assumptions)
+    assert str(known.fit.noise_from) == "stated"
+
+    strange = answered("strange", made(instrument=['model = "Leica AT96O"'])).answer
+    (said,) = [one for one in strange.findings if "data sheet" in one]
+    assert "did you mean Leica AT960" in said
+    assert strange.instrument.data_sheet is None
+    assert str(strange.fit.noise_from) != "stated"

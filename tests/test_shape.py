@@ -13,6 +13,7 @@ from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble
+from pipeline.system.beam import Beam
 from pipeline.system.beyond import free
 from pipeline.system.estimate import solve
 from pipeline.system.family import FREEDOM, Family
@@ -119,7 +120,8 @@ def test_readings_are_weighed_and_unweighed(case):
     """What is put into a campaign comes out of it again, each reading's own variance."""
     fitted = fit(case, bring(case))
     n = len(fitted.shape.variance)
-    shape = replace(fitted.shape, variance=np.linspace(0.5, 4.0, n), weighed=True)
+    found = replace(fitted.shape, variance=np.linspace(0.5, 4.0, n), weighed=True)
+    shape = replace(found, beam=Beam.stated(fitted.plain))
     weighed, d = shape.on(fitted.plain), len(fitted.plain.pull)
 
     assert weighed.loaded_cov == pytest.approx(
@@ -128,6 +130,8 @@ def test_readings_are_weighed_and_unweighed(case):
     back = shape.off(weighed)
     assert back.zero_cov == pytest.approx(fitted.plain.zero_cov)
     assert back.wander is None
+    both = found.off(found.on(fitted.plain))
+    assert both.loaded_cov == pytest.approx(fitted.plain.loaded_cov, abs=1e-20)
 
 
 def test_a_misfit_of_normal_noise_is_chi_square(case):

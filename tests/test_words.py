@@ -126,7 +126,7 @@ def test_what_becomes_of_stdout_is_no_internal_error(shell, code, said):
 def test_init_asks_again_for_what_is_no_size(tmp_path):
     """Words and negative numbers are no uncertainty; a decimal comma is as good as a point."""
     command = [*PIPELINE, "init", "a", "--root", str(tmp_path)]
-    _, err, code = on_a_terminal(command, ["", "abc", "-0.05", "nan", "0,05", "3"])
+    _, err, code = on_a_terminal(command, ["", "", "abc", "-0.05", "nan", "0,05", "3"])
     content = tomllib.loads((tmp_path / "data" / "raw" / "a" / "campaign.toml").read_text())
 
     assert code == 0

@@ -70,6 +70,39 @@ class Bursts:
 
 
 @dataclass(frozen=True)
+class Polar:
+    """A tracker by its data sheet: range and angles, e = d u + r (across, two axes); m and m/m.
+
+    Attributes:
+        range_m: Standard uncertainty along the beam.
+        range_per_m: The same per metre of distance, added.
+        across_m: Across it, per axis.
+        across_per_m: The same per metre, added.
+        freedom: Of Student's t with that variance; normal where infinite.
+        wide: Part of the readings that is four times wider.
+    """
+
+    range_m: float
+    range_per_m: float
+    across_m: float
+    across_per_m: float
+    freedom: float = np.inf
+    wide: float = 0.0
+
+    def __call__(self, hours: Array, at: Array, rng: np.random.Generator) -> Array:
+        """Errors [m]."""
+        far = np.linalg.norm(at, axis=1, keepdims=True)
+        beam = at / far
+        free = rng.normal(size=at.shape) * (self.across_m + self.across_per_m * far)
+        across = free - beam * np.sum(beam * free, axis=1, keepdims=True)
+        along = rng.normal(size=far.shape) * (self.range_m + self.range_per_m * far)
+        times = np.where(rng.random(len(at)) < self.wide, 4.0, 1.0)
+        if np.isfinite(self.freedom):
+            times *= np.sqrt((self.freedom - 2) / rng.chisquare(self.freedom, len(at)))
+        return np.asarray(times[:, None] * (across + along * beam))
+
+
+@dataclass(frozen=True)
 class Wander:
     """White noise, and a slow common error: Ornstein and Uhlenbeck's, stationary.
 

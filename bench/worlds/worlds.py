@@ -14,7 +14,7 @@ from bench.league.play import Plan
 from bench.worlds import blunders
 from bench.worlds.blunders import Spoil, nothing, tracker_moves
 from bench.worlds.cell import Cell, Manner, random_plan
-from bench.worlds.noise import Bursts, Noise, Student, Turn, Wander, White
+from bench.worlds.noise import Bursts, Noise, Polar, Student, Turn, Wander, White
 from bench.worlds.payloads import Carrying
 from bench.worlds.sixd import SIGMA_RAD, Poses
 from bench.worlds.tables import Table
@@ -224,6 +224,55 @@ NOISE = (
     ),
 )
 
+SHEETS = {
+    "at960": Polar(0.0, 2.9e-7, 8.7e-6, 3.5e-6),
+    "at402": Polar(5.8e-6, 0.0, 8.7e-6, 3.5e-6),
+    "ltd": Polar(1.25e-5, 0.0, 7.5e-6, 3e-6),
+    "radian": Polar(5e-6, 3.5e-7, 5e-6, 2.5e-6),
+    "ot2": Polar(7.5e-6, 7.5e-7, 1.0e-5, 3.5e-6),
+    "vantage": Polar(8e-6, 4e-7, 1e-5, 2.5e-6),
+}
+"""Laser trackers by the standard uncertainties of their data sheets."""
+
+_FAR_M = 8.5
+"""Distance at which the one figure of campaign.toml is that of an instrument [m]."""
+
+
+def _sheet(name: str, sheet: Polar, rms: bool, says: str = "", *family: str) -> World:
+    """A tracker of a data sheet, of which one figure is stated: that of its angles, or the rms."""
+    along = sheet.range_m + sheet.range_per_m * _FAR_M
+    across = sheet.across_m + sheet.across_per_m * _FAR_M
+    figure = np.sqrt((along**2 + 2 * across**2) / 3) if rms else across
+    of = "rms of three axes" if rms else "angles"
+    return World(
+        name,
+        "noise",
+        f"a tracker by its data sheet, one figure stated, that of the {of}{says}",
+        noise=sheet,
+        family=family,
+        stated=f"sigma_m = {figure:.3g}",
+    )
+
+
+BEAMS = (
+    *(_sheet(f"{name}_rms", sheet, True) for name, sheet in SHEETS.items()),
+    *(_sheet(f"{name}_angles", sheet, False) for name, sheet in SHEETS.items()),
+    _sheet(
+        "at960_student3",
+        replace(SHEETS["at960"], freedom=3.0),
+        True,
+        ", Student t 3",
+        "heavy_tails",
+    ),
+    _sheet(
+        "vantage_bursts",
+        replace(SHEETS["vantage"], wide=0.05),
+        True,
+        ", 5 % of the readings four times wider",
+        "heavy_tails",
+    ),
+)
+
 BLUNDERS = (
     _blunder("base_off", blunders.off("base"), "one base reading off by 0.3 mm to 5 m"),
     _blunder("unloaded_off", blunders.off("unloaded"), "one unloaded reading off"),
@@ -421,6 +470,7 @@ TABLES = (
 )
 
 WORLDS: Mapping[str, World] = {
-    world.name: world for world in (*NOISE, *BLUNDERS, *LOADS, *PAYLOADS, *INSTRUMENTS, *TABLES)
+    world.name: world
+    for world in (*NOISE, *BEAMS, *BLUNDERS, *LOADS, *PAYLOADS, *INSTRUMENTS, *TABLES)
 }
 EXAMS = tuple(dict.fromkeys(world.exam for world in WORLDS.values()))

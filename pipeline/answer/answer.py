@@ -31,13 +31,14 @@ from pipeline.answer.inputs import (
     registration_findings,
     rejected_entries,
     rounding_findings,
+    sheet_findings,
     shot_findings,
     treated_findings,
     unit_entry,
 )
 from pipeline.answer.judged import path_findings, pose_entry, tolerance_entry
 from pipeline.answer.overload import overload_entry, overloaded
-from pipeline.answer.overstated import overstated
+from pipeline.answer.overstated import beside_the_beam, overstated
 from pipeline.answer.pose_budget import pose_budget
 from pipeline.answer.recommended import Values
 from pipeline.answer.reliability import carried_entries, controlled_entries
@@ -70,6 +71,7 @@ def answer(found: Findings) -> Answer:
         *entry_findings(found.right.case, text),
         *told_factor(factor),
     ]
+    said += [*sheet_findings(raw.settings), *beside_the_beam(found.right.shape.beam)]
     said += [*stated, *filter(None, map(enormous, found.diagnosis.causes))]
     payloads = payload_entries(given.case)
     together = combination_entries(found.told.values)
@@ -112,7 +114,7 @@ def answer(found: Findings) -> Answer:
         joint_springs=springs,
         extended=_extended_entry(found),
         budget=budget_entries(values.stiffness),
-        noise=noise_entry(found.right.noise, found.right.estimate),
+        noise=noise_entry(found.right),
         rejected=rejected_entries(given.case.rejected),
         findings=(
             *registration_findings(base, fits, _tracker_drifts(found)),

@@ -778,7 +778,7 @@ class CommonFactor(Fact):
 
 
 class Measuring(Fact):
-    """The instrument as campaign.toml has it; model, serial number and certificate not judged."""
+    """The instrument as campaign.toml has it; serial number and certificate not judged."""
 
     kind: Literal["laser_tracker", "camera", "arm", "unknown"]
     measures: Literal["points", "poses"] = Field(description="found where nobody says so")
@@ -786,6 +786,11 @@ class Measuring(Fact):
     serial: str | None
     certificate: str | None = None
     calibrated: str | None
+    data_sheet: str | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="that the noise of its readings is taken from; absent where it is not",
+    )
 
 
 class Letter(Placed):

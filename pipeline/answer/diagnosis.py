@@ -31,8 +31,9 @@ from pipeline.machine.law import Law
 from pipeline.machine.robot import Robot
 from pipeline.machine.room import room_of, unchecked
 from pipeline.system.estimate import left_out
+from pipeline.system.fit import Fitted
 from pipeline.system.shape import Shape
-from pipeline.system.system import Estimate, Scatter
+from pipeline.system.system import Scatter
 from pipeline.system.variance import NAMES, Components, at_most
 
 
@@ -337,20 +338,31 @@ def _mistake(one: Mistake, gain: contract.Gain) -> contract.Cause:
     )
 
 
-def noise_entry(found: Components, estimate: Estimate) -> contract.Noise:
-    """The noise found in the data beside the stated one."""
+def noise_entry(right: Fitted) -> contract.Noise:
+    """The noise found in the data beside the stated one, and along and across the beam."""
+    found, beam = right.noise, right.shape.beam
+    parts = zip(("along_beam", "across_beam"), beam.found, beam.std, strict=True)
     return contract.Noise(
-        from_=NoiseFrom(estimate.noise_from),
+        from_=NoiseFrom(right.estimate.noise_from),
         contrasts=found.dof,
-        components=tuple(
-            contract.NoiseComponent(
-                name=name,
-                found_over_stated=float(found.scale[i]),
-                std=float(found.std[i] * found.scale[i]),
-                p_value=float(found.p_value[i]),
-            )
-            for i, name in enumerate(found.name)
-            if np.isfinite(found.std[i])
+        components=(
+            *(
+                contract.NoiseComponent(
+                    name=name,
+                    found_over_stated=float(found.scale[i]),
+                    std=float(found.std[i] * found.scale[i]),
+                    p_value=float(found.p_value[i]),
+                )
+                for i, name in enumerate(found.name)
+                if np.isfinite(found.std[i])
+            ),
+            *(
+                contract.NoiseComponent(
+                    name=name, found_over_stated=scale, std=std * scale, p_value=beam.p_value
+                )
+                for name, scale, std in parts
+                if beam.better
+            ),
         ),
     )
 

@@ -18,6 +18,7 @@ from pipeline.base.linear import rms
 from pipeline.base.quantities import plain, with_std
 from pipeline.machine.effect import Pulls
 from pipeline.machine.effects.tracker_drift import GROUP_S
+from pipeline.machine.instrument import near, sheet
 from pipeline.machine.robot import configure
 from pipeline.machine.room import accepted
 from pipeline.reduction.case import Case
@@ -169,7 +170,23 @@ def instrument_entry(settings: Settings) -> contract.Measuring | None:
         serial=said.serial,
         certificate=said.certificate,
         calibrated=day,
+        data_sheet=settings.sheet.source if settings.sheet else None,
     )
+
+
+def sheet_findings(settings: Settings) -> list[str]:
+    """A sentence where the instrument has no data sheet here and its noise is not stated."""
+    said, tracker = settings.instrument, settings.tracker
+    if said.model is None or tracker is None or sheet(said.model) is not None:
+        return []
+    if said.kind != "laser_tracker" or tracker.sigma_m is not None or tracker.noise is not None:
+        return []
+    like = near(said.model)
+    ask = f"did you mean {listed(like)}? If not, state" if like else "state"
+    return [
+        f'The data sheet of [instrument] model = "{said.model}" is not known: {ask} its noise as '
+        "[tracker] noise. Readings without an uncertainty of their own rest on repeats and misfit."
+    ]
 
 
 def unit_entry(settings: Settings) -> contract.Unit | None:
@@ -351,6 +368,14 @@ def assumptions(raw: Raw, where: Where, has_times: bool = True) -> list[str]:
         out.append(
             "the readings have no times: the order of their rows is the clock, "
             f"and a table's seconds are {GROUP_S:.0f} to a group of them"
+        )
+    if raw.settings.sheet is not None:
+        noise = raw.settings.sheet.noise
+        out.append(
+            f"the noise of readings that have none of their own is that of a data sheet: "
+            f"{1e6 * noise.range_m:.3g} um + {1e6 * noise.range_per_m:.3g} um/m along the beam, "
+            f"{1e6 * noise.transverse_m:.3g} um + {1e6 * noise.transverse_per_m:.3g} um/m across "
+            f"it, standard uncertainties by {raw.settings.sheet.source}"
         )
     if raw.settings.priors:
         names = listed(sorted(raw.settings.priors), len(raw.settings.priors))

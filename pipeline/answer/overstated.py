@@ -8,6 +8,7 @@ import numpy as np
 
 from pipeline.base.quantities import plain
 from pipeline.reduction.settings import Settings
+from pipeline.system.beam import Beam
 from pipeline.system.variance import Components
 
 
@@ -48,3 +49,20 @@ def _force(settings: Settings, scale: float) -> str:
 
 
 _TOLD: dict[str, Callable[[Settings, float], str]] = {"tracker": _tracker, "force_reading": _force}
+
+
+def beside_the_beam(found: Beam) -> list[str]:
+    """A sentence where the range is better than the one figure that is stated for all axes."""
+    if not found.better:
+        return []
+    across = found.across.mean()
+    angles = f"{plain(across, 2)} times as much" if abs(across - 1) >= _SOME else "as stated"
+    return [
+        f"Along the beam the tracker scatters {plain(1 / found.along, 2)} times less than stated, "
+        f"across it {angles}: every reading is weighed by both. To state them yourself, give its "
+        "type as [instrument] model, or both parts as [tracker] noise."
+    ]
+
+
+_SOME = 0.05
+"""From so much of it on a standard uncertainty is another one [1]: nobody states it better."""

@@ -16,6 +16,7 @@ from pipeline.base.errors import InputError, UsageError, listed
 from pipeline.base.quantities import plain
 from pipeline.base.shown import printable
 from pipeline.base.toml import quoted
+from pipeline.machine.instrument import sheet
 from pipeline.machine.robot import SHIPPED, Robot, load
 from pipeline.store.campaign import Campaign, unfit
 
@@ -47,6 +48,7 @@ class Known:
     Attributes:
         robot: A robot that ships, or a robot file.
         unit: Of the exports that do not say it.
+        instrument: Type of the tracker.
         sigma_m: Standard uncertainty of one tracker reading per axis [m].
         sigma_n: Standard uncertainty of one scale reading [N].
         mass_sigma_kg: Standard uncertainty of one weight [kg].
@@ -57,6 +59,7 @@ class Known:
 
     robot: str | None = None
     unit: str | None = None
+    instrument: str | None = None
     sigma_m: float | None = None
     sigma_n: float | None = None
     mass_sigma_kg: float | None = None
@@ -142,6 +145,8 @@ def _of_a_person(known: Known) -> dict[str, object]:
     return {
         "robot": _shown(known.robot, quoted),
         "unit": _shown(known.unit, quoted),
+        "instrument": _shown(known.instrument, quoted),
+        "sheet": known.instrument is not None and sheet(known.instrument) is not None,
         "sigma_m": _shown(known.sigma_m, "{:.3g}".format),
         "sigma_n": _shown(known.sigma_n, "{:g}".format),
         "mass_sigma_kg": _shown(known.mass_sigma_kg, "{:g}".format),

@@ -58,7 +58,9 @@ def _noise(settings: Settings) -> dict[str, Any] | None:
     tracker, scale = settings.tracker, settings.scale
     if tracker is None or scale is None:
         return None
-    reading = given({"reading_sigma_m": tracker.sigma_m, "tracker": tracker.model_dump()["noise"]})
+    beam = settings.reading_noise
+    stated = beam if isinstance(beam, str) or beam is None else beam.model_dump()
+    reading = given({"reading_sigma_m": tracker.sigma_m, "tracker": stated})
     if not reading:
         return None
     return reading | {"scale_sigma_n": scale.sigma_n, "scale_sigma_rel": scale.sigma_rel}

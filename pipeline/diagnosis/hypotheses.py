@@ -157,7 +157,7 @@ def _tested(case: Case, one: Hypothesis, seen: Linearised) -> Hypothesis:
     """
     if case.shape is None or one.estimate.p_value is None:
         return one
-    data = replace(case.shape.off(case.data), wander=case.data.wander)
+    data = case.shape.alike(case.data)
     alike = _solved(replace(case, data=data), seen.model, seen)[0]
     left = goodness(alike, case.shape, np.random.default_rng(_SEED))
     return replace(one, estimate=replace(one.estimate, goodness=left))

@@ -312,7 +312,7 @@ def scaled(factor: float) -> Callable[[Case], Case]:
         own = rows["covariance_from"] == "file"
         C = covariance.flat(covariance.matrices(rows))
         C[own.to_numpy()] *= factor**2
-        noise = case.settings.tracker.noise if case.settings.tracker else None
+        noise = case.settings.reading_noise
         if isinstance(noise, InstrumentNoise):
             beam = instrument.beam_covariance(rows[XYZ].to_numpy(float), noise)
             C = np.where(own.to_numpy()[:, None], C, beam)

@@ -1,11 +1,20 @@
 """What a laser tracker's reading is worth: its 3x3 covariance, beam frame included.
 
-Six numbers per reading, in the order of `covariance.PAIRS`, [m^2].
+Six numbers per reading, in the order of `covariance.PAIRS`, [m^2]. Of trackers whose data sheets
+are known, `instruments.toml` has the printed figures.
 """
 
 from __future__ import annotations
 
+import re
+import tomllib
+from difflib import get_close_matches
+from functools import cache
+from importlib import resources
+from typing import Literal
+
 import numpy as np
+from pydantic import Field
 
 from pipeline.base.arrays import Array
 from pipeline.base.covariance import COLUMN, ROW
@@ -19,6 +28,78 @@ class InstrumentNoise(Strict):
     range_per_m: Uncertainty = 0.0
     transverse_m: Scatter
     transverse_per_m: Uncertainty = 0.0
+
+
+_WORTH = {"mpe": 1 / np.sqrt(3), "two_sigma": 0.5}
+"""Standard uncertainty over the printed figure [1]: of a bound beyond which no error is, a
+rectangular distribution (GUM, JCGM 100:2008, 4.3.7); of two standard deviations, a half."""
+
+_MICRON = 1e-6
+"""[m]."""
+
+_MAKERS = r"leica|hexagon|faro|api|absolute|laser|tracker(?!3)|geosystems|metrology"
+"""Words of a name that say nothing of the type."""
+
+_NEAR = 3
+"""Names that are offered in place of one that is in no list."""
+
+
+class Sheet(Strict):
+    """A data sheet.
+
+    Attributes:
+        names: Types of instrument that it holds for.
+        figure: What its figures are: maximum permissible errors, or two standard deviations.
+        along: Printed bound along the beam [um], and per metre of distance [um/m].
+        across: The same across it.
+        source: Its title and year, and the figures as printed.
+    """
+
+    names: tuple[str, ...] = Field(min_length=1)
+    figure: Literal["mpe", "two_sigma"]
+    along: tuple[float, float]
+    across: tuple[float, float]
+    source: str
+
+    @property
+    def noise(self) -> InstrumentNoise:
+        """Standard uncertainties of a reading that follow from it [m]."""
+        worth = _MICRON * _WORTH[self.figure]
+        (range_m, range_per_m), (transverse_m, transverse_per_m) = self.along, self.across
+        return InstrumentNoise(
+            range_m=worth * range_m,
+            range_per_m=worth * range_per_m,
+            transverse_m=worth * transverse_m or _LEAST_M,
+            transverse_per_m=worth * transverse_per_m,
+        )
+
+
+_LEAST_M = 1e-6
+"""Constant part of a figure that is printed per metre only [m]: no air is calmer."""
+
+
+@cache
+def sheets() -> tuple[Sheet, ...]:
+    """The data sheets that are known."""
+    text = (resources.files(__package__) / "instruments.toml").read_text("utf-8")
+    return tuple(Sheet.model_validate(one) for one in tomllib.loads(text)["sheet"])
+
+
+def sheet(model: str) -> Sheet | None:
+    """The data sheet of a type of instrument, however its name is written; None if unknown."""
+    mine = _type(model)
+    return next((one for one in sheets() if mine in map(_type, one.names)), None)
+
+
+def near(model: str) -> list[str]:
+    """Names in the list that are like one that is not."""
+    names = {_type(name): name for one in sheets() for name in one.names}
+    return [names[one] for one in get_close_matches(_type(model), names, _NEAR, 0.5)]
+
+
+def _type(name: str) -> str:
+    """Letters and digits of a type, its maker apart."""
+    return re.sub(r"[^a-z0-9]", "", re.sub(_MAKERS, "", name.lower()))
 
 
 PAPER_SIGMA_M = 3e-5

@@ -166,7 +166,8 @@ def _raw(
     doubt = _doubt(lambda: _size.check_units(shots, settings), plausible) or doubt
     width = len(settings.measured) + 2
     once = _shots.once(_shots.in_rounds(shots, width), width)
-    weighed = _shots.weighed(once, tracker.noise is not None or tracker.sigma_m is not None)
+    noisy = settings.reading_noise is not None or tracker.sigma_m is not None
+    weighed = _shots.weighed(once, noisy)
     _three_base_reflectors(weighed, settings)
     _some_pull(weighed, settings, loads)
     weighed, loads = weighed.without_poses(left_out), _leaving(loads, left_out)
@@ -178,7 +179,7 @@ def _raw(
     if not len(loads.line):
         raise _nothing_left(causes or whole.rejected)
     return Ingested(
-        readings=_readings(whole, tracker),
+        readings=_readings(whole, settings),
         loads=_loads(loads, settings.loads_log.mass_sigma_kg),
         joints=_joints(joints, robot),
         rejected=_rejected([*whole.rejected, *loads.rejected, *joints.rejected]),
@@ -297,8 +298,8 @@ def _some_pull(shots: Shots, settings: Settings, loads: logs.Log) -> None:
     )
 
 
-def _readings(shots: Shots, tracker: Tracker) -> pa.Table:
-    covariance, source = _covariance(shots, tracker)
+def _readings(shots: Shots, settings: Settings) -> pa.Table:
+    covariance, source = _covariance(shots, settings)
     slot = pa.array(shots.slot, mask=shots.slot < 0)
     pose, repeat, loaded = (
         pa.array(of_slot.astype(np.int32)).take(slot)
@@ -324,9 +325,9 @@ def _column(values: Array) -> pa.Array:
     return pa.array(np.ascontiguousarray(values))
 
 
-def _covariance(shots: Shots, tracker: Tracker) -> tuple[list[Array], pa.DictionaryArray]:
+def _covariance(shots: Shots, settings: Settings) -> tuple[list[Array], pa.DictionaryArray]:
     """Covariance of every reading, six columns, and where each is from."""
-    stated, source = _stated_covariance(shots, tracker)
+    stated, source = _stated_covariance(shots, settings)
     if shots.covariance is None:
         return _rounded(shots, stated), _chosen(np.zeros(len(shots)), [source])
     own: Bools = np.asarray(np.isfinite(shots.covariance).all(axis=1))
@@ -353,13 +354,15 @@ def _chosen(which: Array | Ints | Bools, words: Sequence[str]) -> pa.DictionaryA
     return pa.DictionaryArray.from_arrays(which.astype(np.int32), list(words))
 
 
-def _stated_covariance(shots: Shots, tracker: Tracker) -> tuple[list[Array], str]:
-    noise, n = tracker.noise, len(shots)
+def _stated_covariance(shots: Shots, settings: Settings) -> tuple[list[Array], str]:
+    noise, n = settings.reading_noise, len(shots)
     if isinstance(noise, InstrumentNoise):
-        return list(instrument.beam_covariance(shots.position, noise).T), "instrument"
+        source = "instrument" if settings.sheet is None else "sheet"
+        return list(instrument.beam_covariance(shots.position, noise).T), source
     if noise == "paper":
         return _alike(instrument.PAPER_SIGMA_M**2 * instrument.PAPER_SHARE, n), "paper"
-    if tracker.sigma_m is not None:
+    tracker = settings.tracker
+    if tracker is not None and tracker.sigma_m is not None:
         return _alike(tracker.sigma_m**2 * instrument.ISOTROPIC, n), "stated"
     return [np.full(n, np.nan)] * 6, "none"
 

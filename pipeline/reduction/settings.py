@@ -37,7 +37,7 @@ from pipeline.base.strict import (
     checked,
     with_parts,
 )
-from pipeline.machine.instrument import InstrumentNoise
+from pipeline.machine.instrument import InstrumentNoise, Sheet, sheet
 from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import Robot
 from pipeline.machine.surroundings import Surrounded
@@ -313,7 +313,9 @@ class Instrument(Strict):
         sigma_rad: Standard uncertainty per axis of a pose's rotation, beside [tracker] sigma_m.
         length_sigma_rel: Relative standard uncertainty of its lengths, from the certificate (ISO
             10360-10); one error for the whole campaign.
-        model: Kept and shown, not judged, as are serial number, certificate and its date.
+        model: Where its data sheet is known it gives the noise of readings of which no other is
+            stated.
+        serial: Kept and shown, not judged, as are certificate and its date.
     """
 
     kind: Literal["laser_tracker", "camera", "arm", "unknown"] = "laser_tracker"
@@ -490,6 +492,26 @@ class Settings(Surrounded):
             if same := [n for n in self.measured if places.count(self.tool[n]) > 1]:
                 raise ValueError(f"[tool] has {listed(same)} in one place; give each its own")
         return self
+
+    @property
+    def sheet(self) -> Sheet | None:
+        """Data sheet that the noise of the readings is taken from; None where nothing is.
+
+        Any noise that is stated comes first. A sheet is that of points, seen from the instrument,
+        whose place nobody knows without a base frame.
+        """
+        tracker, said = self.tracker, self.instrument
+        if tracker is None or tracker.sigma_m is not None or tracker.noise is not None:
+            return None
+        fits = said.measures == "points" and said.kind == "laser_tracker" and self.base_frame
+        return sheet(said.model) if fits and said.model else None
+
+    @property
+    def reading_noise(self) -> InstrumentNoise | Literal["paper"] | None:
+        """Noise of a reading in the frame of its beam, as stated or by the data sheet."""
+        if self.sheet is not None:
+            return self.sheet.noise
+        return self.tracker.noise if self.tracker else None
 
     def within_reach(self, text: str) -> None:
         """Every point of [tool] may be one of an effector; not asked of what a file only says.

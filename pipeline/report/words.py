@@ -39,6 +39,8 @@ SOURCES = {
     "day": "day-to-day scatter",
     "wander": "slow drift common to all targets",
     "which_cause": "which cause is true",
+    "along_beam": "tracker readings along the beam",
+    "across_beam": "tracker readings across the beam",
     "direction": "direction of the chain",
     "registration": "registration into the base frame",
     "geometry": "geometry of robot and tool",

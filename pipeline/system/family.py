@@ -90,6 +90,7 @@ class Family(Locked):
         p_value: Probability of tails as heavy if the stated family were true.
         paper: The stated family is that of Eq. (18).
         profile: Log likelihood at each of `_WIDTHS`, the law beside it the likeliest, shape (k,).
+        widest: Variance of a reading where the beam makes it largest, over the stated one [1].
     """
 
     weight: Array
@@ -98,6 +99,7 @@ class Family(Locked):
     p_value: float
     paper: bool
     profile: Array = field(default_factory=lambda: np.zeros(len(_WIDTHS)))
+    widest: float = 1.0
 
     @property
     def heavy(self) -> float:
@@ -148,10 +150,10 @@ class Family(Locked):
         """Probability that a reading so far off is a blunder and not one of this family.
 
         Args:
-            square: Square of its error in standard uncertainties.
+            square: Square of its error in stated standard uncertainties.
             axes: Coordinates that the square is the sum of.
         """
-        seen = np.exp(-0.5 * (axes * _GRID + square * np.exp(-_GRID)))
+        seen = np.exp(-0.5 * (axes * _GRID + square / self.widest * np.exp(-_GRID)))
         own = np.stack([seen @ bulk for bulk in _bulks(self.log_scale, self.paper)])
         odd = self.mistakes * float(seen @ _blunder())
         return float(self.weight @ (odd / (odd + (1 - self.mistakes) * own)))

@@ -132,7 +132,7 @@ def _weighed(
     """The joint springs of measurements with their weights, tested in the shape of the noise."""
     system, estimate = identify(case.cell, data, case.robot.nominal_compliance, near)
     if estimate.p_value is not None:
-        alike = assemble(case.cell, replace(plain, wander=data.wander), estimate.value)
+        alike = assemble(case.cell, of.alike(data), estimate.value)
         left = goodness(alike, of, np.random.default_rng(_SEED))
         estimate = replace(estimate, goodness=left)
     if found.used and not estimate.goodness.tails:  # F is that of normal noise

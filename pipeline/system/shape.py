@@ -1,9 +1,11 @@
-"""The shape of the noise beside a model: tails of single readings, and a wander common to all.
+"""The shape of the noise beside a model: its beam, tails of single readings, a common wander.
 
-Both are found in what springs and causes leave of the readings and carried in V: each reading's
-variance and the wander's at their posterior means, so that nothing is switched on by a test. First
-beside everything that the catalogue knows, which no hidden cause can spoil; once the causes are
-accepted, beside these alone, where far more is left to see the noise in.
+First how good the range is beside the angles, then tails, in readings whitened by that: a tracker
+with one figure for both would else pass for one with tails. All are found in what springs and
+causes leave of the readings and carried in V: each reading's variance, the beam's and the wander's
+at their posterior means, so that nothing is switched on by a test. First beside everything that the
+catalogue knows, which no hidden cause can spoil; once the causes are accepted, beside these alone,
+where far more is left to see the noise in.
 """
 
 from __future__ import annotations
@@ -16,6 +18,7 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.assemble import errors
+from pipeline.system.beam import Beam, beam
 from pipeline.system.beyond import Beyond, Readings, columns, estimates, free
 from pipeline.system.family import LIKELY, Family, family, likelihood
 from pipeline.system.linearised import Linearised
@@ -58,6 +61,7 @@ class Shape(Locked):
         readings: Which readings these are.
         wander: Common to all targets, in time.
         weighed: Each reading has a variance of its own.
+        beam: The parts of all readings along and across it.
     """
 
     family: Family
@@ -65,13 +69,15 @@ class Shape(Locked):
     readings: Readings
     wander: Wander
     weighed: bool
+    beam: Beam
 
     @classmethod
     def unseen(cls, data: Measured) -> Shape:
         """Nothing but what is stated, all readings alike."""
         readings = Readings.unseen(data)
         variance = np.ones(readings.loaded + len(readings.zero))
-        return cls(Family.stated(data.paper), variance, readings, Wander.none(data), False)
+        family, slow, parts = Family.stated(data.paper), Wander.none(data), Beam.stated(data)
+        return cls(family, variance, readings, slow, False, parts)
 
     @property
     def likely(self) -> bool:
@@ -91,13 +97,17 @@ class Shape(Locked):
 
     def on(self, data: Measured) -> Measured:
         """The measurements with all of it in their covariances."""
-        weighed = self.readings.scaled(data, self.variance)
+        weighed = self.readings.scaled(self.beam.on(data), self.variance)
         heavy = self.family.heavy if self.weighed else 0.0
         return replace(weighed, wander=self.wander.factor, heavy=heavy)
 
     def off(self, data: Measured) -> Measured:
         """The measurements without it, all readings alike again."""
-        return replace(self.readings.scaled(data, 1 / self.variance), wander=None, heavy=0.0)
+        return replace(self.beam.off(self.alike(data)), wander=None, heavy=0.0)
+
+    def alike(self, data: Measured) -> Measured:
+        """The measurements as of `on` with no reading's own variance, but beam and wander."""
+        return replace(self.readings.scaled(data, 1 / self.variance), heavy=0.0)
 
     def differs(self, other: Shape) -> bool:
         """Whether the two weigh a campaign differently enough to look at it again."""
@@ -107,7 +117,8 @@ class Shape(Locked):
         )
         unit = self.wander.unit**2
         weights = np.log(self.variance / other.variance)
-        return bool(abs(own - theirs) > _SEEN * unit or np.sqrt(np.mean(weights**2)) > _SEEN)
+        changed = np.sqrt(np.mean(weights**2)) > _SEEN or self.beam.change(other.beam) > _SEEN
+        return bool(abs(own - theirs) > _SEEN * unit or changed)
 
 
 def shape(seen: Linearised, accepted: tuple[int, ...] | None = None, loose: bool = False) -> Shape:
@@ -127,14 +138,20 @@ def shape(seen: Linearised, accepted: tuple[int, ...] | None = None, loose: bool
     """
     # once: weights that follow from weights trust what is off towards the others more than it is
     # worth, and uncertainties come out too small
-    readings, found, variance, beyond = tails(seen, accepted, 1, loose)
+    parts, told = _seen(seen, accepted, 1, loose)
+    readings, found, variance, beyond = told
     if accepted is None:
         variance = np.ones(len(variance))
     springs = seen.B * np.array(
         [one.typical for one in seen.model.cell.parameters[: seen.model.springs]]
     )
-    slow = wander(seen.data, beyond, beyond.base.dof >= _FEWEST, springs)
-    return Shape(found, variance, readings, slow, accepted is not None)
+    slow = wander(parts.on(seen.data), beyond, beyond.base.dof >= _FEWEST, springs)
+    return Shape(found, variance, readings, slow, accepted is not None, parts)
+
+
+Told = tuple[Readings, Family, Array, Beyond]
+"""The readings, their family, the variance of each (n,) over that of the noise without tails, and
+the rows so weighed."""
 
 
 def tails(
@@ -142,7 +159,7 @@ def tails(
     accepted: tuple[int, ...] | None = None,
     rounds: int = ROUNDS,
     loose: bool = False,
-) -> tuple[Readings, Family, Array, Beyond]:
+) -> Told:
     """The tails of single readings beside a model, arguments as for `shape`.
 
     Args:
@@ -150,14 +167,35 @@ def tails(
         accepted: As for `shape`.
         rounds: How often each reading is weighed by what the others, so weighed, say of it.
         loose: As for `shape`.
-
-    Returns:
-        The readings, their family, the variance of each over its stated one (n,), and the rows so
-        weighed.
     """
-    X = _taken_out(seen, accepted, loose)
-    data, values = replace(seen.data, bends=False), seen.model.values
+    return _seen(seen, accepted, rounds, loose)[1]
+
+
+def _seen(
+    seen: Linearised, accepted: tuple[int, ...] | None, rounds: int, loose: bool
+) -> tuple[Beam, Told]:
+    """Beam and tails; where there are tails, the beam anew in readings so weighed, and they."""
+    X, data = _taken_out(seen, accepted, loose), replace(seen.data, bends=False)
+    parts = _beam(seen, X, data)
+    told = _tails(seen, X, data, parts, rounds)
+    if told[1].heavy < _HEAVY and np.abs(np.log(told[2])).max() < _STILL:
+        return parts, told
+    # where most readings are off it is the model, and no part of the noise is smaller for that
+    parts = _beam(seen, X, told[0].scaled(data, told[2] / max(float(np.median(told[2])), 1.0)))
+    return parts, _tails(seen, X, data, parts, rounds)
+
+
+def _beam(seen: Linearised, X: Array, data: Measured) -> Beam:
+    """Both parts of the noise beside these columns, the readings of `data` weighed as they are."""
     flat = replace(seen.model.cell, equilibrium="undeformed")
+    own = errors(flat, data, seen.model.values)
+    return beam(data, replace(seen.system, errors=own), X)
+
+
+def _tails(seen: Linearised, X: Array, stated: Measured, parts: Beam, rounds: int) -> Told:
+    """The tails of the readings of `stated`, along and across the beam, beside these columns."""
+    data = parts.on(stated)
+    values, flat = seen.model.values, replace(seen.model.cell, equilibrium="undeformed")
     beyond = Beyond.of(seen, X, errors(flat, data, values))
     readings, found = Readings.of(data, beyond.white), Family.stated(data.paper)
     variance = np.ones(readings.loaded + len(readings.zero))
@@ -167,7 +205,7 @@ def tails(
         square, spread, good = estimates(beyond.base, readings)
         told, mean = family(likelihood(square, spread, variance)[good], data.paper)
         first = found if turn else told
-        found = replace(told, p_value=first.p_value, profile=first.profile)
+        found = replace(told, p_value=first.p_value, profile=first.profile, widest=parts.widest)
         before, variance = variance, np.ones(len(variance))
         variance[good] = mean
         beyond = Beyond.of(seen, X, errors(flat, readings.scaled(data, variance), values))

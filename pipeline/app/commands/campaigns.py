@@ -150,6 +150,7 @@ def _robot(root: Path, folder: Path, said: Proposal, ask: bool) -> str | None:
 def _asked(said: Proposal, robot: str | None) -> Known:
     """What only a person knows, one question at a time; an empty answer leaves it open."""
     from pipeline.app.blank import Known, log_columns
+    from pipeline.machine.instrument import sheet
     from pipeline.readers._coordinates import USUAL_UNITS
     from pipeline.readers.logs import FORCE, LENGTH, MASS
 
@@ -157,10 +158,13 @@ def _asked(said: Proposal, robot: str | None) -> Known:
     if said.reach is not None:
         unit = _one_of(f"Unit of lengths, the numbers reach {said.reach:.0f}", USUAL_UNITS)
     columns = _columns(log_columns(said, robot))
-    sigma_m = _size(
-        "Standard uncertainty of one tracker reading per axis [mm]", LENGTH, "mm",
-        "Enter: it is found from repeats and misfit",
-    )  # fmt: skip
+    tracker = _instrument()
+    sigma_m = None
+    if tracker is None or sheet(tracker) is None:
+        sigma_m = _size(
+            "Standard uncertainty of one tracker reading per axis [mm]", LENGTH, "mm",
+            "Enter: it is found from repeats and misfit",
+        )  # fmt: skip
     sigma_n = mass_sigma_kg = None
     if "force" in said.unsure:
         # step / sqrt(12), GUM F.2.2.1
@@ -179,6 +183,7 @@ def _asked(said: Proposal, robot: str | None) -> Known:
     return Known(
         robot=robot,
         unit=unit,
+        instrument=tracker,
         sigma_m=sigma_m,
         sigma_n=sigma_n,
         mass_sigma_kg=mass_sigma_kg,
@@ -186,6 +191,21 @@ def _asked(said: Proposal, robot: str | None) -> Known:
         places={name: at for name, at in places.items() if at is not None},
         columns=columns,
     )
+
+
+def _instrument() -> str | None:
+    """The type of tracker, None where it stays open; one in no list is asked once more."""
+    from pipeline.machine.instrument import near, sheet
+
+    typed = _answer("Tracker, as Leica AT960", "Enter: any other; its noise is asked instead")
+    if not typed or sheet(typed) is not None:
+        return typed or None
+    like = near(typed)
+    _tell(
+        f'The data sheet of "{typed}" is not known{f"; like it: {listed(like)}" if like else ""}.'
+    )
+    again = _answer("Tracker", "Enter: it is written as typed") if like else ""
+    return again or typed
 
 
 def _columns(said: Mapping[str, str]) -> dict[str, str]:

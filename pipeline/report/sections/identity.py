@@ -69,7 +69,8 @@ def _instrument(one: Measuring | None) -> str:
     if one is None:
         return f"laser tracker, model {_BLANK}, {_certified(None, None, None)}"
     kind = _KINDS.get(one.kind, one.kind)
-    return f"{kind}, model {one.model or _BLANK}, {_certified(*_papers(one))}"
+    sheet = f"; noise by its data sheet ({one.data_sheet})" if one.data_sheet else ""
+    return f"{kind}, model {one.model or _BLANK}, {_certified(*_papers(one))}{sheet}"
 
 
 def _counts(found: Identity) -> str:

@@ -1,0 +1,253 @@
+"""The noise along the beam and across it, where one figure is stated for both.
+
+A tracker measures its range with a laser and its directions with encoders: along the beam it is
+several times better, and across it worse the farther a target is. With u the direction from its
+station to a target, r the distance and r0 its mean over a campaign,
+
+    C(a, b, g) = M C M,    M = a u u' + b (r / r0)^g (I - u u'),
+
+C as stated. For each g of `GROWTH` a and b are those of the largest restricted likelihood
+(`restricted`) of what springs and causes leave; which g, and whether any of this is so, is odds, by
+Laplace's approximation of the evidence of a / b (MacKay, Neural Computation 4, 1992), and V has the
+posterior means of the variances, so that nothing is switched on by a test.
+
+A wrong model makes residuals larger, never smaller. Of the two parts only the smaller one is
+therefore taken as found; the other at most so that the variance of all readings is in all what is
+stated, as where the rms of three axes is the figure, and no smaller than it. What is larger than
+stated in all is for contrasts to say (`variance`).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import scipy.sparse
+from scipy import special
+
+from pipeline.base.arrays import Array, Locked
+from pipeline.base.linear import rms
+from pipeline.reduction.measured import Measured
+from pipeline.system import alarms
+from pipeline.system.restricted import Blocks, lowest
+from pipeline.system.system import Errors, System
+
+GROWTH = (0.0, 1 / 3, 2 / 3, 1.0)
+"""Powers of the distance by which the part across the beam grows that are tried [1]: none, to that
+of angles alone; 15 um + 6 um/m of a data sheet is 0.7 from 3 to 14 m."""
+
+_AS_STATED = 0.5
+"""Probability before the data that both parts are in the stated proportion [1]: an assumption, like
+every prior; one figure for all axes is a guess as often as a finding."""
+
+_BETTER = 0.9
+"""The same that the range is the better one where they are not [1]: data sheets state 0.5 to 20 um
+for interferometers and absolute distance meters, 10 to 30 um + 2 to 7 um/m for encoders."""
+
+_LEAST, _MOST = 0.1, 2.0
+"""Range over transverse part that is tried [1]: an interferometer, and a target so near that its
+angles hardly count."""
+
+_FEWEST = 30
+"""Degrees of freedom from which the residuals say anything of two parts."""
+
+_LIKELY = 0.5
+"""Probability beyond which something rather is there than not [1]."""
+
+_WORTH = 1.3
+"""Factor between stated and found from which a part is reported [1], as for certificates."""
+
+_OWN = ("tracker", "zero")
+"""Sources of error whose covariances have a beam. Directions of a chain, which have one too, hardly
+count and stay as stated."""
+
+
+@dataclass(frozen=True, eq=False)
+class Beam(Locked):
+    """The two parts of the noise, over the stated ones.
+
+    Attributes:
+        along: Standard uncertainty along the beam that is used [1].
+        across: The same across it of each displacement, shape (d,).
+        found: Both where the likelihood is largest, at the mean distance, whatever is used.
+        std: Their relative standard uncertainties.
+        probability: That they are not in the stated proportion.
+        p_value: Of a proportion as far from it by chance.
+    """
+
+    along: float
+    across: Array
+    found: tuple[float, float] = (1.0, 1.0)
+    std: tuple[float, float] = (np.inf, np.inf)
+    probability: float = 0.0
+    p_value: float = 1.0
+
+    @classmethod
+    def stated(cls, data: Measured) -> Beam:
+        """Nothing but what is stated."""
+        return cls(1.0, np.ones(len(data.pull)))
+
+    @property
+    def better(self) -> bool:
+        """Whether the range is better than stated beyond chance, and enough to be worth a word."""
+        sure = self.probability > _LIKELY and self.p_value < alarms.COMPONENT
+        return sure and self.along * _WORTH < 1
+
+    def on(self, data: Measured) -> Measured:
+        """The measurements with both parts in the covariances of their readings."""
+        return _times(data, self.along, self.across)
+
+    def off(self, data: Measured) -> Measured:
+        """The measurements without, as stated again."""
+        return _times(data, 1 / self.along, 1 / self.across)
+
+    @property
+    def widest(self) -> float:
+        """Largest variance of a part of a reading, over the stated one and no less than it [1]."""
+        return max(1.0, self.along**2, float(self.across.max()) ** 2)
+
+    def change(self, other: Beam) -> float:
+        """Largest difference of two log variances [1]."""
+        across = np.abs(np.log(self.across / other.across)).max()
+        return 2 * float(max(across, abs(np.log(self.along / other.along))))
+
+
+def beam(data: Measured, system: System, X: Array) -> Beam:
+    """Both parts as the rows of a campaign show them.
+
+    L is minus twice the restricted log likelihood, L_0 that of the stated proportion, t = log(a /
+    b), w its width and f its density before the data: the odds of each g of k are
+    exp((L_0 - L) / 2) f(t) w sqrt(2 pi) / k, and p = P[chi2(2) > L_0 - min L].
+
+    Args:
+        data: The measurements.
+        system: Their rows and errors, linearised at a model.
+        X: Columns of springs and causes, shape (M, k).
+    """
+    stated, beams, dof = Beam.stated(data), _beams(data), len(system.rows) - X.shape[1]
+    if beams is None or dof < _FEWEST:
+        return stated
+    u, r = beams
+    ratio, grown = _proportion(data, u), r[:, None] ** np.array(GROWTH)
+    more, along, across = _fitted(system, X, u, grown)
+    along = across * np.clip(along / across, _LEAST / ratio, _MOST / ratio)
+    std = np.sqrt(np.array([1.5, 0.75]) / dof)  # of an axis and of two, by counting
+    logs = 0.5 * (more + np.log(2 * np.pi * (std @ std))) + _log_prior(along / across * ratio)
+    weight = special.softmax(np.append(0.0, logs))
+    used = [_taken(*one, ratio) for one in zip(along, (across * grown).T, strict=True)]
+    best = int(np.argmax(more))
+    return Beam(
+        along=float(np.sqrt(weight @ np.square([1.0, *(a for a, _ in used)]))),
+        across=np.sqrt(weight @ np.square([stated.across, *(b for _, b in used)])),
+        found=(float(along[best]), float(across[best])),
+        std=(float(std[0]), float(std[1])),
+        probability=1 - float(weight[0]),
+        p_value=float(special.chdtrc(2, max(float(more[best]), 0.0))),
+    )
+
+
+def _fitted(system: System, X: Array, u: Array, grown: Array) -> tuple[Array, Array, Array]:
+    """L_0 - L, a and b of each power of the distance, shapes (k,).
+
+    Args:
+        system: As for `beam`.
+        X: As for `beam`.
+        u: Directions of the beams, shape (d, 3).
+        grown: (r / r0)^g, shape (d, k).
+    """
+    stated, found, tried = np.inf, np.zeros(2), list[list[float]]()
+    for size in grown.T:
+        parted = replace(system, errors=_parted(system.errors, u, size))
+        blocks = Blocks.of(parted, X, [("along",), ("across",)])
+        if not tried:  # as it is stated, both parts alike
+            found = np.full(2, blocks.rough)
+            stated = _alike(blocks, found[:1])
+        found = lowest(blocks.loss, found)
+        tried.append([stated - blocks.whole(found), *np.exp(found)])
+    more, along, across = np.array(tried).T
+    return more, along, across
+
+
+def _alike(blocks: Blocks, start: Array) -> float:
+    """The least loss with one scale for both parts."""
+    return blocks.whole(np.repeat(lowest(lambda x: blocks.loss(np.repeat(x, 2)), start), 2))
+
+
+def _log_prior(ratio: Array) -> Array:
+    """Log odds density of range over transverse part before the data, per log ratio."""
+    better, worse = _BETTER / -np.log(_LEAST), (1 - _BETTER) / np.log(_MOST)
+    density = np.where(ratio < 1, better, worse) / len(GROWTH)
+    return np.asarray(np.log(density * (1 - _AS_STATED) / _AS_STATED))
+
+
+def _taken(along: float, across: Array, ratio: float) -> tuple[float, Array]:
+    """Both parts as they may be used: the smaller as found, the variance in all as stated at most.
+
+    Args:
+        along: As found.
+        across: As found, of each displacement, shape (d,).
+        ratio: Range over transverse part as stated.
+    """
+    share = ratio**2 / (ratio**2 + 2)  # of the range in the variance of a reading
+    mean = float(rms(across))
+    if min(along, mean) >= 1:
+        return 1.0, np.ones(len(across))
+    most = along, mean
+    if along < mean:
+        most = along, min(mean, float(np.sqrt((1 - share * along**2) / (1 - share))))
+    else:
+        most = min(along, float(np.sqrt((1 - (1 - share) * mean**2) / share))), mean
+    both = max(1.0, 1 / max(most))
+    return both * most[0], across * (both * most[1] / mean)
+
+
+def _beams(data: Measured) -> tuple[Array, Array] | None:
+    """Directions from the station to the targets, (d, 3), and distances over their mean, (d,).
+
+    None where nobody knows the station, or the noise is not that of a tracker's readings.
+    """
+    if data.tracker is None or data.poses or not data.tracked or data.paper:
+        return None
+    to = data.unloaded - data.tracker
+    r = np.linalg.norm(to, axis=1)
+    if not (np.isfinite(r).all() and r.all()):
+        return None
+    return to / r[:, None], np.asarray(r / r.mean())
+
+
+def _proportion(data: Measured, u: Array) -> float:
+    """Range over transverse part as stated, rms over the loaded readings [1]."""
+    along = float(np.einsum("di,dij,dj->", u, data.loaded_cov, u))
+    across = (float(np.einsum("dii->", data.loaded_cov)) - along) / 2
+    return float(np.sqrt(along / across))
+
+
+def _times(data: Measured, along: float, across: Array) -> Measured:
+    """The measurements with both parts multiplied."""
+    beams = _beams(data)
+    if beams is None or (along == 1.0 and (across == 1.0).all()):
+        return data
+    P = beams[0][:, :, None] * beams[0][:, None, :]
+    M = along * P + across[:, None, None] * (np.eye(3) - P)
+    return replace(data, loaded_cov=M @ data.loaded_cov @ M, zero_cov=M @ data.zero_cov @ M)
+
+
+def _parted(errors: Errors, u: Array, size: Array) -> Errors:
+    """The errors with those of readings parted into `along` and `across` the beams.
+
+    Args:
+        errors: The errors.
+        u: Directions of the beams, shape (d, 3).
+        size: By which the latter are multiplied, shape (d,).
+    """
+    own = np.isin(errors.source.astype(str), _OWN)
+    along = scipy.sparse.block_diag(list(u[:, :, None] * u[:, None, :]), format="csr")
+    G = errors.G[:, own]
+    range_, rest = along @ G, scipy.sparse.diags_array(np.repeat(size, 3)) @ (G - along @ G)
+    n = int(own.sum())
+    names = [np.full(n, name, dtype=object) for name in ("along", "across")]
+    return Errors(
+        scipy.sparse.csr_array(scipy.sparse.hstack([range_, rest, errors.G[:, ~own]])),
+        np.concatenate([*names, errors.source[~own]]),
+        np.concatenate([np.zeros(2 * n, dtype=bool), errors.common[~own]]),
+    )
