@@ -220,20 +220,19 @@ def size(hypotheses: Sequence[Hypothesis], effect: Effect, k: int) -> Size:
 
     Those with another of its forms have no say: the same letter is another size in another law.
     """
-    held, name = _holding(hypotheses, effect), effect.parameters[k].name
+    held = [
+        replace(one, estimate=one.sized or one.estimate) for one in _holding(hypotheses, effect)
+    ]
+    name = effect.parameters[k].name
     names = [[parameter.name for parameter in one.estimate.parameters] for one in held]
     value, cov, low, high = _over(held, _parts(held, [np.array([e.index(name)]) for e in names]))
     return Size(value.item(), float(np.sqrt(cov.item())), (low.item(), high.item()))
 
 
 def _holding(hypotheses: Sequence[Hypothesis], effect: Effect) -> list[Hypothesis]:
-    """Those that hold a cause in this form, at its own law, with weights that sum to one."""
+    """Those that hold a cause in this form, with weights that sum to one."""
     law = effect.label, effect.form
-    held = [
-        replace(one, estimate=one.sized or one.estimate)
-        for one in hypotheses
-        if law in {(own.label, own.form) for own in one.effects}
-    ]
+    held = [one for one in hypotheses if law in {(own.label, own.form) for own in one.effects}]
     total = sum(one.weight for one in held)
     return [replace(one, weight=one.weight / total if total else 1 / len(held)) for one in held]
 
@@ -249,7 +248,8 @@ def each_way(hypotheses: Sequence[Hypothesis], joint: int, effect: Effect | None
     Args:
         hypotheses: What may be true; of those without such a law both are one.
         joint: Its index.
-        effect: That law, to be told as a cause: over those that hold it, as `size` does.
+        effect: That law, to be told as a cause: over those that hold it, with the uncertainty of
+            the stiffnesses.
     """
     if effect is not None:
         hypotheses = _holding(hypotheses, effect)

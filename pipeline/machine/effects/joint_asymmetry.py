@@ -51,7 +51,7 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         element="gear",
         where=joint,
         form=form,
-        tolerance=0.01,
+        tolerance=0.005,
         parameters=(Parameter(f"dc_{joint}", "rad/(N m)", 0.15 * c, -2 * c, 2 * c),),
         signature=f"displacement over force at joint {joint} is constant each way of its torque, "
         "and another one each way: even in the load, a kink at zero",
