@@ -208,7 +208,7 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
     word = verdict(facts)
     row = decide(Basis.of(facts, diagnosis))
     stands = standing(right, diagnosis)
-    values = recommend(row, stands, diagnosis)
+    values = recommend(row, stands, diagnosis, where)
     told = _told(values.model(name, word, row), values, where, step)
     if row.model != Which.JOINT_SPRINGS or stands is not given:
         springs = joint_springs(given)
@@ -228,7 +228,7 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
         row=row,
         told=told,
         springs=paper,
-        extended=identified(stands, diagnosis),
+        extended=identified(stands, diagnosis, where),
         where=where,
         control=controls,
         carried=carried,

@@ -29,6 +29,7 @@ NAMES = [
     "joint_tilt",
     "link_bending",
     "tool_flex",
+    "joint_asymmetry",
     "joint_hardening",
     "joint_lost_motion",
     "joint_hysteresis",

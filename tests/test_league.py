@@ -147,6 +147,7 @@ def test_an_innocent_machine_is_let_go():
         {"rail_backlash": 1.0},
         pytest.param({"joint_tilt_3": 2.5}, marks=pytest.mark.slow),
         pytest.param({"link_bending:forearm": 2.0}, marks=pytest.mark.slow),
+        {"joint_asymmetry_4": 1.0},
         pytest.param({"joint_hardening_3": 3.0}, marks=pytest.mark.slow),
         pytest.param({"joint_lost_motion_3": 2.5}, marks=pytest.mark.slow),
         pytest.param({"joint_hysteresis_4": 2.0}, marks=pytest.mark.slow),

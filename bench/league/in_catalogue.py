@@ -120,6 +120,26 @@ def _lost(joint: int) -> Secret:
     return Secret(f"joint_lost_motion:{joint}", f"joint {joint}", True, plant)
 
 
+def _two_flanks(joint: int) -> Secret:
+    """A second flank gives way one way of the torque only, and takes hold over 1 % of the rated."""
+
+    def plant(s: Setup, size: float, course: Course) -> Amplitudes:
+        more, sense = 0.3 * float(NOMINAL[joint - 1]) * size, int(course.rng.choice([-1, 1]))
+        soft = 1e-5 / float(NOMINAL[joint - 1])
+
+        def law(own: Array, _: dict[str, Array]) -> Array:
+            way = sense * own
+            return np.asarray(sense * more * (way + np.hypot(way, soft) - soft) / 2)
+
+        s.machine.springs.append(Spring(f"flank{joint}", joint, (0, 0, 1), False, law))
+        c = float(s.compliance[joint - 1])
+        both = (c + more, c)[::sense]
+        names = (f"c_joint{joint}_{sign}" for sign in ("positive", "negative"))
+        return dict(zip(names, both, strict=True))
+
+    return Secret(f"joint_asymmetry:{joint}", f"joint {joint}", True, plant)
+
+
 def _bouc_wen(joint: int) -> Secret:
     """Bouc and Wen's hysteresis, integrated along the loads of each pose."""
 
@@ -282,4 +302,5 @@ KNOWN: tuple[Secret, ...] = (
     Secret("base_rotation", "metrology", True, _base),
     Secret("tracker_drift", "metrology", True, _drift),
     Secret("gravity_sag", "metrology", True, _sag),
+    *(_two_flanks(j) for j in range(2, 8)),
 )

@@ -183,7 +183,7 @@ def score(truth: Json, answer: Json | None, known: Twins) -> Score:
         remainder=diagnosis["detection"]["remainder_over_scatter"],
         apart=_apart(diagnosis["next_poses"]),
         law=_law(secrets, causes, places, diagnosis["noise_floor_mm"]),
-        springs=tuple(_springs(answer, truth["stiffness"])),
+        springs=tuple(_springs(answer, truth)),
     )
 
 
@@ -262,11 +262,15 @@ def _sizes(cause: Json, secrets: list[Json]) -> list[Size]:
     ]
 
 
-def _springs(answer: Json, true: list[float]) -> list[Size]:
+def _springs(answer: Json, truth: Json) -> list[Size]:
+    """Stiffnesses beside the true ones, of a gear with two of them that of the stated side."""
+    true: list[float] = truth["stiffness"]
+    sides = {name: c for one in truth["secrets"] for name, c in one["amplitudes"].items()}
+    rows = [row for row in answer["stiffness"] if row["identifiable"] and row["value"] is not None]
     return [
-        Size(row["name"], true[row["joint"] - 1], *row["ci95"])
-        for row in answer["stiffness"]
-        if row["identifiable"] and row["value"] is not None
+        Size(row["name"], 1 / c if c else true[row["joint"] - 1], *row["ci95"])
+        for row in rows
+        for c in (sides.get(f"c_joint{row['joint']}_{row.get('by_sign', {}).get('value_of')}"),)
     ]
 
 

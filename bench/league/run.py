@@ -53,6 +53,7 @@ CURVES = (
     "rail_backlash",
     "joint_tilt:3",
     "link_bending:forearm",
+    "joint_asymmetry:4",
     "joint_hardening:3",
     "joint_lost_motion:2",
     "joint_hysteresis:4",

@@ -169,6 +169,33 @@ class Remark(Fact):
     )
 
 
+class OneWay(Fact):
+    """A stiffness where the torque on the joint has one sign; in the unit of the joint's."""
+
+    value: Number = Field(description="null where the data give none")
+    std: Number = Field(description="standard uncertainty")
+    ci95: Interval = Field(description="95 % interval; null is no limit")
+    compliance: Number = Field(description="the estimate itself")
+    compliance_std: Number = Field(description="its standard uncertainty; null: undetermined")
+    axis_turns: Literal["plus", "minus"] | None = Field(
+        description="which way this torque turns the controller's axis; null without one"
+    )
+
+
+class BySign(Fact):
+    """Both stiffnesses of a joint, by the sign of the torque in the sense of the robot file."""
+
+    positive: OneWay
+    negative: OneWay
+    of: Literal["total", "pull"] = Field(
+        description="the torque whose sign it is: of pull and own weight, or of the pull alone"
+    )
+    correlation: Number = Field(description="of both compliances; null: undetermined")
+    value_of: Literal["positive", "negative"] = Field(
+        description="which of them `value` is: that of the test pose"
+    )
+
+
 class Stiffness(Fact):
     """One joint."""
 
@@ -194,6 +221,11 @@ class Stiffness(Fact):
     finding: str | None = Field(description="what to know of it, in a sentence")
     remarks: tuple[Remark, ...] = Field(default=(), description="the same, to be told apart")
     budget: tuple[BudgetPart, ...] = Field(description="where its uncertainty comes from")
+    by_sign: BySign | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="both, beside `joint_asymmetry`; absent otherwise",
+    )
 
     @property
     def called(self) -> str:

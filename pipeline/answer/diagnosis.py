@@ -130,7 +130,7 @@ def _cause(cause: Cause) -> contract.Cause:
         **placed(effect),
         location=effect.location,
         probability=cause.stated(cause.probability),
-        parameters=tuple(map(_amplitude, (cause.height,) if cause.height else cause.amplitudes)),
+        parameters=tuple(map(_amplitude, cause.told)),
         p_value=cause.p_value,
         times_typical=cause.largest.times_typical,
         rivals=tuple(

@@ -114,10 +114,27 @@ def changes(
     its errors: what they differ by is then not tested (`independent` False).
     """
     pairs = {joint.name: joint for joint in before}
-    both = [(pairs[joint.name], joint) for joint in after if joint.name in pairs]
+    both = [
+        (pairs[joint.name], _on_side_of(pairs[joint.name], joint))
+        for joint in after
+        if joint.name in pairs
+    ]
     tested = sum(bool(compliance(a) and compliance(b)) for a, b in both)
     limit = float(-special.ndtri(_SURE / 2 / max(tested, 1)))
     return [_change(a, b, limit, independent) for a, b in both]
+
+
+def _on_side_of(before: Stiffness, after: Stiffness) -> Stiffness:
+    """The later of two with its stiffness on the side of the torque that the earlier one has.
+
+    The test poses of two campaigns may turn a joint differently.
+    """
+    mine, its = before.by_sign, after.by_sign
+    if mine is None or its is None or mine.value_of == its.value_of:
+        return after
+    one = its.positive if mine.value_of == "positive" else its.negative
+    names = ("value", "std", "ci95", "compliance", "compliance_std")
+    return after.model_copy(update={name: getattr(one, name) for name in names})
 
 
 def _change(a: Stiffness, b: Stiffness, limit: float, independent: bool) -> Change:

@@ -13,13 +13,14 @@ from functools import cached_property
 
 from pipeline.answer.contract import Data, Reason, Which
 from pipeline.answer.numbers import left_out_m
-from pipeline.base.arrays import Array, Parameter
-from pipeline.diagnosis.average import Hypothesis, Springs, springs
+from pipeline.base.arrays import Array, Bools, Parameter
+from pipeline.diagnosis.average import Hypothesis, Springs, at_pose, springs, two_sided
 from pipeline.diagnosis.facts import Diagnosis, Facts
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.unloaded_geometry import corrected
 from pipeline.diagnosis.verdict import verdict
 from pipeline.prediction import model as handover
+from pipeline.reduction.pose_of_interest import Where
 from pipeline.system.estimate import left_out
 from pipeline.system.fit import Fitted
 from pipeline.system.system import Estimate
@@ -132,11 +133,14 @@ class Values:
             springs alone these only.
         left_out_m: Residuals of each pose when it is left out [m], shape (M,); NaN where the other
             poses do not predict it.
+        where: The test pose, whose side holds where a joint has a stiffness each way; None where
+            no joint can have two.
     """
 
     fitted: Fitted
     hypotheses: tuple[Hypothesis, ...]
     left_out_m: Array
+    where: Where | None = None
 
     @property
     def first(self) -> Hypothesis:
@@ -163,10 +167,18 @@ class Values:
                 handover.part(h.weight, h.cell, h.estimate, h.system, h.ratio)
                 for h in self.hypotheses
             ),
-            self.found.identifiable[: self.fitted.case.robot.n],
+            self._stated,
             left_out_m(self.left_out_m),
             self.fitted.data.pulls.range_n,
+            None if self.where is None else (self.where.q, self.where.force),
         )
+
+    @property
+    def _stated(self) -> Bools:
+        """Joints whose stiffness is determined, shape (n,)."""
+        if self.where is None or not any(map(two_sided, self.hypotheses)):
+            return self.found.identifiable[: self.fitted.case.robot.n]
+        return springs(at_pose(self.hypotheses, self.where.q, self.where.force)).identifiable
 
 
 def joint_springs(fitted: Fitted) -> Values:
@@ -175,12 +187,12 @@ def joint_springs(fitted: Fitted) -> Values:
     return Values(fitted, (alone,), left_out(fitted.system))
 
 
-def identified(fitted: Fitted, diagnosis: Diagnosis) -> Values | None:
+def identified(fitted: Fitted, diagnosis: Diagnosis, where: Where) -> Values | None:
     """Springs with the identified causes; None where these do not change the springs."""
     if not diagnosis.hypotheses:
         return None
     own = replace(diagnosis.hypotheses[0], weight=1.0)
-    return Values(fitted, (own,), _left_out(diagnosis))
+    return Values(fitted, (own,), _left_out(diagnosis), where)
 
 
 def standing(fitted: Fitted, diagnosis: Diagnosis) -> Fitted:
@@ -192,17 +204,18 @@ def standing(fitted: Fitted, diagnosis: Diagnosis) -> Fitted:
     return fitted.standing(robot, lambda data: corrected(cell, data, stood)[1])
 
 
-def recommend(row: Row, stands: Fitted, diagnosis: Diagnosis) -> Values:
+def recommend(row: Row, stands: Fitted, diagnosis: Diagnosis, where: Where) -> Values:
     """The values that the answer gives.
 
     Args:
         row: What decides.
         stands: The joint springs of the robot as it stands, from the data without mistakes.
         diagnosis: Of these data.
+        where: The test pose.
     """
     if row.model == _SPRINGS:
         return joint_springs(stands)
-    return Values(stands, diagnosis.hypotheses, _left_out(diagnosis))
+    return Values(stands, diagnosis.hypotheses, _left_out(diagnosis), where)
 
 
 def _left_out(diagnosis: Diagnosis) -> Array:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.answer import remarks
+from pipeline.answer import each_way, remarks
 from pipeline.answer.contract import (
     About,
     BestPose,
@@ -267,6 +267,7 @@ def _model(found: Findings, stated: Stated) -> Iterator[str]:
     }[found.row.model]
     yield f"{whose}, from the {'corrected data' if found.mistakes else 'data as given'}."
     yield from _table(found.facts)
+    yield from filter(None, map(each_way.told, stated.mine.stiffness))
     if other := _other(found, _SPRINGS_ALONE, _AS_GIVEN, _ON_DELIVERED):
         for move in _moved(stated.mine.stiffness, stated.springs.stiffness):
             yield f"Compared with {' and '.join(other)}, {move}."

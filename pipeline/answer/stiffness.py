@@ -8,20 +8,33 @@ from dataclasses import dataclass
 import numpy as np
 
 from pipeline.answer import remarks
-from pipeline.answer.contract import BudgetPart, JointType, Odd, Remark, Stiffness
+from pipeline.answer.contract import (
+    BudgetPart,
+    BySign,
+    JointType,
+    Odd,
+    OneWay,
+    Remark,
+    Stiffness,
+)
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
 from pipeline.diagnosis.average import (
     Dependence,
     Hypothesis,
     Springs,
+    at_pose,
     dependences,
+    each_way,
     information,
     springs,
     together,
+    two_sided,
 )
+from pipeline.machine import sides
 from pipeline.machine.cell import Cell
 from pipeline.machine.robot import Joint, axes
+from pipeline.reduction.pose_of_interest import Where
 from pipeline.system.budget import budget
 
 _WHICH = "which_cause"
@@ -31,13 +44,20 @@ _SHOWN = 1e-3
 """A smaller share of the variance than this is rounding."""
 
 
-def stiffness_entries(cell: Cell, hypotheses: Sequence[Hypothesis]) -> tuple[Stiffness, ...]:
+def stiffness_entries(
+    cell: Cell, hypotheses: Sequence[Hypothesis], where: Where | None = None
+) -> tuple[Stiffness, ...]:
     """One record per joint: the stiffness with its budget, or why there is none.
 
     Args:
         cell: For the names and units of the joints.
         hypotheses: What may be true, the identified causes first; one for a single model.
+        where: The test pose, whose side is that of a joint with a stiffness each way of the torque;
+            without it such a joint has the mean of both compliances.
     """
+    both = {} if where is None else _by_sign(cell, hypotheses, where)
+    if where is not None:
+        hypotheses = at_pose(hypotheses, where.q, where.force)
     found = springs(hypotheses)
     parts = _parts(hypotheses, cell.robot.n)
     names = axes.alone(cell.robot)
@@ -48,9 +68,50 @@ def stiffness_entries(cell: Cell, hypotheses: Sequence[Hypothesis]) -> tuple[Sti
         silent = _stiffness(joint, found, k, _budget(found, parts, k), names[k])
         on = [one for one in depends if one.spring == k]
         said = tuple(_remarks(silent, odd.of(k), on, _called(cell, odd.partners[k])))
-        told = silent.model_copy(update={"remarks": said})
+        told = silent.model_copy(update={"remarks": said, "by_sign": both.get(k)})
         out.append(told.model_copy(update={"finding": remarks.finding(told)}))
     return tuple(out)
+
+
+def _by_sign(cell: Cell, hypotheses: Sequence[Hypothesis], where: Where) -> dict[int, BySign]:
+    """Both stiffnesses, by the index of their joint, of joints that the named causes give two."""
+    first = hypotheses[0]
+    if not two_sided(first):
+        return {}
+    signs = sides.at_pose(first.cell, first.estimate.value, where.q, where.force)
+    forms = {one.where: one.form for one in first.effects}
+    out = {}
+    for joint, sign in signs.items():
+        found, turns = each_way(hypotheses, joint), axes.sense(cell.robot, joint)
+        positive, negative = (_one_way(found, k, turns * way) for k, way in enumerate((1, -1)))
+        std = found.std
+        out[joint] = BySign(
+            positive=positive,
+            negative=negative,
+            of="total" if forms[joint + 1] == "total" else "pull",
+            correlation=float(found.cov[0, 1] / (std[0] * std[1])),
+            value_of="positive" if sign > 0 else "negative",
+        )
+    return out
+
+
+def _one_way(found: Springs, k: int, turns: int) -> OneWay:
+    """One of the stiffnesses of `each_way`, and which way its torque turns the axis, or 0."""
+    x, std = float(found.value[k]), float(found.std[k])
+    has_value = bool(found.identifiable[k]) and x > 0
+    return OneWay(
+        value=1 / x if has_value else None,
+        std=std / x**2 if has_value else None,
+        ci95=_inverted(float(found.low[k]), float(found.high[k])),
+        compliance=x if np.isfinite(std) else None,
+        compliance_std=std,
+        axis_turns="plus" if turns > 0 else "minus" if turns < 0 else None,
+    )
+
+
+def _inverted(low: float, high: float) -> tuple[float | None, float | None]:
+    """Interval of a stiffness from that of its compliance."""
+    return 1 / high if 0 < high < np.inf else None, 1 / low if low > 0 else None
 
 
 def _parts(hypotheses: Sequence[Hypothesis], n: int) -> dict[str, Array]:
@@ -103,7 +164,7 @@ def _stiffness(
         unit=joint.stiffness_unit,
         value=1 / x if has_value else None,
         std=std / x**2 if has_value else None,
-        ci95=(1 / high if 0 < high < np.inf else None, 1 / low if low > 0 else None),
+        ci95=_inverted(low, high),
         identifiable=identifiable,
         joint_type=JointType.PRISMATIC if joint.prismatic else JointType.REVOLUTE,
         axis=axis,

@@ -28,7 +28,7 @@ def stated(values: Values, model: Model, where: Where) -> dict[str, Any]:
     """Stiffnesses, fit and deflection at the test pose of one model."""
     fitted = values.fitted
     return {
-        "stiffness": stiffness_entries(fitted.case.cell, values.hypotheses),
+        "stiffness": stiffness_entries(fitted.case.cell, values.hypotheses, where),
         "fit": fit_entry(fitted.case.cell, fitted.data, values.first.estimate),
         "test_pose_deflection": deflection_entries(model, where),
     }

@@ -10,11 +10,11 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Parameter
-from pipeline.diagnosis.average import Hypothesis, Size, size
+from pipeline.diagnosis.average import Hypothesis, Size, each_way, size
 from pipeline.diagnosis.facts import Amplitude
 from pipeline.diagnosis.identify import Case, of_model
 from pipeline.machine.cell import predict
-from pipeline.machine.effect import Elastic
+from pipeline.machine.effect import Effect, Elastic
 from pipeline.system.elimination import coefficients, eliminate
 from pipeline.system.evidence import ROUNDING
 from pipeline.system.whitened import Whitened
@@ -75,6 +75,35 @@ def averaged(case: Case, view: Whitened, sets: Sequence[Hypothesis]) -> list[tup
         each = zip(sizes, over, strict=True)
         out.append(tuple(_bent(one, mixed) if bends else _of(one, mixed) for one, mixed in each))
     return out
+
+
+def both_ways(effect: Effect, sets: Sequence[Hypothesis]) -> tuple[Amplitude, ...]:
+    """Compliance of a joint where its torque is positive, and where it is negative.
+
+    Nothing of an effect that does not give it two.
+
+    Args:
+        effect: An accepted cause.
+        sets: What may be true, the accepted causes first.
+    """
+    if not isinstance(effect, Elastic) or effect.side is None:
+        return ()
+    joint = effect.carrier[0] - 1
+    found, own = each_way(sets, joint, effect), sets[0].estimate.parameters[joint]
+    ends = zip(found.value, found.std, found.low, found.high, strict=True)
+    return tuple(
+        Amplitude(
+            replace(own, name=f"c_joint{joint + 1}_{way}"),
+            float(value),
+            float(std),
+            (float(low), float(high)),
+        )
+        for way, (value, std, low, high) in zip(WAYS, ends, strict=True)
+    )
+
+
+WAYS = ("positive", "negative")
+"""Sign of the torque on a joint of the robot file, in the order of `average.each_way`."""
 
 
 def _of(alone: Amplitude, over: Size) -> Amplitude:

@@ -20,6 +20,7 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.machine import sides
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect
 from pipeline.system import combinations
@@ -206,7 +207,7 @@ def average(weights: ArrayLike, values: Array, covs: Array) -> tuple[Array, Arra
 def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
     """The compliances over all hypotheses; their intervals are those of `_over`."""
     n = _springs(hypotheses[0])
-    value, cov, low, high = _over(hypotheses, [np.arange(n)] * len(hypotheses))
+    value, cov, low, high = _over(hypotheses, _parts(hypotheses, [np.arange(n)] * len(hypotheses)))
     sure = np.all([_determined(one) for one in hypotheses], axis=0)
     if len(hypotheses) > 1:
         typical = np.array([p.typical for p in hypotheses[0].estimate.parameters[:n]])
@@ -219,22 +220,88 @@ def size(hypotheses: Sequence[Hypothesis], effect: Effect, k: int) -> Size:
 
     Those with another of its forms have no say: the same letter is another size in another law.
     """
-    name, law = effect.parameters[k].name, (effect.label, effect.form)
     held = [
-        replace(one, estimate=one.sized or one.estimate)
-        for one in hypotheses
-        if law in {(own.label, own.form) for own in one.effects}
+        replace(one, estimate=one.sized or one.estimate) for one in _holding(hypotheses, effect)
     ]
+    name = effect.parameters[k].name
     names = [[parameter.name for parameter in one.estimate.parameters] for one in held]
-    at = [np.array([each.index(name)]) for each in names]
-    total = sum(one.weight for one in held)
-    held = [replace(one, weight=one.weight / total if total else 1 / len(held)) for one in held]
-    value, cov, low, high = _over(held, at)
+    value, cov, low, high = _over(held, _parts(held, [np.array([e.index(name)]) for e in names]))
     return Size(value.item(), float(np.sqrt(cov.item())), (low.item(), high.item()))
 
 
+def _holding(hypotheses: Sequence[Hypothesis], effect: Effect) -> list[Hypothesis]:
+    """Those that hold a cause in this form, with weights that sum to one."""
+    law = effect.label, effect.form
+    held = [one for one in hypotheses if law in {(own.label, own.form) for own in one.effects}]
+    total = sum(one.weight for one in held)
+    return [replace(one, weight=one.weight / total if total else 1 / len(held)) for one in held]
+
+
+def two_sided(one: Hypothesis) -> dict[int, int]:
+    """Joints with another compliance each way of the torque, as in `sides.columns`."""
+    return sides.columns(_springs(one), one.effects)
+
+
+def each_way(hypotheses: Sequence[Hypothesis], joint: int, effect: Effect | None = None) -> Springs:
+    """Compliance of a joint where its torque is positive and where it is negative.
+
+    Args:
+        hypotheses: What may be true; of those without such a law both are one.
+        joint: Its index.
+        effect: That law, to be told as a cause: over those that hold it, with the uncertainty of
+            the stiffnesses.
+    """
+    if effect is not None:
+        hypotheses = _holding(hypotheses, effect)
+    parts = []
+    for one in hypotheses:
+        T = np.zeros((2, len(one.estimate.value)))
+        T[:, joint] = 1.0
+        if joint in (both := two_sided(one)):
+            T[:, both[joint]] = 1.0, -1.0
+        parts.append(sides.taken(one.estimate.value, one.estimate.cov, T))
+    value, cov, low, high = _over(hypotheses, parts)
+    typical = np.full(2, hypotheses[0].estimate.parameters[joint].typical)
+    return Springs(value, cov, low, high, identifiable(typical, value, np.sqrt(np.diag(cov))))
+
+
+def at_pose(hypotheses: Sequence[Hypothesis], q: Array, force: Array) -> tuple[Hypothesis, ...]:
+    """The hypotheses with the compliance that holds at a pose as that of each joint."""
+    return tuple(_at_pose(one, q, force) for one in hypotheses)
+
+
+def _at_pose(one: Hypothesis, q: Array, force: Array) -> Hypothesis:
+    both = two_sided(one)
+    if not both:
+        return one
+    signs = sides.at_pose(one.cell, one.estimate.value, q, force)
+    T = np.eye(len(one.estimate.value))
+    for joint, column in both.items():
+        T[joint, column] = signs[joint]
+    estimate = _taken(one.estimate, T, list(both))
+    sized = None if one.sized is None else _taken(one.sized, T, list(both))
+    back = 2 * np.eye(len(T)) - T
+    system = replace(one.system, B=one.system.B @ back)
+    return replace(one, estimate=estimate, sized=sized, system=system)
+
+
+def _taken(estimate: Estimate, T: Array, joints: Sequence[int]) -> Estimate:
+    """An estimate of T x; what is determined of the joints that this mixes is asked anew."""
+    value, cov = sides.taken(estimate.value, estimate.cov, T)
+    typical = np.array([parameter.typical for parameter in estimate.parameters])
+    known, sure = estimate.identifiable.copy(), identifiable(typical, value, np.sqrt(np.diag(cov)))
+    known[joints] = sure[joints]
+    return replace(estimate, value=value, cov=cov, identifiable=known)
+
+
+def _parts(hypotheses: Sequence[Hypothesis], at: Sequence[Ints]) -> list[tuple[Array, Array]]:
+    """Value and covariance of the same parameters in each hypothesis, which stand at `at`."""
+    each = [(one.estimate, k) for one, k in zip(hypotheses, at, strict=True)]
+    return [(estimate.value[k], estimate.cov[np.ix_(k, k)]) for estimate, k in each]
+
+
 def _over(
-    hypotheses: Sequence[Hypothesis], at: Sequence[Ints]
+    hypotheses: Sequence[Hypothesis], parts: Sequence[tuple[Array, Array]]
 ) -> tuple[Array, Array, Array, Array]:
     """Value (n,), covariance (n, n) and ends of the 95 % interval (n,) of the same n parameters.
 
@@ -247,12 +314,10 @@ def _over(
 
     Args:
         hypotheses: What may be true, weights sum to one.
-        at: Where the parameters stand in each of their estimates, shape (n,) each.
+        parts: Value (n,) and covariance (n, n) by each of them.
     """
     weights = np.array([one.weight for one in hypotheses])
-    each = [(one.estimate, k) for one, k in zip(hypotheses, at, strict=True)]
-    values = np.stack([estimate.value[k] for estimate, k in each])
-    covs = np.stack([estimate.cov[np.ix_(k, k)] for estimate, k in each])
+    values, covs = (np.stack(each) for each in zip(*parts, strict=True))
     value, cov = average(weights, values, covs)
     low, high = _interval(hypotheses, values, np.sqrt(np.einsum("hii->hi", covs)))
     return value, cov, low, high

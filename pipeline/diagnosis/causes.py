@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.diagnosis.amplitude import averaged
+from pipeline.diagnosis.amplitude import averaged, both_ways
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.facts import Amplitude, AsGood, Cause, Drift, Gain, Named, Standing
 from pipeline.diagnosis.hypotheses import accepted
@@ -72,6 +72,7 @@ def of_displacements(
                 gain=worth,
                 test_pose_change_m=change,
                 height=_height(effect, held[0]),
+                each_way=both_ways(effect, held),
                 either=either,
             )
         )

@@ -360,6 +360,8 @@ class Cause(Locked):
         test_pose_change_m: By how much the predicted deflection at the test pose changes [m]; None
             where that is not known.
         height: Amplitude of a law that nobody listed; None for causes of the catalogue.
+        each_way: Compliance of the joint where the torque is positive, and where it is negative,
+            of a cause that gives it two; empty for others.
         either: Laws of its place that the readings do not tell apart, itself first, each with its
             probability if one of its place acts; empty where it leads by 20 to 1.
         missing: Probability that something acts which the model with the causes does not hold, by
@@ -378,6 +380,7 @@ class Cause(Locked):
     gain: Gain | None = None
     test_pose_change_m: float | None = None
     height: Amplitude | None = None
+    each_way: tuple[Amplitude, ...] = ()
     either: tuple[Named, ...] = ()
     missing: float = 0.0
 
@@ -389,6 +392,11 @@ class Cause(Locked):
     def stated(self, share: float) -> float:
         """Probability of one of the catalogue, of its share if one of them stands there."""
         return (1.0 - self.outside) * share
+
+    @property
+    def told(self) -> tuple[Amplitude, ...]:
+        """What is told of its size: its parameters, or what these mean."""
+        return (self.height,) if self.height else self.each_way or self.amplitudes
 
     @property
     def largest(self) -> Amplitude:

@@ -275,12 +275,16 @@ class Elastic(Effect):
         response: loaded, tau (m, v) -> deflection per unit parameter, shape (m, v); that of a
             linear spring where nothing else is said.
         shared: Parameter of each virtual joint where several have one; empty for one each.
+        side: Of a law that is another one each way of the torque: loaded, tau (m, 1) -> 1 where its
+            one parameter adds to the compliance of the joint that carries it, -1 where it takes
+            from it, shape (m, 1); None where the joint has one compliance.
     """
 
     carrier: tuple[int, ...]
     twists: Callable[[Loaded], Array] | None = None
     response: Callable[[Loaded, Array], Array] = linear
     shared: tuple[int, ...] = ()
+    side: Callable[[Loaded, Array], Array] | None = None
 
     def screws(self, loaded: Loaded) -> Array:
         """Unit screws of the virtual joints in F_b, shape (m, v, 6)."""

@@ -17,6 +17,7 @@ from pipeline.base.errors import InputError, first_wrong
 from pipeline.base.files import words
 from pipeline.base.strict import Numbers
 from pipeline.diagnosis.average import average
+from pipeline.machine import sides
 from pipeline.machine.cell import Cell, Prediction, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
 from pipeline.machine.effect import Effect, Noise, Observation, Pulls, Wrench
@@ -137,6 +138,8 @@ class Model(Locked):
         held_out_m: By how much poses that were left out with all their pulls were missed, rms per
             coordinate [m], noise of the readings included; None where nothing predicts them.
         pulled_n: The gentlest and the hardest pull of the campaign [N]; None where nobody says.
+        at_pose: Joint values (n,) and force (3,) of the test pose, whose side is that of a joint
+            with a stiffness each way of its torque; None: such a joint has the mean of both.
     """
 
     campaign: str
@@ -146,6 +149,7 @@ class Model(Locked):
     stated: Bools | None = None
     held_out_m: float | None = None
     pulled_n: tuple[float, float] | None = None
+    at_pose: tuple[Array, Array] | None = None
 
     @staticmethod
     def load(path: Path | str) -> Model:
@@ -180,11 +184,22 @@ class Model(Locked):
 
     @cached_property
     def springs(self) -> tuple[Array, Array]:
-        """Compliances of the joints (n,) and their covariance (n, n), over all hypotheses."""
-        n = self.robot.n
-        values = np.stack([one.value[:n] for one in self.hypotheses])
-        covs = np.stack([one.cov[:n, :n] for one in self.hypotheses])
-        return average([one.weight for one in self.hypotheses], values, covs)
+        """Compliances of the joints (n,) and their covariance (n, n), over all hypotheses.
+
+        Of a joint with one each way of its torque that of the test pose.
+        """
+        values, covs = zip(*map(self._springs, self.hypotheses), strict=True)
+        weights = [one.weight for one in self.hypotheses]
+        return average(weights, np.stack(values), np.stack(covs))
+
+    def _springs(self, one: Hypothesis) -> tuple[Array, Array]:
+        """The same by one hypothesis."""
+        T = np.eye(len(one.value))[: self.robot.n]
+        if self.at_pose is not None:
+            both = sides.columns(self.robot.n, one._more)
+            for joint, sign in sides.at_pose(one.cell, one.value, *self.at_pose).items():
+                T[joint, both[joint]] = sign
+        return sides.taken(one.value, one.cov, T)
 
     @property
     def value(self) -> Array:
@@ -364,6 +379,7 @@ def dumps(handed: Model) -> str:
         "verdict": handed.verdict,
         **({} if handed.held_out_m is None else {"held_out_rms_m": handed.held_out_m}),
         **({} if handed.pulled_n is None else {"pulled_n": list(handed.pulled_n)}),
+        **_at_pose(handed),
         "covariance": handed.cov.tolist(),
         "recommended": dict(handed.recommended),
         "parameter": [
@@ -374,6 +390,16 @@ def dumps(handed: Model) -> str:
         "tool": {name: at.tolist() for name, at in tool.named.items()},
     }
     return HEAD + toml.dumps(content | {"robot": toml.loads(robot.text, robot.name)})
+
+
+def _at_pose(handed: Model) -> dict[str, Any]:
+    """The test pose, where a stiffness is that of its side."""
+    if handed.at_pose is None or not any(
+        sides.columns(handed.robot.n, one._more) for one in handed.hypotheses
+    ):
+        return {}
+    q, force = handed.at_pose
+    return {"test_pose": {"q": q.tolist(), "force_n": force.tolist()}}
 
 
 def _hypothesis(one: Hypothesis) -> dict[str, Any]:
@@ -424,6 +450,11 @@ class _Hypothesis(Numbers):
     variance_within: list[float] | None = None
 
 
+class _TestPose(Numbers):
+    q: list[float]
+    force_n: tuple[float, float, float]
+
+
 class _File(Numbers):
     format: Literal[2]
     campaign: str
@@ -431,6 +462,7 @@ class _File(Numbers):
     recommended: dict[str, str]
     held_out_rms_m: float | None = None
     pulled_n: tuple[float, float] | None = None
+    test_pose: _TestPose | None = None
     parameter: list[_Parameter]
     hypothesis: Annotated[list[_Hypothesis], Field(min_length=1)]
     tool: dict[str, tuple[float, float, float]]
@@ -458,7 +490,16 @@ def parse(text: str, file: str = "model.toml") -> Model:
         np.array([entry.stiffness is not None for entry in content.parameter]),
         content.held_out_rms_m,
         content.pulled_n,
+        _pose(content.test_pose, robot, file),
     )
+
+
+def _pose(said: _TestPose | None, robot: Robot, file: str) -> tuple[Array, Array] | None:
+    if said is None:
+        return None
+    if len(said.q) != robot.n:
+        raise InputError(f"test_pose.q is not of {robot.n} joints", _ANEW, file=file)
+    return np.array(said.q), np.array(said.force_n)
 
 
 _LARGEST = 2**26

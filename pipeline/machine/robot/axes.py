@@ -61,6 +61,17 @@ def joints(robot: Robot) -> Axes:
     return Axes(names, robot.prismatic, np.eye(robot.n), np.zeros(robot.n))
 
 
+def sense(robot: Robot, joint: int) -> int:
+    """1 where the axis that `alone` names turns with a joint, -1 against it, 0 without one.
+
+    Args:
+        robot: The robot.
+        joint: Index of the joint.
+    """
+    found = of(robot).alone(joint) if alone(robot)[joint] else None
+    return 0 if found is None else int(np.sign(found[1]))
+
+
 def alone(robot: Robot) -> tuple[str | None, ...]:
     """The controller's axis of each joint, A1 or E1, that moves it alone and as far.
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
 
 from pipeline.answer import remarks
 from pipeline.answer.contract import Answer, Believed, Combination, Fit, Stiffness, Weighed
@@ -90,6 +91,7 @@ def _stiffness_table(answer: Answer, since: Sequence[Change], before: str) -> Ta
     columns = [
         *_axis_columns(answer.stiffness),
         *_value_columns(factor, letter),
+        *_each_way_columns(answer.stiffness, factor),
         *_nominal_columns(answer.stiffness, factor),
         *_beside_columns(answer, factor),
         *_change_columns(since, before),
@@ -98,9 +100,18 @@ def _stiffness_table(answer: Answer, since: Sequence[Change], before: str) -> Ta
         "Stiffness is one over the estimated compliance; its interval is that of the compliance, "
         "inverted, and therefore not symmetric."
     )
+    if any(joint.by_sign for joint in answer.stiffness):
+        note += _EACH_WAY
     title = f"Stiffness of each joint, {words.values_of(answer)}"
     return table_of("stiffness", title, columns, answer.stiffness, note)
 
+
+_EACH_WAY = (
+    " A joint with another stiffness each way of its torque has both, by the way in which the load "
+    "turns the controller's axis (the joint itself where the robot file has no axis); its "
+    "stiffness is that of the test pose."
+)
+"""What the columns of such a joint mean."""
 
 _JOINT: Cells[Stiffness] = (Column("Joint"), lambda j: text_entry(j.name, sort=j.joint))
 
@@ -134,6 +145,27 @@ def _interval(joint: Stiffness, factor: float) -> Entry:
         return Entry(MISSING)
     low, high = (scaled(bound, factor) for bound in joint.ci95)
     return entry(interval((low, high), scaled(joint.std, factor)), low)
+
+
+def _each_way_columns(joints: Sequence[Stiffness], factor: float) -> list[Cells[Stiffness]]:
+    """Both stiffnesses of joints that have one each way; nothing where none has."""
+    if all(joint.by_sign is None for joint in joints):
+        return []
+    return [
+        (Column(f"Turned towards {way}", numeric=True), partial(_one_way, way=way, factor=factor))
+        for way in ("plus", "minus")
+    ]
+
+
+def _one_way(joint: Stiffness, way: str, factor: float) -> Entry:
+    """The stiffness against a torque that turns the axis one way, or else the joint itself."""
+    both = joint.by_sign
+    if both is None:
+        return Entry(MISSING)
+    against = both.positive.axis_turns == "minus"
+    one = both.positive if (way == "plus") != against else both.negative
+    value = scaled(one.value, factor)
+    return entry(with_std(value, scaled(one.std, factor)), value)
 
 
 def _nominal_columns(joints: Sequence[Stiffness], factor: float) -> list[Cells[Stiffness]]:

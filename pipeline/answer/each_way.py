@@ -1,0 +1,42 @@
+"""A joint with a stiffness each way of its torque, in words of the controller."""
+
+from __future__ import annotations
+
+from pipeline.answer.contract import OneWay, Stiffness
+from pipeline.base.quantities import common_prefix, prefixed, scaled, with_std
+
+
+def told(joint: Stiffness) -> str:
+    """`A3 (k_theta4) is 2.40 ± 0.02 MN·m/rad where the pull turns A3 towards plus, 1.50 ...`.
+
+    Nothing of a joint with one stiffness.
+    """
+    both = joint.by_sign
+    if both is None:
+        return ""
+    load = "load with the arm's own weight" if both.of == "total" else "pull"
+    first, other = sorted((both.positive, both.negative), key=lambda one: one.axis_turns != "plus")
+    held = both.positive if both.value_of == "positive" else both.negative
+    return (
+        f"{joint.called} is {_size(first, joint)} where the {load} turns {way(first, joint)}, and "
+        f"{_size(other, joint)} where it turns {way(other, joint)}; at the test pose it turns "
+        f"{way(held, joint)}."
+    )
+
+
+def _size(one: OneWay, joint: Stiffness) -> str:
+    """`2.400 ± 0.020 MN·m/rad`, or that these pulls do not determine it."""
+    if one.value is None:
+        return "not determined"
+    factor, letter = common_prefix([one.value])
+    shown = with_std(scaled(one.value, factor), scaled(one.std, factor))
+    return f"{shown} {prefixed(joint.unit, letter)}"
+
+
+def way(one: OneWay, joint: Stiffness) -> str:
+    """`A3 towards plus`; `joint 4 in its positive sense` without an axis of the controller."""
+    if one.axis_turns is not None:
+        return f"{joint.axis} towards {one.axis_turns}"
+    assert joint.by_sign is not None
+    sense = "positive" if one is joint.by_sign.positive else "negative"
+    return f"joint {joint.joint} in its {sense} sense"

@@ -1,0 +1,71 @@
+"""A gear has another stiffness each way of its torque: two straight lines that meet at zero.
+
+Beside c tau the joint turns by
+
+- pull: dc |tau|
+- total: dc (|tau + tau_w| - |tau_w|), tau_w what the arm's own weight does before the pull
+
+Its compliance is c + dc where the torque is positive and c - dc where it is negative; c alone is
+that of neither. The pull may carry the torque of `total` across zero, whose displacement is the
+difference of two states.
+"""
+
+from functools import lru_cache
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.base.strict import STANDARD_GRAVITY
+from pipeline.machine.effect import Elastic, Loaded
+from pipeline.machine.effects._anatomy import compliance, turning
+from pipeline.machine.robot import Configuration, Robot
+from pipeline.machine.robot.weight import gravity_torque, weighs
+
+_GRAVITY = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+"""Acceleration in F_b, whose z points up [m/s^2]."""
+
+
+def effects(robot: Robot) -> tuple[Elastic, ...]:
+    """One effect for each revolute joint; of the total torque, too, where masses are known."""
+    forms = ("total", "pull") if weighs(robot) else ("pull",)
+    return tuple(_effect(robot, joint, form) for joint in turning(robot) for form in forms)
+
+
+def _effect(robot: Robot, joint: int, form: str) -> Elastic:
+    c = compliance(robot, joint)
+
+    def before(loaded: Loaded) -> Array:
+        """Torque on the joint before the pull [N m], shape (m, 1)."""
+        if form == "pull":
+            return np.zeros((len(loaded.pulls), 1))
+        return _by_weight(robot, loaded.configuration)[:, joint - 1 : joint]
+
+    def response(loaded: Loaded, torque: Array) -> Array:
+        own = before(loaded)
+        return np.abs(torque + own) - np.abs(own)
+
+    return Elastic(
+        name="joint_asymmetry",
+        noun="another stiffness each way of the torque",
+        place="joint",
+        element="gear",
+        where=joint,
+        form=form,
+        tolerance=0.005,
+        parameters=(Parameter(f"dc_{joint}", "rad/(N m)", 0.15 * c, -2 * c, 2 * c),),
+        signature=f"displacement over force at joint {joint} is constant each way of its torque, "
+        "and another one each way: even in the load, a kink at zero",
+        needs="pulls that turn this joint both ways",
+        source="flanks, bearings and preload of a gear are not alike each way; 15 % of the mean to "
+        "either side, at most that of a gear twice as soft as its nominal one, are estimates",
+        carrier=(joint,),
+        response=response,
+        side=lambda loaded, torque: np.where(torque + before(loaded) < 0, -1.0, 1.0),
+    )
+
+
+@lru_cache(maxsize=1)
+def _by_weight(robot: Robot, here: Configuration) -> Array:
+    """What the links' weight does to each joint [N m], (m, n); all joints ask of the same pulls."""
+    m = len(here.q)
+    return gravity_torque(robot, here, _GRAVITY, np.zeros(m), np.zeros((m, 3)))
