@@ -197,6 +197,17 @@ def _curved(s: Setup, size: float, course: Course) -> None:
     s.tension.append(lambda f, _: f * (1 + sign * 0.005 * size * (f / 1000.0) ** 0.9))
 
 
+def _remembers(s: Setup, size: float, course: Course) -> None:
+    """A cell that shows another force on the way down, as a bow that closes at zero and peak."""
+    sign = float(course.rng.choice([-1, 1]))
+
+    def acts(f: Array, own: Course) -> Array:
+        most = np.array([f[own.pose == pose].max() for pose in own.pose])
+        return np.asarray(f + sign * 0.03 * size * f * (1 - f / most) * (own.branch < 0))
+
+    s.tension.append(acts)
+
+
 def _chain_weight(s: Setup, size: float, course: Course) -> Amplitudes:
     """Half the weight hangs on the robot; the scale in the middle shows the tension there."""
 
@@ -282,4 +293,5 @@ KNOWN: tuple[Secret, ...] = (
     Secret("base_rotation", "metrology", True, _base),
     Secret("tracker_drift", "metrology", True, _drift),
     Secret("gravity_sag", "metrology", True, _sag),
+    Secret("scale_hysteresis", "force", True, _remembers),
 )
