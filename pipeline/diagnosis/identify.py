@@ -615,6 +615,17 @@ def _odds(case: Case, now: Scores, rest: Sequence[int], least: float = 1e-3) -> 
     return tuple(Rival(labels[i], best[i], float(probability[i]), shares[i]) for i in order)
 
 
+def lone_odds(case: Case, found: Found) -> list[tuple[int, float]]:
+    """Each cause as the only one, in its best form, with its odds against none.
+
+    Beforehand some cause is as likely as none, and all of them are alike.
+    """
+    every, now = by_label(case.suspects).values(), found.scores
+    best = [forms[int(np.argmax(now.log_evidence[forms]))] for forms in every]
+    odds = [float(np.exp(_together(case, now, forms))) / len(best) for forms in every]
+    return list(zip(best, odds, strict=True))
+
+
 def _strange(case: Case, wide: Whitened) -> tuple[Stranger, ...]:
     """For each accepted cause: how likely something without a name stands in its place.
 
