@@ -64,6 +64,7 @@ from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.reduction.register import timed
+from pipeline.reduction.stations import one_station
 from pipeline.report import workbook
 from pipeline.report.render import render
 from pipeline.report.wear import told
@@ -129,10 +130,12 @@ def as_read(
 ) -> tuple[Case, InputError | None]:
     """What was ingested, and why its values are implausible where that was not to stop it."""
     got = step(ingest)(raw.settings, raw.robot, raw.files, plausible)
+    raws = keep("10_readings", got.readings, tables.READINGS)
+    readings, stations = one_station(raw.settings, raws)
     case = Case(
         raw.settings,
         raw.robot,
-        readings=keep("10_readings", got.readings, tables.READINGS),
+        readings=readings,
         loads=keep("11_loads", got.loads, tables.LOADS),
         joints=keep("12_joints", got.joints, tables.joints(raw.robot)),
         rejected=keep("13_rejected", got.rejected, tables.REJECTED),
@@ -142,6 +145,7 @@ def as_read(
         unused=got.unused,
         treated=got.treated,
         torques=got.torques,
+        stations=stations,
     )
     return case, got.doubt
 

@@ -293,5 +293,7 @@ KNOWN: tuple[Secret, ...] = (
     Secret("base_rotation", "metrology", True, _base),
     Secret("tracker_drift", "metrology", True, _drift),
     Secret("gravity_sag", "metrology", True, _sag),
-    Secret("scale_hysteresis", "force", True, _remembers),
 )
+
+LATER = (Secret("scale_hysteresis", "force", True, _remembers),)
+"""Causes of the catalogue that no game draws: those of the league stay what they were."""
