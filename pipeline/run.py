@@ -55,6 +55,7 @@ from pipeline.reduction.case import tool as tool
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import Where
+from pipeline.reduction.stations import one_station
 from pipeline.report import workbook
 from pipeline.report.render import render
 from pipeline.report.wear import told
@@ -118,10 +119,12 @@ def as_read(
 ) -> tuple[Case, InputError | None]:
     """What was ingested, and why its values are implausible where that was not to stop it."""
     got = step(ingest)(raw.settings, raw.robot, raw.files, plausible)
+    raws = keep("10_readings", got.readings, tables.READINGS)
+    readings, stations = one_station(raw.settings, raws)
     case = Case(
         raw.settings,
         raw.robot,
-        readings=keep("10_readings", got.readings, tables.READINGS),
+        readings=readings,
         loads=keep("11_loads", got.loads, tables.LOADS),
         joints=keep("12_joints", got.joints, tables.joints(raw.robot)),
         rejected=keep("13_rejected", got.rejected, tables.REJECTED),
@@ -131,6 +134,7 @@ def as_read(
         unused=got.unused,
         treated=got.treated,
         torques=got.torques,
+        stations=stations,
     )
     return case, got.doubt
 

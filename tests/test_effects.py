@@ -38,6 +38,7 @@ NAMES = [
     "scale_gain",
     "scale_zero",
     "scale_curvature",
+    "scale_hysteresis",
     "chain_weight",
     "chain_offset",
     "joint_offset",
@@ -565,3 +566,38 @@ def test_the_guide_shows_a_real_effect():
     file = root / "pipeline" / "machine" / "effects" / "tool_flex.py"
 
     assert shown.split("```")[0] == file.read_text("utf-8")
+
+
+def test_the_scale_remembers_how_the_force_was_reached(bench):
+    """By hand: what one joint turns under the force that acts, over what it turns as read."""
+    cell, pulls, x = bench
+    repeat = np.arange(len(pulls)) % 4 + 1
+    branch = np.where(repeat == 4, -1.0, 1.0)
+    size = np.array([500.0, 1000.0, 2000.0, 800.0])[repeat - 1]
+    along = pulls.force / np.linalg.norm(pulls.force, axis=1, keepdims=True)
+    pose = np.arange(len(pulls)) // 4
+    first = pose * 4  # all pulls of a pose alike but for their size
+    four = replace(
+        pulls,
+        q=pulls.q[first],
+        force=size[:, None] * along[first],
+        pose=pose,
+        repeat=repeat,
+        branch=branch,
+    )
+    true = {
+        "by branch": size * (1 + 0.02 * branch),
+        "slackening": np.where(branch < 0, 1.02 * size, size),
+        "loop": np.where(branch < 0, size + 0.02 * (2000.0 - size), size),
+        "constant": size + 0.02 * branch,
+        "by step": size * (1 + 0.02 * (repeat - 1)),
+    }
+    still = forward.predict(cell, four, x).displacement
+
+    for effect in (e for e in EFFECTS if e.name == "scale_hysteresis"):
+        values = np.append(x, 0.02)
+        now = forward.predict(cell.with_effects(effect), four, values).displacement
+
+        factor = true.pop(effect.form) / size
+        np.testing.assert_allclose(now, still * factor[:, None, None], rtol=1e-9, atol=1e-15)
+    assert not true

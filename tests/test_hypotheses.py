@@ -9,7 +9,7 @@ from small_case import asked, small
 
 from pipeline.diagnosis import hypotheses as module
 from pipeline.diagnosis.diagnose import case_of
-from pipeline.diagnosis.hypotheses import _scales, _solved, hypotheses
+from pipeline.diagnosis.hypotheses import _scales, _solved, hypotheses, too_small
 from pipeline.diagnosis.identify import Rival, Stranger, remainder, search
 from pipeline.machine.cell import predict
 
@@ -78,6 +78,50 @@ def test_each_set_has_its_own_fit_and_says_what_it_has_instead(tilted):
     assert all(len(one.estimate.value) == 7 + len(one.effects[0].parameters) for one in
                (first, second, third))  # fmt: skip
     assert abs(second.estimate.value[7]) > 0
+
+
+@pytest.fixture(scope="module")
+def unnoticed():
+    """A campaign whose third joint tilts by less than is detected."""
+    at = asked(small(3, poses={"count": 7}, hidden={"effects": ["joint_tilt:3=0.06x"]}))
+    case, _ = case_of(at.cell, at.reduced.data, at.estimate)
+    wanted = ("joint_tilt:3", "joint_tilt:4", "rail_roll")
+    few = tuple(one for one in case.suspects if one.label in wanted and not one.form)
+    case = replace(case, suspects=few)
+    return case, search(case, at.estimate.value, np.random.default_rng(1)), at
+
+
+def test_a_cause_too_small_to_name_is_averaged_over(unnoticed):
+    """As likely as its evidence makes it; value and covariance by rows of its usual size."""
+    case, found, _ = unnoticed
+    assert not found.detected
+    odds = np.exp(found.scores.log_evidence) / len(case.suspects)
+    share = odds / (1 + odds.sum())
+
+    small_ones = too_small(case, found)
+
+    likely = {one.label: w for one, w in zip(case.suspects, share, strict=True) if w > 0.05}
+    assert {one.effects[0].label: one.weight for one in small_ones} == pytest.approx(likely)
+    assert "joint_tilt:3" in likely
+    for one in small_ones:
+        k, typical = len(one.effects[0].parameters), [p.typical for p in one.effects[0].parameters]
+        own, cov = dense(one.system)
+        rows = np.linalg.inv(np.linalg.cholesky(cov)) / one.ratio
+        prior = np.eye(len(own))[-k:] / (2.5 * np.array(typical))[:, None]
+        scale = np.array([p.typical for p in one.system.parameters])
+        X, y = np.vstack([rows, prior]) * scale, np.append(rows @ own, np.zeros(k))
+        x = np.linalg.lstsq(X, y, rcond=None)[0] * scale
+        std = np.sqrt(np.diag(np.linalg.inv(X.T @ X))) * scale
+        np.testing.assert_allclose(one.estimate.value, x, rtol=1e-4, atol=1e-4 * np.abs(x).max())
+        np.testing.assert_allclose(one.estimate.std, std, rtol=1e-3)
+
+
+def test_where_a_cause_is_detected_none_is_too_small(tilted):
+    """It is named or left unexplained; nothing is averaged over unseen."""
+    case, found, _ = tilted
+
+    assert found.detected
+    assert too_small(case, found) == ()
 
 
 def dense(system):

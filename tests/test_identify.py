@@ -142,6 +142,70 @@ def test_one_that_is_no_longer_needed_is_dropped():
     assert better(1, tried={frozenset({3})}) in ((0,), (2,))
 
 
+MIXED = tuple(suspect(name, FREE) for name in ("a", "b", "c", "ab", "bc", "ac", "d", "e"))
+PAIRS = {3: (0, 1), 4: (1, 2), 5: (0, 2)}
+
+
+@pytest.mark.parametrize("seed", [100, 101, 103, 104, 116, 118])
+def test_three_at_once_are_found_though_mixtures_of_them_come_first(seed):
+    """Two causes, one of them a mixture of two that act, are no place to end."""
+    truth = made(np.random.default_rng(seed), MIXED, {k: [2.5] for k in range(3)}, mixed=PAIRS)
+    alone = truth.view().beside(truth.view().base).log_evidence
+    assert int(np.argmax(alone)) in PAIRS
+
+    assert sorted(found(truth).accepted) == [0, 1, 2]
+
+
+def test_two_take_the_places_of_two_in_one_move():
+    """Neither may come alone: each is worse in the place of either mixture."""
+    truth = made(np.random.default_rng(12), MIXED, {0: [3.0], 1: [3.0], 2: [3.0]}, mixed=PAIRS)
+    case = case_of(truth)
+
+    assert sorted(identify._better(case, truth.view((3, 4, 2)), {frozenset({2, 3, 4})})) == [
+        0,
+        1,
+        2,
+    ]
+    assert identify._better(case, truth.view((0, 1, 2)), {frozenset({0, 1, 2})}) is None
+    one = truth.view((0, 4))
+    assert sorted(identify._better(case, one, {frozenset({0, 4})}, 1e-3)) == [0, 1, 2]
+    assert identify._better(case, one, {frozenset({0, 4})}, 1e-30) != (0, 1, 2)
+
+
+def test_where_three_leave_something_a_fourth_shows_which_was_a_mixture():
+    """Four join, and the one that the others dispense with goes."""
+    truth = made(np.random.default_rng(13), MIXED, {0: [3.0], 1: [3.0], 6: [2.0]}, mixed=PAIRS)
+    case = case_of(truth)
+
+    left = identify._dropped(case, case.fitted((3, 0, 1, 6), np.zeros(0)))
+
+    assert sorted(left.model.accepted) == [0, 1, 6]
+
+
+def test_the_same_is_found_in_whatever_order_poses_and_causes_stand():
+    """Rows of other poses first, and the catalogue backwards."""
+    truth = made(np.random.default_rng(116), MIXED, {k: [2.5] for k in range(3)}, mixed=PAIRS)
+    rows = np.arange(len(truth.c)).reshape(8, -1)[::-1].ravel()
+    turned = replace(
+        truth,
+        suspects=truth.suspects[::-1],
+        Z=tuple(part[rows] for part in truth.Z[::-1]),
+        B=truth.B[rows],
+        c=truth.c[rows],
+        W=truth.W[np.ix_(rows, rows)],
+        shared=truth.shared[rows],
+    )
+
+    one, other = found(truth), found(turned)
+
+    assert {MIXED[i].label for i in one.accepted} == {"a", "b", "c"}
+    assert {MIXED[::-1][i].label for i in other.accepted} == {"a", "b", "c"}
+    mine = identify._chained(case_of(truth), truth.view((0, 1, 2)), (), (0, 1, 2))
+    assert mine == pytest.approx(
+        identify._chained(case_of(turned), turned.view((7, 5, 6)), (), (7, 5, 6)), rel=1e-9
+    )
+
+
 def test_of_two_alike_causes_the_likelier_leads_and_twins_stay():
     """A tenth of log evidence is needed to take a place."""
     twins = made(np.random.default_rng(5), SUSPECTS, {0: [2.0]}, alike={4: (0, 1e-9)})

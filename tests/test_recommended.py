@@ -47,13 +47,33 @@ def test_what_changes_no_model_only_weighs_the_springs_anew():
     assert (row.model, row.data, row.reason) == (EXTENDED, GIVEN, Reason.WEIGHED_ANEW)
 
 
+@pytest.mark.parametrize(
+    ("mistakes", "verdict", "model", "reason"),
+    [
+        (False, "adequate", AVERAGED, Reason.TOO_SMALL),
+        (True, "adequate", AVERAGED, Reason.MISTAKE_AND_TOO_SMALL),
+        (False, "explained", SPRINGS, Reason.SPRINGS_UNTOUCHED),
+        (False, "unexplained", SPRINGS, Reason.UNEXPLAINED),
+        (True, "unexplained", SPRINGS, Reason.MISTAKE_AND_UNEXPLAINED),
+    ],
+)
+def test_what_is_too_small_to_name_counts_where_nothing_else_is_wrong(
+    mistakes, verdict, model, reason
+):
+    """Springs are averaged over it only beside the verdict that nothing is missing."""
+    row = decide(Basis(mistakes, verdict, modelled=False, rivals=False, too_small=True))
+
+    assert (row.model, row.reason) == (model, reason)
+    assert reason.unseen is (model == AVERAGED)
+
+
 def test_every_campaign_has_a_row_and_every_row_a_campaign():
     """Whatever the facts, one row decides; and no row stands in the table for nothing."""
     verdicts = ("adequate", "explained", "ambiguous", "unexplained")
     decided = {
-        decide(Basis(mistakes, verdict, modelled, modelled and rivals, beside)).reason
-        for mistakes, verdict, modelled, rivals, beside in product(
-            (False, True), verdicts, (False, True), (False, True), (False, True)
+        decide(Basis(mistakes, verdict, modelled, modelled and rivals, beside, small)).reason
+        for mistakes, verdict, modelled, rivals, beside, small in product(
+            (False, True), verdicts, *[(False, True)] * 4
         )
     }
 

@@ -182,6 +182,25 @@ def test_the_scale_reads_another_force_by_the_law():
     np.testing.assert_allclose(made, moved * (PULLS.time / 2e4)[:, None, None], rtol=1e-6)
 
 
+def test_a_zero_of_the_scale_that_jumps_adds_the_same_force_to_every_later_pull():
+    """One newton along the chain is what the springs move over the force, however hard the pull."""
+    x, at = KR500.nominal_compliance, float(np.median(PULLS.time))
+    where = law("scale", "zero", "step", "time", 0, 0.0, (0.0, 2e4), at)
+    one = unlisted.effect(KR500, where)
+    per_newton = sensitivity(CELL, PULLS, x, CELL.effects) @ x
+    per_newton = per_newton / np.linalg.norm(PULLS.force, axis=1)[:, None, None]
+
+    made = sensitivity(CELL, PULLS, x, [one])[..., 0]
+
+    newtons = np.sum(made * per_newton, axis=(1, 2)) / np.sum(per_newton**2, axis=(1, 2))
+    np.testing.assert_allclose(made, newtons[:, None, None] * per_newton, atol=1e-15)
+    before, after = newtons[PULLS.time < at], newtons[PULLS.time > at]
+    assert np.ptp(before) == pytest.approx(0, abs=1e-9)
+    assert after - before.mean() == pytest.approx(1)
+    assert one.called.startswith("zero that jumps at ")
+    assert one.parameters[0].unit == "N"
+
+
 def test_every_law_has_a_share_of_the_odds_and_a_form_that_a_file_can_hold():
     """Odds of all laws add up to one; label and form give each back."""
     every = unlisted.effects(KR500, load(CELL, PULLS, np.zeros(7)))

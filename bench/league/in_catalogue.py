@@ -217,6 +217,17 @@ def _curved(s: Setup, size: float, course: Course) -> None:
     s.tension.append(lambda f, _: f * (1 + sign * 0.005 * size * (f / 1000.0) ** 0.9))
 
 
+def _remembers(s: Setup, size: float, course: Course) -> None:
+    """A cell that shows another force on the way down, as a bow that closes at zero and peak."""
+    sign = float(course.rng.choice([-1, 1]))
+
+    def acts(f: Array, own: Course) -> Array:
+        most = np.array([f[own.pose == pose].max() for pose in own.pose])
+        return np.asarray(f + sign * 0.03 * size * f * (1 - f / most) * (own.branch < 0))
+
+    s.tension.append(acts)
+
+
 def _chain_weight(s: Setup, size: float, course: Course) -> Amplitudes:
     """Half the weight hangs on the robot; the scale in the middle shows the tension there."""
 
@@ -304,3 +315,6 @@ KNOWN: tuple[Secret, ...] = (
     Secret("gravity_sag", "metrology", True, _sag),
     *(_two_flanks(j) for j in range(2, 8)),
 )
+
+LATER = (Secret("scale_hysteresis", "force", True, _remembers),)
+"""Causes of the catalogue that no game draws: those of the league stay what they were."""

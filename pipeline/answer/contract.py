@@ -68,6 +68,7 @@ class Reason(StrEnum):
     """Why these values."""
 
     ADEQUATE = "adequate"
+    TOO_SMALL = "too_small_to_name"
     CAUSE_IDENTIFIED = "cause_identified"
     CAUSE_AND_RIVALS = "cause_and_rivals"
     CAUSE_DOUBTFUL = "cause_doubtful"
@@ -76,10 +77,16 @@ class Reason(StrEnum):
     WEIGHED_ANEW = "weighed_anew"
     UNEXPLAINED = "unexplained"
     MISTAKE = "mistake"
+    MISTAKE_AND_TOO_SMALL = "mistake_and_too_small_to_name"
     MISTAKE_SPRINGS_UNTOUCHED = "mistake_springs_untouched"
     MISTAKE_AND_CAUSE = "mistake_and_cause"
     MISTAKE_AND_RIVALS = "mistake_and_rivals"
     MISTAKE_AND_UNEXPLAINED = "mistake_and_unexplained"
+
+    @property
+    def unseen(self) -> bool:
+        """The uncertainties hold what causes may change that are too small to name."""
+        return self in (Reason.TOO_SMALL, Reason.MISTAKE_AND_TOO_SMALL)
 
     @property
     def holds_for_its_readings(self) -> bool:

@@ -331,7 +331,11 @@ def shot_findings(case: Case, pulls: Pulls) -> list[str]:
 
 def treated_findings(case: Case) -> list[str]:
     """Sentences for exports that were not used as they stand."""
-    out = []
+    out = [
+        f"The tracker was carried {plain(one.moved_m, 2)} m to another station before {one.group}: "
+        "what was read from then on is registered by the base reflectors read there."
+        for one in case.stations
+    ]
     for one in case.treated:
         if one.faces:
             single = one.faces.single

@@ -14,7 +14,14 @@ from functools import cached_property
 from pipeline.answer.contract import Data, Reason, Which
 from pipeline.answer.numbers import left_out_m
 from pipeline.base.arrays import Array, Bools, Parameter
-from pipeline.diagnosis.average import Hypothesis, Springs, at_pose, springs, two_sided
+from pipeline.diagnosis.average import (
+    Hypothesis,
+    Springs,
+    at_pose,
+    springs,
+    two_sided,
+    weighed,
+)
 from pipeline.diagnosis.facts import Diagnosis, Facts
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.unloaded_geometry import corrected
@@ -37,6 +44,7 @@ class Basis:
         rivals: Another hypothesis than the identified one counts, too.
         beside: A cause is in the model beside the springs; without one, the unloaded geometry or
             the scatter of the scale was corrected.
+        too_small: Causes that are too small to name may act.
     """
 
     mistakes: bool
@@ -44,6 +52,12 @@ class Basis:
     modelled: bool
     rivals: bool
     beside: bool = True
+    too_small: bool = False
+
+    @property
+    def unseen(self) -> bool:
+        """Nothing is wrong, and something too small to name may be."""
+        return self.verdict == Verdict.ADEQUATE and self.too_small
 
     @property
     def named(self) -> bool:
@@ -71,7 +85,8 @@ class Basis:
         found = diagnosis.hypotheses
         beside = bool(found and found[0].effects)
         rest = verdict(replace(facts, mistakes=()))
-        return cls(bool(facts.mistakes), rest, len(found) > 0, len(found) > 1, beside)
+        mistakes, small = bool(facts.mistakes), bool(diagnosis.too_small)
+        return cls(mistakes, rest, len(found) > 0, len(found) > 1, beside, small)
 
 
 @dataclass(frozen=True)
@@ -99,6 +114,7 @@ TABLE: tuple[Row, ...] = (
     Row(Reason.MISTAKE_AND_CAUSE, _EXTENDED, _CORRECTED, lambda f: f.causes),
     Row(Reason.MISTAKE_AND_UNEXPLAINED, _SPRINGS, _CORRECTED, lambda f: f.unexplained),
     Row(Reason.MISTAKE_SPRINGS_UNTOUCHED, _SPRINGS, _CORRECTED, lambda f: f.named),
+    Row(Reason.MISTAKE_AND_TOO_SMALL, _AVERAGED, _CORRECTED, lambda f: f.unseen),
     Row(Reason.MISTAKE, _SPRINGS, _CORRECTED, lambda _: True),
     Row(Reason.WEIGHED_ANEW, _EXTENDED, _GIVEN, lambda f: f.causes and not f.beside),
     Row(Reason.CAUSE_AND_RIVALS, _AVERAGED, _GIVEN, lambda f: f.explained and f.rivals),
@@ -107,6 +123,7 @@ TABLE: tuple[Row, ...] = (
     Row(Reason.CAUSE_DOUBTFUL, _EXTENDED, _GIVEN, lambda f: f.causes),
     Row(Reason.SPRINGS_UNTOUCHED, _SPRINGS, _GIVEN, lambda f: f.named),
     Row(Reason.UNEXPLAINED, _SPRINGS, _GIVEN, lambda f: f.unexplained),
+    Row(Reason.TOO_SMALL, _AVERAGED, _GIVEN, lambda f: f.unseen),
     Row(Reason.ADEQUATE, _SPRINGS, _GIVEN, lambda f: f.verdict == Verdict.ADEQUATE),
 )
 """First match wins."""
@@ -215,6 +232,12 @@ def recommend(row: Row, stands: Fitted, diagnosis: Diagnosis, where: Where) -> V
     """
     if row.model == _SPRINGS:
         return joint_springs(stands)
+    if row.reason.unseen:
+        alone = joint_springs(stands)
+        rest = 1.0 - sum(one.weight for one in diagnosis.too_small)
+        return replace(
+            alone, hypotheses=weighed([replace(alone.first, weight=rest), *diagnosis.too_small])
+        )
     return Values(stands, diagnosis.hypotheses, _left_out(diagnosis), where)
 
 

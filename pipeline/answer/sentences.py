@@ -139,7 +139,8 @@ def _verdict(found: Findings) -> str:
     estimate, good = fitted.estimate, fits(fitted.estimate, fitted.data.tracked)
     if found.mistakes:
         return mistaken(found.facts)
-    if not good and estimate.p_value is None and found.row.model == Which.JOINT_SPRINGS:
+    alone = found.row.model == Which.JOINT_SPRINGS or found.row.reason == Reason.TOO_SMALL
+    if not good and estimate.p_value is None and alone:
         left = 1e3 * estimate.residual_std_m
         return (
             f"The joint stiffness model does not fit as well as a tracker measures: {left:.3f} mm "
@@ -147,7 +148,7 @@ def _verdict(found: Findings) -> str:
         )
     if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
         return "Joint springs explain the readings on a robot that is not as its file says."
-    if found.row.reason != Reason.ADEQUATE:
+    if found.row.reason not in (Reason.ADEQUATE, Reason.TOO_SMALL):
         return HOLDS[found.row.reason]
     if estimate.dof < 1:
         return "These pulls leave nothing to test the joint stiffness model with."
@@ -237,7 +238,7 @@ def _do(found: Findings) -> str:
             "Check type and file of the robot first. The stiffnesses belong to the corrected "
             "geometry, which model.toml holds; correct the robot file."
         )
-    if found.facts.unloaded.corrects and found.row.reason == Reason.ADEQUATE:
+    if found.facts.unloaded.corrects and found.row.reason in (Reason.ADEQUATE, Reason.TOO_SMALL):
         return (
             f"{DO[Reason.ADEQUATE]} Where absolute positions matter, correct the robot's geometry, "
             "too: model.toml holds it."

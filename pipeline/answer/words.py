@@ -532,6 +532,10 @@ BECAUSE: Mapping[Reason, str] = {
         "joint springs."
     ),
     Reason.MISTAKE: "All values are from the corrected data.",
+    Reason.MISTAKE_AND_TOO_SMALL: (
+        "All values are from the corrected data, and their uncertainties hold what causes too "
+        "small to name may change."
+    ),
     Reason.WEIGHED_ANEW: (
         "Joint springs explain the deflections; the values rest on the robot's geometry, or on the "
         "scatter of the scale, as it was identified."
@@ -560,6 +564,10 @@ BECAUSE: Mapping[Reason, str] = {
         "stated uncertainties."
     ),
     Reason.ADEQUATE: "Joint springs explain the readings.",
+    Reason.TOO_SMALL: (
+        "Joint springs explain the readings; the uncertainties hold what causes too small to name "
+        "may change."
+    ),
 }
 
 HOLDS: Mapping[Reason, str] = {
@@ -612,6 +620,7 @@ def correct(facts: Facts) -> str:
 
 DO: Mapping[Reason, str] = {
     Reason.ADEQUATE: "Use these stiffnesses.",
+    Reason.TOO_SMALL: "Use these stiffnesses.",
     Reason.SPRINGS_UNTOUCHED: "Use these stiffnesses.",
     Reason.WEIGHED_ANEW: "Use these stiffnesses with what was identified beside them.",
     Reason.CAUSE_IDENTIFIED: "Predict with the model that includes the identified cause.",
@@ -628,6 +637,7 @@ DO: Mapping[Reason, str] = {
         "Enter none of these stiffnesses into a controller; find out first what the model misses."
     ),
     Reason.MISTAKE: "use the values from the corrected data.",
+    Reason.MISTAKE_AND_TOO_SMALL: "use the values from the corrected data.",
     Reason.MISTAKE_SPRINGS_UNTOUCHED: "use the values from the corrected data.",
     Reason.MISTAKE_AND_CAUSE: (
         "use the values from the corrected data, which include the identified cause."

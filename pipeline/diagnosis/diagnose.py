@@ -13,7 +13,7 @@ from pipeline.base.linear import rms
 from pipeline.diagnosis.blindspots import blind_spots
 from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_scatter, of_unloaded
 from pipeline.diagnosis.facts import Alone, BlindSpot, Diagnosis, Drift, Facts, Gain, Named
-from pipeline.diagnosis.hypotheses import hypotheses
+from pipeline.diagnosis.hypotheses import hypotheses, too_small
 from pipeline.diagnosis.identify import Case, Found, by_label, search
 from pipeline.diagnosis.improvement import alone, gain
 from pipeline.diagnosis.isolability import Twins, twins
@@ -134,6 +134,7 @@ def diagnose(
         seen=found.seen,
         settled=found.explains or not found.detected,
         stood_off_m=(stood.miss_m, stood.left_m),
+        too_small=() if sets else too_small(case, found),
     )
 
 

@@ -532,6 +532,8 @@ class Diagnosis(Locked):
             NaN elsewhere, (n, n).
         hypotheses: Springs estimated together with the identified causes, then with each likely
             set of causes in their place; empty where nothing changes the springs.
+        too_small: Springs estimated together with each cause that may act but is too small to name,
+            by its probability beside the joint springs alone; empty where something was detected.
         left_out_before_m: Cross-validation residuals of the joint springs [m], shape (M,).
         left_out_after_m: Of the extended model [m], shape (M,); the same without causes.
         noise_floor_m: Root mean square that the scatter of the readings alone makes.
@@ -566,6 +568,7 @@ class Diagnosis(Locked):
     seen: Linearised
     settled: bool
     stood_off_m: tuple[float, float]
+    too_small: tuple[Hypothesis, ...] = ()
 
     @property
     def estimate(self) -> Estimate | None:

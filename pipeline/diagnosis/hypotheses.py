@@ -10,9 +10,10 @@ from itertools import product
 import numpy as np
 import scipy.sparse
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array
-from pipeline.diagnosis.average import LEAST, Hypothesis, weighed
-from pipeline.diagnosis.identify import Case, Found, merged, remainder
+from pipeline.diagnosis.average import LEAST, LIKELY, Hypothesis, weighed
+from pipeline.diagnosis.identify import Case, Found, lone_odds, merged, remainder
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect
 from pipeline.system.assemble import TRACKED, assemble
@@ -23,6 +24,10 @@ from pipeline.system.system import Errors, Estimate, System
 from pipeline.system.whitened import with_laws
 
 _SEED = 20261122
+
+_USUAL = 2.5
+"""Standard deviation of an unnoticed cause in typical sizes [1]: the second largest of the widths
+that the evidence is averaged over (`system.evidence.WIDTHS`)."""
 
 
 def hypotheses(case: Case, found: Found, moved: bool, helps: bool) -> tuple[Hypothesis, ...]:
@@ -45,6 +50,36 @@ def hypotheses(case: Case, found: Found, moved: bool, helps: bool) -> tuple[Hypo
     own = _hypothesis(case, found.view.model, found.seen, first.weight)
     own = _tested(case, own, found.seen)
     return weighed([own, *(_other(case, found, one) for one in others)])
+
+
+def too_small(case: Case, found: Found) -> tuple[Hypothesis, ...]:
+    """Single causes that may act unseen where none is detected, each above `LIKELY`.
+
+    Weights are those beside a model without causes, which has the rest of them. Of each the size
+    is what the readings say and what is usual: normal with `_USUAL` typical sizes about zero.
+    """
+    if found.detected or found.accepted:
+        return ()
+    odds = lone_odds(case, found)
+    total = 1.0 + sum(each for _, each in odds)
+    likely = [_Set((i,), each / total) for i, each in odds if each / total > LIKELY]
+    every = [_other(case, found, one) for one in sorted(likely, key=lambda one: -one.weight)]
+    return tuple(
+        replace(one, estimate=_usual(one.estimate, one.effects[0]), sized=None)
+        for one in every
+        if np.isfinite(one.estimate.std).all()
+    )
+
+
+def _usual(estimate: Estimate, effect: Effect) -> Estimate:
+    """The same, knowing also that the last parameters, the effect's, are of a usual size."""
+    k = len(effect.parameters)
+    std = _USUAL * effect.size * np.array([p.typical for p in effect.parameters])
+    C = estimate.cov
+    gain = linear.solve((C[-k:, -k:] + np.diag(std**2)) / np.outer(std, std), C[-k:] / std[:, None])
+    gain = gain / std[:, None]
+    value = estimate.value - gain.T @ estimate.value[-k:]
+    return replace(estimate, value=value, cov=C - C[:, -k:] @ gain)
 
 
 def accepted(case: Case, found: Found) -> Hypothesis:

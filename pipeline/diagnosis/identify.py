@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence, Set
+from collections.abc import Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 from itertools import combinations
 
@@ -32,6 +32,16 @@ WORTH = 3.0
 _BETTER = 0.1
 """A cause takes another's place when its log evidence is larger by this: the likelier one leads,
 and twins, which differ by rounding, stay."""
+
+_MOVES = 12
+"""So many moves in a row: the evidence grows with each, so that few are made."""
+
+_FIRST = 12
+"""So many of the likeliest causes are tried as the likelier one of a pair, with every other one: a
+part of what was mixed up stands out by itself beside what stays."""
+
+_ASKED = 20
+"""So many of the best moves are asked whether the sizes are possible."""
 
 _FURTHER = 0.1
 """A suspect that was not worth naming contradicts the model only this far below the threshold:
@@ -257,7 +267,7 @@ def search(case: Case, start: Array, rng: np.random.Generator) -> Found:
     refused: dict[str, None] = {}
     end = lone = _stand(case, seen, ())
     if lone.p.min() < limit.p or lone.lack.found:
-        end = _grow(case, lone, limit, refused)
+        end = _fewer(case, _grow(case, lone, limit, refused), limit, refused)
     rivals, p_values = _rivals(case, end.plain)
     wide = case.whitened(end.seen.beside(case.nameless))
     return Found(
@@ -309,9 +319,12 @@ def _stand(case: Case, seen: Linearised, rough: Sequence[int]) -> _Stand:
     return _Stand(seen, plain, view, now, lack_of_fit(view, view.base, now), p)
 
 
-def _grow(case: Case, end: _Stand, limit: Threshold, refused: dict[str, None]) -> _Stand:
+def _grow(
+    case: Case, end: _Stand, limit: Threshold, refused: dict[str, None], most: int = _MOST
+) -> _Stand:
+    """Add the likeliest, then move until no move is better, and so on until nothing joins."""
     tried: set[tuple[int, ...]] = {()}
-    while len(end.seen.model.accepted) < _MOST and (end.p.min() < limit.p or end.lack.found):
+    while len(end.seen.model.accepted) < most and _open(end, limit):
         added = _add(case, end.view, end.now, end.p < limit.p, refused)
         if added is None:
             break
@@ -319,12 +332,50 @@ def _grow(case: Case, end: _Stand, limit: Threshold, refused: dict[str, None]) -
         start = _solved(end.view, end.view.base)
         if len(accepted) == len(end.seen.model.accepted):  # a law was extended
             start = start[: end.view.springs]
-        better = _exchange(case, case.fitted(accepted, start, end.seen))
+        better = _exchange(case, case.fitted(accepted, start, end.seen), limit.p)
         if tuple(sorted(better.model.accepted)) in tried:
             break  # what was added was dropped at once: no further move
         tried.add(tuple(sorted(better.model.accepted)))
         end = _stand(case, better, better.model.accepted)
     return end
+
+
+def _open(end: _Stand, limit: Threshold) -> bool:
+    """Whether something is left to explain."""
+    return bool(end.p.min() < limit.p) or end.lack.found
+
+
+def _fewer(case: Case, end: _Stand, limit: Threshold, refused: dict[str, None]) -> _Stand:
+    """The other way round, where as many as can be named leave something: one more, then fewer.
+
+    What was mixed up when few had joined is the first to be dispensable beside all of its parts.
+    """
+    if len(end.seen.model.accepted) < _MOST or not _open(end, limit):
+        return end
+    seen = _grow(case, end, limit, dict(refused), _MOST + 1).seen
+    while len(seen.model.accepted) > _MOST:
+        seen = _dropped(case, seen)
+    if set(seen.model.accepted) == set(end.seen.model.accepted):
+        return end
+    return max(end, _stand(case, seen, seen.model.accepted), key=lambda one: _worth(case, one))
+
+
+def _worth(case: Case, end: _Stand) -> float:
+    """Log evidence of all accepted causes, less `WORTH` for each."""
+    accepted = end.seen.model.accepted
+    return _chained(case, end.plain, (), accepted) - WORTH * len(accepted)
+
+
+def _dropped(case: Case, seen: Linearised) -> Linearised:
+    """Without the cause that the others dispense with best, and after all moves from there."""
+    accepted, view = seen.model.accepted, case.whitened(seen)
+    rest = [tuple(a for a in accepted if a != one) for one in accepted]
+    worth = [
+        float(_beside(case, view, others).log_evidence[one])
+        for one, others in zip(accepted, rest, strict=True)
+    ]
+    start = _solved(view, view.base)[: view.springs]
+    return _exchange(case, case.fitted(rest[int(np.argmin(worth))], start, seen))
 
 
 def by_label(suspects: Sequence[Effect]) -> dict[str, list[int]]:
@@ -362,12 +413,9 @@ def may_join(suspects: Sequence[Effect], accepted: Sequence[int], more: int) -> 
     return all(extends(one, other) for other in mine)
 
 
-def joined(
-    case: Case, accepted: Sequence[int], more: int, place: int | None = None
-) -> tuple[int, ...]:
-    """Causes and one more, in one of their places or behind them."""
-    at = len(accepted) if place is None else place
-    return merged(case.suspects, (*accepted[:at], more, *accepted[at + 1 :]))
+def joined(case: Case, accepted: Sequence[int], more: int) -> tuple[int, ...]:
+    """Causes and one more behind them."""
+    return merged(case.suspects, (*accepted, more))
 
 
 def given(suspects: Sequence[Effect], now: Scores, beside: Sequence[int]) -> Scores:
@@ -415,12 +463,18 @@ def _possible(case: Case, now: Scores, suspect: int) -> bool:
     return bool(np.all((value > low) & (value < high)))
 
 
-def _exchange(case: Case, seen: Linearised) -> Linearised:
-    """Swap an accepted cause for a better one, or drop one that is no longer needed."""
+def _exchange(case: Case, seen: Linearised, limit: float = 0.0) -> Linearised:
+    """Exchange and drop accepted causes until no move makes the evidence better.
+
+    Args:
+        case: The case.
+        seen: The campaign linearised at the causes to begin with.
+        limit: Two causes may take the place of one where the p of each, beside the other, is below.
+    """
     tried = {frozenset(seen.model.accepted)}
-    for _ in range(2 * _MOST):
+    for _ in range(_MOVES):
         view = case.whitened(seen)
-        better = _better(case, view, tried)
+        better = _better(case, view, tried, limit)
         if better is None:
             return seen
         tried.add(frozenset(better))
@@ -428,24 +482,108 @@ def _exchange(case: Case, seen: Linearised) -> Linearised:
     return seen
 
 
-def _better(case: Case, view: Whitened, tried: Set[frozenset[int]]) -> tuple[int, ...] | None:
-    """Better causes than the accepted ones that were not accepted before."""
+@dataclass(frozen=True)
+class _Move:
+    """Causes that go, and those that take their places.
+
+    Attributes:
+        gain: What is won: log evidence less `WORTH` for each cause, beside those that stay.
+        out: Places of those that go.
+        into: What comes instead: none, one or two.
+    """
+
+    gain: float
+    out: tuple[int, ...]
+    into: tuple[int, ...]
+
+    def of(self, suspects: Sequence[Effect], accepted: Sequence[int]) -> tuple[int, ...]:
+        """The causes after it, each newcomer in the place of one that went."""
+        at, some = self.out[0], list(accepted)
+        for place in reversed(self.out):
+            del some[place]
+        return merged(suspects, (*some[:at], *self.into, *some[at:]))
+
+
+def _better(
+    case: Case, view: Whitened, tried: Set[frozenset[int]], limit: float = 0.0
+) -> tuple[int, ...] | None:
+    """Better causes than the accepted ones that were not accepted before: by the best move."""
     accepted = view.model.accepted
-    for place, mine in enumerate(accepted):
-        rest = accepted[:place] + accepted[place + 1 :]
-        base = np.concatenate([np.arange(view.first), view.columns(rest)])
-        now = given(case.suspects, view.beside(base), rest)
-        if now.log_evidence[mine] < WORTH and len(rest) and frozenset(rest) not in tried:
-            return rest
-        for i in _likeliest(now)[:5]:
-            if now.log_evidence[i] < now.log_evidence[mine] + _BETTER:
-                break
-            swapped = joined(case, accepted, int(i), place)
-            if not may_join(case.suspects, rest, int(i)) or frozenset(swapped) in tried:
-                continue
-            if _possible(case, now, int(i)):
-                return swapped
+    places = range(len(accepted))
+    outs = [*combinations(places, 1), *combinations(places, 2)]
+    most = 2 if limit and len(accepted) < _MOST else 0
+    moves = [m for out in outs for m in _moves(case, view, out, most) if m.gain > _BETTER]
+    asked = 0
+    for move in sorted(moves, key=lambda one: (-round(one.gain, 6), one.out, one.into)):
+        after = move.of(case.suspects, accepted)
+        if frozenset(after) in tried:
+            continue
+        if asked == _ASKED:
+            return None
+        asked += 1
+        least = limit if len(move.into) > len(move.out) else 1.0
+        if all(_may_stand(case, view, after, i, least) for i in move.into):
+            return after
     return None
+
+
+def _may_stand(case: Case, view: Whitened, causes: Sequence[int], one: int, limit: float) -> bool:
+    """Whether a cause has a possible size beside the others, and a p within the limit."""
+    now = _beside(case, view, tuple(i for i in causes if i != one))
+    return bool(now.p()[one] <= limit) and _possible(case, now, one)
+
+
+def _moves(case: Case, view: Whitened, out: tuple[int, ...], most: int) -> Iterator[_Move]:
+    """All that can be done where some causes go: none, one, or as many as go come, or `most`."""
+    accepted = view.model.accepted
+    gone = [accepted[place] for place in out]
+    rest = tuple(a for place, a in enumerate(accepted) if place not in out)
+    now = _beside(case, view, rest)
+    mine = _chained(case, view, rest, gone) - WORTH * len(gone)
+    if rest:
+        yield _Move(-mine, out, ())
+    free = [i for i in range(len(case.suspects)) if may_join(case.suspects, rest, i)]
+    for i in free:
+        yield _Move(float(now.log_evidence[i]) - WORTH - mine, out, (i,))
+    if max(len(out), most) > 1:
+        for first in _leading(case, now, free):
+            already = float(now.log_evidence[first])
+            then = _beside(case, view, (*rest, first))
+            for i in free:
+                if now.log_evidence[i] <= already and may_join(case.suspects, (first,), i):
+                    gain = already + float(then.log_evidence[i]) - 2 * WORTH - mine
+                    yield _Move(gain, out, (first, i))
+
+
+def _leading(case: Case, now: Scores, free: Sequence[int]) -> list[int]:
+    """The likeliest causes, each in its best form."""
+    best: dict[str, int] = {}
+    allowed = set(free)
+    for i in _likeliest(now).tolist():
+        if i in allowed:
+            best.setdefault(case.suspects[i].label, i)
+    return list(best.values())[:_FIRST]
+
+
+def _chained(case: Case, view: Whitened, rest: Sequence[int], causes: Sequence[int]) -> float:
+    """Log evidence of causes beside others: the likelier one first, each next beside those before.
+
+    The same in whatever order the causes were found.
+    """
+    total, left, known = 0.0, list(causes), tuple(rest)
+    while left:
+        now = _beside(case, view, known).log_evidence
+        first = max(left, key=lambda i: (round(float(now[i]), 6), -i))
+        total += float(now[first])
+        known = (*known, first)
+        left.remove(first)
+    return total
+
+
+def _beside(case: Case, view: Whitened, causes: Sequence[int]) -> Scores:
+    """Every suspect beside springs and some causes."""
+    base = np.concatenate([np.arange(view.first), view.columns(causes)])
+    return given(case.suspects, view.beside(base), causes)
 
 
 def _rivals(case: Case, view: Whitened) -> tuple[tuple[tuple[Rival, ...], ...], tuple[float, ...]]:
@@ -453,8 +591,7 @@ def _rivals(case: Case, view: Whitened) -> tuple[tuple[tuple[Rival, ...], ...], 
     out, p_values = [], []
     for place in range(len(accepted)):
         rest = accepted[:place] + accepted[place + 1 :]
-        base = np.concatenate([np.arange(view.first), view.columns(rest)])
-        now = given(case.suspects, view.beside(base), rest)
+        now = _beside(case, view, rest)
         p_values.append(float(now.p()[accepted[place]]))
         out.append(_odds(case, now, rest))
     return tuple(out), tuple(p_values)
@@ -476,6 +613,17 @@ def _odds(case: Case, now: Scores, rest: Sequence[int], least: float = 1e-3) -> 
     ranked = np.argsort(-np.round(logs, 6), kind="stable")  # twins in the catalogue's order
     order = [i for i in ranked if probability[i] >= least]
     return tuple(Rival(labels[i], best[i], float(probability[i]), shares[i]) for i in order)
+
+
+def lone_odds(case: Case, found: Found) -> list[tuple[int, float]]:
+    """Each cause as the only one, in its best form, with its odds against none.
+
+    Beforehand some cause is as likely as none, and all of them are alike.
+    """
+    every, now = by_label(case.suspects).values(), found.scores
+    best = [forms[int(np.argmax(now.log_evidence[forms]))] for forms in every]
+    odds = [float(np.exp(_together(case, now, forms))) / len(best) for forms in every]
+    return list(zip(best, odds, strict=True))
 
 
 def _strange(case: Case, wide: Whitened) -> tuple[Stranger, ...]:

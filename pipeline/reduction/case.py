@@ -15,6 +15,7 @@ from pipeline.machine.robot import Robot
 from pipeline.readers import Faces
 from pipeline.reduction._shots import Stale
 from pipeline.reduction.settings import Settings
+from pipeline.reduction.stations import Station
 
 
 @dataclass(frozen=True)
@@ -51,6 +52,7 @@ class Case:
         unused: Groups of the exports of which no reading is used.
         treated: Exports that were not used as they stand.
         torques: Torques of the joints as logged, see `Ingested`; None where there are none.
+        stations: Where else the tracker stood; readings are as from where it stood first.
     """
 
     settings: Settings
@@ -65,6 +67,7 @@ class Case:
     unused: tuple[str, ...] = ()
     treated: tuple[Treated, ...] = ()
     torques: pd.DataFrame | None = None
+    stations: tuple[Station, ...] = ()
 
     @property
     def tool(self) -> Tool:

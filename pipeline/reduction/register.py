@@ -193,7 +193,7 @@ def agreeing(points: Array, nominal: Array) -> Bools:
     every: Any = combinations(range(m), 3)
     if m > _FEW:
         every = (m * (np.arange(1, _TRIALS + 1)[:, None] * _SPREAD % 1)).astype(int)
-    triples = [list(one) for one in every if _apart(nominal[list(one)])]
+    triples = [list(one) for one in every if apart(nominal[list(one)])]
     if not triples:
         return np.ones(m, dtype=bool)
     motions = [linear.rigid(points[one], nominal[one]) for one in triples]
@@ -208,7 +208,7 @@ def _away(points: Array, nominal: Array, R: Array, t: Array) -> Array:
     return np.asarray(np.linalg.norm(nominal - points @ R.T - t, axis=1))
 
 
-def _apart(nominal: Array) -> bool:
+def apart(nominal: Array) -> bool:
     """Whether points determine a rigid motion."""
     spread = linear.extent(nominal)
     return bool(spread[1] > _ONE_LINE * max(spread[0], _REFLECTOR_M))

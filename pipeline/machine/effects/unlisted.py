@@ -25,7 +25,7 @@ import numpy as np
 from pipeline.base.arrays import Array, Parameter
 from pipeline.base.quantities import plain
 from pipeline.machine.effect import Effect, Elastic, Loaded, Observation, Pulls, Wrench, in_place
-from pipeline.machine.effects._anatomy import compliance, rail, rated_torque, turning
+from pipeline.machine.effects._anatomy import compliance, direction, rail, rated_torque, turning
 from pipeline.machine.effects._carriage import ACROSS, ALONG, UP, rotation, translation
 from pipeline.machine.effects.tracker_drift import HOUR_S
 from pipeline.machine.law import Law, parse
@@ -69,6 +69,9 @@ _GUIDES = {
 
 _LARGE = {"m/N": 1000.0, "rad/(N m)": 3000.0}
 """Load on a guide at which power laws have the typical deflection [N] or [N m]."""
+
+_ZERO_N = 20.0
+"""Typical jump of a scale's zero [N], as of `scale_zero`."""
 
 _MOST = 20.0
 """Bounds of an amplitude, in typical sizes."""
@@ -186,6 +189,7 @@ def _laws(robot: Robot, loaded: Loaded) -> Iterator[Law]:
             if part != "drive":
                 yield from _of_force(pulls, "rail", part)
     yield from _of_time(pulls, "scale", "reading")
+    yield from _of_time(pulls, "scale", "zero")
     yield from _of_force(pulls, "scale", "reading")
     yield Law("scale", "reading", "smooth", "direction", 0, 1.0, -1.0, 1.0)
     if _varies(pulls.time) and np.isfinite(pulls.time_zero).all():
@@ -418,6 +422,7 @@ _THINGS = {
     "friction": "friction",
     "play": "lost motion",
     "reading": "factor of the force",
+    "zero": "zero",
 }
 """What follows a law, where it is not the stiffness of a joint."""
 
@@ -595,18 +600,17 @@ def _of_guide(robot: Robot, law: Law) -> Effect:
 
 
 def _of_scale(law: Law) -> Effect:
-    """The true force is what was read times 1 + sum_k b_k g_k(v)."""
+    """The true force is what was read times 1 + sum_k b_k g_k(v); plus that sum for its zero."""
     k = 3 if law.variable == "direction" else _width(law, False)
 
     def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
-        size = np.linalg.norm(loaded.force, axis=1, keepdims=True)
-        if law.variable == "direction":
-            g = loaded.force / np.where(size > 0, size, 1.0)
-        else:
-            g = basis(law, variable(law, loaded))
-        return loaded.load_point, loaded.force * (1 + loaded.pulls.pulled * (g @ values)[:, None])
+        along = direction(loaded) if law.part == "zero" else loaded.force
+        by_direction = law.variable == "direction"
+        g = direction(loaded) if by_direction else basis(law, variable(law, loaded))
+        return loaded.load_point, loaded.force + loaded.pulls.pulled * (g @ values)[:, None] * along
 
-    return Wrench(**_said(law, "force", k, "1", 0.01), wrench=wrench)  # type: ignore[arg-type]
+    unit, typical = ("N", _ZERO_N) if law.part == "zero" else ("1", 0.01)
+    return Wrench(**_said(law, "force", k, unit, typical), wrench=wrench)  # type: ignore[arg-type]
 
 
 def _of_tracker(law: Law) -> Effect:

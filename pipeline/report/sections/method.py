@@ -66,7 +66,8 @@ def _told(answer: Answer) -> str:
         if deformed
         else "The geometry is that of the unloaded robot.",
     ]
-    if answer.recommended.model != Which.JOINT_SPRINGS:
+    said = answer.recommended
+    if said.model != Which.JOINT_SPRINGS and not said.reason.unseen:
         told.append(
             "In addition to the joint springs the model includes what was identified, "
             "c = B x + Z z."
