@@ -69,7 +69,8 @@ class Basis:
         """Those of a campaign, mistakes included."""
         found = diagnosis.hypotheses
         beside = bool(found and found[0].effects)
-        rest = verdict(replace(facts, mistakes=()))
+        lost = any(one.hopeless for one in facts.mistakes)
+        rest = Verdict.UNEXPLAINED if lost else verdict(replace(facts, mistakes=()))
         return cls(bool(facts.mistakes), rest, len(found) > 0, len(found) > 1, beside)
 
 

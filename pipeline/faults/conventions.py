@@ -280,14 +280,6 @@ def _names(case: Case) -> Iterator[Hypothesis]:
                 f"{', '.join(names)} in every group",
                 partial(renamed, names=names),
             )
-    for one, other in itertools.combinations(sorted(case.settings.base_frame), 2):
-        yield Hypothesis(
-            "label_swap",
-            f"{one}-{other}",
-            f"the base reflectors {one} and {other} have each other's names",
-            partial(_base_renamed, one=one, other=other),
-            single=True,
-        )
 
 
 def _robots(robot: Robot) -> Iterator[tuple[str, str, Robot]]:
@@ -354,13 +346,6 @@ def renamed(case: Case, names: Strings | tuple[str, ...]) -> Case:
     true = dict(zip(case.settings.measured, names, strict=True))
     rows = case.readings
     return replace(case, readings=rows.assign(target=[true.get(t, t) for t in rows["target"]]))
-
-
-def _base_renamed(case: Case, one: str, other: str) -> Case:
-    """Two base reflectors that have each other's names in [base_frame]."""
-    base = case.settings.base_frame
-    base = base | {one: base[other], other: base[one]}
-    return replace(case, settings=case.settings.model_copy(update={"base_frame": base}))
 
 
 FAULT = Fault(

@@ -54,7 +54,8 @@ def screen(case: Case, reduced: Reduced) -> Screened:
     tests = [fault for fault in FAULTS if fault.in_forces or reads]
     for fault in tests:
         if fault.in_files:
-            asked = Screening(case, case.cell, case.robot.nominal_compliance)
+            known = reduced if case is given else None
+            asked = Screening(case, case.cell, case.robot.nominal_compliance, known)
             found = fault.find(asked)
             findings += found
             case = _put_right(case, found)
