@@ -23,11 +23,13 @@ from pipeline.faults import (
     scale_reading,
     stale_reading,
     tool_point,
+    unit_since,
 )
 from pipeline.faults.fault import Fault
 
 FAULTS: tuple[Fault, ...] = (
     stale_reading.FAULT,
+    unit_since.FAULT,
     base_names.FAULT,
     exchanged.FAULT,
     dead_sensor.FAULT,

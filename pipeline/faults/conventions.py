@@ -47,7 +47,7 @@ _UNITS = {
 }
 """Factor on the tracker's coordinates: the unit they are in, and the sentence for it."""
 
-_LOGGED = (
+LOGGED = (
     ("_rad", "rad", 180 / np.pi, "the numbers are radians and were read as degrees"),
     ("_rad", "deg", np.pi / 180, "the numbers are degrees and were read as radians"),
     ("_m", "joints_mm", 1e-3, "the sliding joint is in millimetres and was read as metres"),
@@ -223,7 +223,7 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
     """Every mistake that is tested."""
     for factor, (unit, says) in _UNITS.items():
         yield Hypothesis("unit_mixup", unit, f"in the tracker export {says}", scaled(factor))
-    for ending, unit, factor, says in _LOGGED:
+    for ending, unit, factor, says in LOGGED:
         columns = [column for column in case.joint_columns if column.endswith(ending)]
         if columns:
             says = f"in the joint log {says}"

@@ -16,10 +16,11 @@ from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.linear import rms
 from pipeline.base.quantities import plain
 from pipeline.faults.assignment import lines
+from pipeline.faults.exchanged_pulls import displacement_std
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
 from pipeline.machine.cell import predict
-from pipeline.machine.effect import MOUNTED, PULLED
+from pipeline.machine.effect import PULLED
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import STILL_M, Measured
 
@@ -69,7 +70,8 @@ def _still(asked: Screening, data: Measured) -> list[Mistake]:
     if seen > STILL_M / 10 and not chance:
         return []
     what = "are all exactly zero" if seen == 0 else f"are {plain(1e3 * seen, 2)} mm (rms)"
-    file = asked.case.settings.displacements
+    file, rows = asked.case.settings.displacements, asked.case.readings
+    rows = rows[(rows["state"] == "loaded") & rows["target"].isin(asked.case.settings.measured)]
     return [
         Mistake(
             name="dead_sensor",
@@ -83,6 +85,7 @@ def _still(asked: Screening, data: Measured) -> list[Mistake]:
             after=1.0,
             unit="1",
             correct=_as_it_is,
+            at=tuple(f"{f}:{line}" for f, line in zip(rows["file"], rows["line"], strict=True)),
             hopeless=True,
         )
     ]
@@ -101,7 +104,7 @@ def _copied(case: Case, data: Measured) -> list[Mistake]:
         return []
     pulls = data.pulls
     size = np.linalg.norm(pulls.force, axis=1)
-    mine = np.flatnonzero((pulls.by == PULLED) & (pulls.by != MOUNTED))
+    mine = np.flatnonzero(pulls.by == PULLED)
     known = case.loads.set_index(["pose", "repeat"])["force_n"]
     key = pd.MultiIndex.from_arrays([pulls.pose[mine], pulls.repeat[mine]])
     logged = known.reindex(key).to_numpy(float)
@@ -117,7 +120,7 @@ def _unlike(data: Measured, same: Ints, size: Array) -> bool:
     """Whether most pairs of these pulls, of one pose and direction, moved by other amounts."""
     moved = np.sqrt(np.bincount(data.pull, np.sum(data.delta**2, axis=1), len(data.pulls)))
     count = np.bincount(data.pull, minlength=len(data.pulls))
-    std = _std(data) * np.sqrt(3 * count)
+    std = displacement_std(data) * np.sqrt(3 * count)
     along = data.pulls.force / np.maximum(size, 1e-300)[:, None]
     first, second = (same[k] for k in np.triu_indices(len(same), 1))
     pair = (data.pulls.pose[first] == data.pulls.pose[second]) & (count[first] == count[second])
@@ -126,12 +129,6 @@ def _unlike(data: Measured, same: Ints, size: Array) -> bool:
     pair &= most > _CLEAR * std[first]
     apart: Bools = most > _UNLIKE * least
     return int(pair.sum()) >= _COPIED and bool(apart[pair].mean() > 0.5)
-
-
-def _std(data: Measured) -> float:
-    if not data.noise_stated:
-        return data.found_m or STILL_M
-    return float(np.sqrt(np.median(np.einsum("dii->d", data.loaded_cov + data.zero_cov) / 3)))
 
 
 def _of_copy(case: Case, data: Measured, same: Ints, force: float, every: bool) -> Mistake:

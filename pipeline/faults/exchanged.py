@@ -86,7 +86,8 @@ class _Laid(Locked):
         near, out = np.sqrt(self.off.min(axis=1)), np.zeros(len(self.name))
         for state, part in ((True, _SOFT), (False, 0.5)):
             here = self.loaded == state
-            out[here] = np.quantile(near[here], part) if here.any() else 0.0
+            placed = near[here & (near < GROSS_M)]
+            out[here] = np.quantile(placed, part) if len(placed) else GROSS_M
         return np.maximum(out, _LEAST_M)
 
     @property
@@ -108,6 +109,15 @@ def exchanged(case: Case) -> list[Mistake]:
             case = one.correct(case)
         found += new
     return found
+
+
+def misplaced(case: Case) -> frozenset[int]:
+    """Poses in which most groups are elsewhere than the robot's table has them."""
+    laid = _lay(case)
+    if laid is None or laid.in_order:
+        return frozenset()
+    away = pd.Series(laid.own > (STANDS_OUT * laid.usual) ** 2).groupby(laid.poses[laid.pose])
+    return frozenset(int(pose) for pose, part in away.mean().items() if part > 0.5)
 
 
 # --- where the groups are -------------------------------------------------------------------------

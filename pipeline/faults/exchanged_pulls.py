@@ -36,7 +36,7 @@ from pipeline.reduction.measured import STILL_M, Measured
 from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
 
-_FEWEST, _MOST = 6, 400
+FEWEST, MOST = 6, 400
 """Pulls [1]: fewer single none out, and more are no log written by hand."""
 
 _MODEL = 0.003
@@ -50,7 +50,7 @@ _ROUNDS = 12
 
 
 @dataclass(frozen=True, eq=False)
-class _Moved(Locked):
+class Moved(Locked):
     """What every pull moved, and what one newton along it moves.
 
     Attributes:
@@ -70,7 +70,7 @@ class _Moved(Locked):
     noise: float
 
     @classmethod
-    def of(cls, asked: Screening) -> _Moved:
+    def of(cls, asked: Screening) -> Moved:
         """All pulls but payloads, which have no reading of a scale."""
         data, cell = asked.reduced.data, asked.case.cell
         size = np.linalg.norm(data.pulls.force, axis=1)
@@ -91,7 +91,7 @@ class _Moved(Locked):
             response.reshape(m, -1, k)[which],
             size[which],
             np.hypot(data.reading_std, 0.0)[which],
-            _noise(data),
+            displacement_std(data),
         )
 
     def solved(self, force: Array) -> Array:
@@ -109,7 +109,7 @@ class _Moved(Locked):
             x = new
         return np.asarray(new)
 
-    def only(self, which: Bools) -> _Moved:
+    def only(self, which: Bools) -> Moved:
         """Some of the pulls."""
         some = {name: getattr(self, name)[which] for name in ("pull", "y", "G", "force", "std")}
         return replace(self, **some)
@@ -138,20 +138,22 @@ class _Fit(Locked):
     left: float
 
 
-def _noise(data: Measured) -> float:
+def displacement_std(data: Measured) -> float:
     """Of a displacement per coordinate [m]; of none stated what nobody repeats better than."""
     if not data.noise_stated:
-        return data.found_m or STILL_M
-    both = np.einsum("dii->d", data.loaded_cov + data.zero_cov) / 3
-    return float(np.sqrt(np.median(both)))
+        std = data.found_m or STILL_M
+    else:
+        both = np.einsum("dii->d", data.loaded_cov + data.zero_cov) / 3
+        std = float(np.sqrt(np.median(both)))
+    return std if std > STILL_M else STILL_M  # also where scatter told nothing
 
 
 def exchanged_pulls(asked: Screening) -> list[Mistake]:
     """Unloaded groups and pulls of a pose that stand for each other, else rows of the loads."""
     if asked.case.settings.displacements is not None or asked.reduced.data.poses:
         return []
-    moved = _Moved.of(asked)
-    if not _FEWEST <= len(moved.force) <= _MOST:
+    moved = Moved.of(asked)
+    if not FEWEST <= len(moved.force) <= MOST:
         return []
     given = _fit(moved, np.arange(len(moved.force)))
     least = float(special.chdtri(1, alarms.READING / len(moved.force) ** 2))
@@ -160,13 +162,13 @@ def exchanged_pulls(asked: Screening) -> list[Mistake]:
     return _states(asked, moved) or _loads(asked, moved, given, least)
 
 
-def _fit(moved: _Moved, order: Ints) -> _Fit:
+def _fit(moved: Moved, order: Ints) -> _Fit:
     """The pulls with logged force `order[i]` in pull i."""
     x = moved.solved(moved.force[order])
     return _beside(moved, x, order)
 
 
-def _beside(moved: _Moved, x: Array, order: Ints) -> _Fit:
+def _beside(moved: Moved, x: Array, order: Ints) -> _Fit:
     due, own = moved.due(x)
     force = moved.force[order]
     part = np.abs(due / force - 1)
@@ -180,9 +182,9 @@ def _beside(moved: _Moved, x: Array, order: Ints) -> _Fit:
 # --- rows of the loads ----------------------------------------------------------------------------
 
 
-def _loads(asked: Screening, moved: _Moved, given: _Fit, least: float) -> list[Mistake]:
+def _loads(asked: Screening, moved: Moved, given: _Fit, least: float) -> list[Mistake]:
     """Rows that stand for each other, if that leaves all of them where they belong."""
-    row = _rows_of(asked.case, asked.reduced.data, moved)
+    row = rows_of(asked.case, asked.reduced.data, moved)
     for fit, found in _orders(moved, given, least, row):
         kept = [ring for ring in found if _changes(moved, ring)]
         if kept:
@@ -191,7 +193,7 @@ def _loads(asked: Screening, moved: _Moved, given: _Fit, least: float) -> list[M
 
 
 def _orders(
-    moved: _Moved, given: _Fit, least: float, row: Ints
+    moved: Moved, given: _Fit, least: float, row: Ints
 ) -> Iterator[tuple[_Fit, list[Ring]]]:
     """What may have happened to the column of forces, the simplest first, where it fits."""
     count = len(moved.force)
@@ -217,7 +219,7 @@ def _order(found: Sequence[Ring], count: int) -> Ints:
     return order
 
 
-def _all_fit(moved: _Moved, found: Sequence[Ring], least: float) -> bool:
+def _all_fit(moved: Moved, found: Sequence[Ring], least: float) -> bool:
     """Whether all that is moved fits where it is put, beside what most pulls agree on then."""
     order = _order(found, len(moved.force))
     fit = _fit(moved, order)
@@ -229,15 +231,15 @@ def _all_fit(moved: _Moved, found: Sequence[Ring], least: float) -> bool:
 
 def _usual(fit: _Fit) -> bool:
     """Whether the pulls fit as pulls do that have their own forces."""
-    return fit.model < _SPREAD
+    return fit.model < SPREAD
 
 
-_SPREAD = 0.1
+SPREAD = 0.1
 """Part of the force by which pulls miss the joint springs at most where their forces are right
 [1]: friction, clearance and a tooth that turns are below."""
 
 
-def _sorted(moved: _Moved, least: float) -> tuple[_Fit, list[Ring]] | None:
+def _sorted(moved: Moved, least: float) -> tuple[_Fit, list[Ring]] | None:
     """A column in any order, from stiffnesses as they typically are."""
     count = len(moved.force)
     x = np.ones(moved.G.shape[2])
@@ -257,13 +259,13 @@ def _sorted(moved: _Moved, least: float) -> tuple[_Fit, list[Ring]] | None:
     return (_fit(moved, _order(found, count)), found) if fine else None
 
 
-def _changes(moved: _Moved, ring: Ring) -> bool:
+def _changes(moved: Moved, ring: Ring) -> bool:
     """Whether the exchange matters."""
     here, there = np.array(ring.moves).T
     return bool((np.abs(moved.force[here] / moved.force[there] - 1) > _MATTERS).any())
 
 
-def _rows_of(case: Case, data: Measured, moved: _Moved) -> Ints:
+def rows_of(case: Case, data: Measured, moved: Moved) -> Ints:
     """Row of the loads of each pull, shape (m,)."""
     key = pd.MultiIndex.from_frame(case.loads[["pose", "repeat"]])
     pulls = data.pulls
@@ -271,7 +273,7 @@ def _rows_of(case: Case, data: Measured, moved: _Moved) -> Ints:
     return np.asarray(key.get_indexer(mine), dtype=np.int64)
 
 
-def _of_loads(asked: Screening, moved: _Moved, fit: _Fit, ring: Ring, row: Ints) -> Mistake:
+def _of_loads(asked: Screening, moved: Moved, fit: _Fit, ring: Ring, row: Ints) -> Mistake:
     case, pulls = asked.case, asked.reduced.data.pulls
     rows = case.loads.iloc[row[list(ring.members)]]
     file = str(rows["file"].iloc[0])
@@ -348,7 +350,7 @@ def _reloaded(
 # --- unloaded groups and pulls of a pose ----------------------------------------------------------
 
 
-def _states(asked: Screening, moved: _Moved) -> list[Mistake]:
+def _states(asked: Screening, moved: Moved) -> list[Mistake]:
     """Poses in which an unloaded group and a pull have each other's readings of the effector.
 
     Against the compliances of all other poses: with its own, a pose of few would have its way.
@@ -360,7 +362,7 @@ def _states(asked: Screening, moved: _Moved) -> list[Mistake]:
     for pose in rows["pose"].unique().tolist():
         here = rows[rows["pose"] == pose]
         mine = pulls.pose[moved.pull] == pose
-        if not mine.any() or (~mine).sum() < _FEWEST:
+        if not mine.any() or (~mine).sum() < FEWEST:
             continue
         others = moved.only(~mine)
         fit = _fit(others, np.arange(len(others.force)))

@@ -382,7 +382,7 @@ def _distances(target: Ints, at: Array) -> tuple[Ints, Ints, Array, Array]:
     J, pair = np.zeros((len(i), len(target), 3)), np.arange(len(i))
     J[pair, i] = apart / D[:, None]
     J[pair, j] = -J[pair, i]
-    return target[i], target[j], D, J.reshape(len(i), -1)
+    return target[i], target[j], D, J.reshape(len(i), 3 * len(target))
 
 
 def _misshapen(idle: Idle, shape: _Shape, scale: float) -> Ints:
