@@ -33,7 +33,17 @@ def test_every_rate_is_used_where_a_test_is_made():
             if named and node.value.id == "alarms":
                 used.add(node.attr)
 
-    rates = {"SUSPECT", "LACK_OF_FIT", "READING", "DRIFT", "MISFIT", "SCATTER", "COMPONENT"}
+    rates = {
+        "SUSPECT",
+        "LACK_OF_FIT",
+        "READING",
+        "DRIFT",
+        "EXCHANGED",
+        "SCALE",
+        "MISFIT",
+        "SCATTER",
+        "COMPONENT",
+    }
     assert used == rates | {"PLANNED"}  # that of one suspect, where nothing is measured yet
 
 
@@ -50,10 +60,13 @@ def test_a_planned_suspect_has_the_rate_that_a_measured_one_finds(small_campaign
 
 
 def test_eight_families_of_readings_are_tested():
-    """As many as there are entries of the table: a ninth needs a line there."""
+    """As many as there are entries of the table: a ninth needs a line there.
+
+    Single readings of the scale and exchanged ones share the rate of one family.
+    """
     families = (
-        "reading", "lost_pull", "base_reading", "base_reflector", "chain", "scale_reading",
-        "pose_moved", "stale_reading",
+        "reading", "lost_pull", "base_reading", "base_reflector", "chain", "pose_moved",
+        "stale_reading",
     )  # fmt: skip
     testing = {
         path.stem
@@ -63,3 +76,4 @@ def test_eight_families_of_readings_are_tested():
 
     assert testing - {"joint_row"} == set(families)  # joint_row asks the base for its alibi
     assert sum(rate == alarms.READING for rate in alarms.ACCUSING.values()) == len(families)
+    assert alarms.SCALE + alarms.EXCHANGED == alarms.READING

@@ -15,7 +15,7 @@ from pipeline.faults.typed import intended
         (12079.2, 1207.92, "the decimal point in the wrong place"),
         (1984.6, 2984.6, "one digit wrong"),
         (284.6, 2984.6, "one digit lost"),
-        (95984.6, 5984.6, "one digit too many"),
+        (23984.6, 2984.6, "one digit too many"),
     ],
 )
 def test_the_number_that_was_meant(given, meant, slip):

@@ -21,7 +21,8 @@ from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, length
 from pipeline.readers.known import BETTER, GROSS_M
 from pipeline.reduction.case import Case
-from pipeline.reduction.register import BASE_REFLECTORS, XYZ
+from pipeline.reduction.register import XYZ
+from pipeline.reduction.settings import BASE_REFLECTORS
 
 _MOST = 1000
 """Ways of naming the reflectors that are tried: more have a layout that tells no name [1]."""

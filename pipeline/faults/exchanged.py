@@ -15,7 +15,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Ints, Locked, Strings
+from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said
 from pipeline.faults.conventions import FEWEST_POSES, anchored
 from pipeline.faults.fault import Fault
@@ -65,7 +65,7 @@ class _Laid(Locked):
 
     name: Strings
     pose: Ints
-    loaded: Array
+    loaded: Bools
     repeat: Ints
     poses: Ints
     off: Array
@@ -117,7 +117,8 @@ def misplaced(case: Case) -> frozenset[int]:
     if laid is None or laid.in_order:
         return frozenset()
     away = pd.Series(laid.own > (STANDS_OUT * laid.usual) ** 2).groupby(laid.poses[laid.pose])
-    return frozenset(int(pose) for pose, part in away.mean().items() if part > 0.5)
+    most = away.mean() > 0.5
+    return frozenset(most.index[most].tolist())
 
 
 # --- where the groups are -------------------------------------------------------------------------

@@ -156,7 +156,7 @@ def exchanged_pulls(asked: Screening) -> list[Mistake]:
     if not FEWEST <= len(moved.force) <= MOST:
         return []
     given = _fit(moved, np.arange(len(moved.force)))
-    least = float(special.chdtri(1, alarms.READING / len(moved.force) ** 2))
+    least = float(special.chdtri(1, alarms.EXCHANGED / len(moved.force) ** 2))
     if (np.diag(given.cost) <= least).all() and _usual(given):
         return []
     return _states(asked, moved) or _loads(asked, moved, given, least)

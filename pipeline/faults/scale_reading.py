@@ -150,7 +150,7 @@ def scale_outliers(
     white = whitener(system.errors, system.rows.pose)
     freed = _freed(cell, data, system, estimate, white)[1]
     best = int(np.argmax(freed.drop))
-    if _chance(freed, system)[best] > alarms.READING:
+    if _chance(freed, system)[best] > alarms.SCALE:
         return []
     scale = case.settings.scale or Scale()
     which = [best]
@@ -159,7 +159,7 @@ def scale_outliers(
         if righted is None or not _matters(righted, scale):
             return []
         if righted.alone:
-            sure = bool((righted.p <= alarms.READING).all()) and righted.explained
+            sure = bool((righted.p <= alarms.SCALE).all()) and righted.explained
             sure = sure and not _by_pose(data, righted)
             return _findings(case, data, righted) if sure else []
         which.append(righted.next)
