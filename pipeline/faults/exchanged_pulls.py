@@ -25,7 +25,7 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.quantities import plain
-from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said, shift
+from pipeline.faults.assignment import Ring, lines, rings, said, shift
 from pipeline.faults.exchanged import regrouped
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
@@ -44,6 +44,10 @@ _MODEL = 0.003
 
 _MATTERS = 0.03
 """An exchange that changes no force by a larger part of it does not matter [1]."""
+
+_APART = 5.0
+"""A state of a pose is so many times as far off as usual, in the mean of its coordinates, where
+others are the readings of another state [1]."""
 
 _ROUNDS = 12
 """Reweightings, and assignments, until neither changes any more."""
@@ -408,7 +412,7 @@ def _in_pose(
     some = int(np.flatnonzero(zero)[0])
     costs = [misfit(j, k) for j in range(len(Y)) for k in {j, some}]
     best = min(costs, key=_total)
-    for ring in rings(best, STANDS_OUT**2, STANDS_OUT**2):
+    for ring in rings(best, _APART**2, _APART**2):
         kinds = zero[list(ring.members)]
         if kinds.any() and not kinds.all() and not ring.ended:
             before = max(best[i, i] for i, _ in ring.moves)
@@ -418,10 +422,10 @@ def _in_pose(
 
 def _total(cost: Array) -> float:
     """What the best assignment leaves, its moves counted."""
-    found = rings(cost, STANDS_OUT**2, np.inf)
+    found = rings(cost, _APART**2, np.inf)
     order = _order(found, len(cost))
     moves = int((order != np.arange(len(cost))).sum())
-    return float(cost[order, np.arange(len(cost))].sum()) + STANDS_OUT**2 * moves
+    return float(cost[order, np.arange(len(cost))].sum()) + _APART**2 * moves
 
 
 def _of_states(
