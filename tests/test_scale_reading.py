@@ -121,7 +121,6 @@ def test_a_mistyped_reading_is_found_with_what_it_should_be(case, factor):
     told = float(found.evidence.split(" +- ")[1].split()[0])
     assert told == pytest.approx(std, rel=0.06)
     assert found.p_value < alarms.READING
-    assert found.beside_model
     right = found.correct(wrong)
     assert len(right.loads) == len(case.loads) - 1
     assert not ((right.loads["pose"] == 5) & (right.loads["repeat"] == 2)).any()

@@ -528,6 +528,16 @@ class Cause(Placed):
     needs: str | None = Field(default=None, description="what would settle it")
     gain: Gain | None
     evidence: Evidence | None = None
+    readings: tuple[str, ...] = Field(
+        default=(),
+        exclude_if=_nothing,
+        description="`file:line` of all that a mistake concerns; absent where it is no single row",
+    )
+    since: str | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="`file:line` from which on a unit is another; absent where none changes",
+    )
     law: Law | None = Field(
         default=None, exclude_if=_nothing, description="of an `unlisted_law`; absent otherwise"
     )

@@ -328,6 +328,8 @@ def _mistake(one: Mistake, gain: contract.Gain) -> contract.Cause:
         p_value=one.p_value,
         rivals=(),
         gain=gain,
+        readings=one.at,
+        since=one.since,
         evidence=contract.Evidence(
             sentence=one.evidence,
             correction=one.correction,

@@ -84,7 +84,8 @@ class Basis:
         """Those of a campaign, mistakes included."""
         found = diagnosis.hypotheses
         beside = bool(found and found[0].effects)
-        rest = verdict(replace(facts, mistakes=()))
+        lost = any(one.hopeless for one in facts.mistakes)
+        rest = Verdict.UNEXPLAINED if lost else verdict(replace(facts, mistakes=()))
         mistakes, small = bool(facts.mistakes), bool(diagnosis.too_small)
         return cls(mistakes, rest, len(found) > 0, len(found) > 1, beside, small)
 
@@ -235,9 +236,8 @@ def recommend(row: Row, stands: Fitted, diagnosis: Diagnosis, where: Where) -> V
     if row.reason.unseen:
         alone = joint_springs(stands)
         rest = 1.0 - sum(one.weight for one in diagnosis.too_small)
-        return replace(
-            alone, hypotheses=weighed([replace(alone.first, weight=rest), *diagnosis.too_small])
-        )
+        every = weighed([replace(alone.first, weight=rest), *diagnosis.too_small])
+        return replace(alone, hypotheses=every, where=where)
     return Values(stands, diagnosis.hypotheses, _left_out(diagnosis), where)
 
 

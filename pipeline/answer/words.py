@@ -604,12 +604,18 @@ _CORRECT: Mapping[str, str] = {
         "Check that reading against the measurement record and correct the file, or measure it "
         f"again{_AGAIN}"
     ),
+    "exchanged": (
+        "Check against the measurement record which of them belongs where and correct the file"
+        f"{_AGAIN}"
+    ),
     "tool_point": f"Measure that point of the effector again and correct campaign.toml{_AGAIN}",
 }
 
 
 def correct(facts: Facts) -> str:
     """What to do about the mistakes in the data, up to what to use until then."""
+    if any(one.hopeless for one in facts.mistakes):
+        return f"Measure again what was not measured{_AGAIN}"
     if all(one.together for one in facts.mistakes):
         return f"Measure that pose again, all its states in one go{_AGAIN}"
     kinds = {one.name for one in facts.mistakes}

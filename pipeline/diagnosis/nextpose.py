@@ -25,6 +25,7 @@ from pipeline.machine.cell import sensitivity
 from pipeline.machine.effect import Effect, Pulls
 from pipeline.machine.poses import default_anchors, draw_poses, try_poses
 from pipeline.machine.robot import configure, rating
+from pipeline.reduction.measured import Measured
 from pipeline.system.elimination import eliminate
 from pipeline.system.whitened import Whitened
 
@@ -114,7 +115,7 @@ def candidates(case: Case, rng: np.random.Generator) -> Candidates:
     at = configure(robot, q).points(points)[:, 0]
     chain = anchors[which] - at
     unit = chain / np.linalg.norm(chain, axis=1, keepdims=True)
-    usual, size = _fullest(done.pose), np.linalg.norm(done.force, axis=1)
+    usual, size = _fullest(case.data), np.linalg.norm(done.force, axis=1)
     most = min(size.max(), rating.weight_n(robot) or np.inf)
     steps = size[usual] / size[usual].max() * most
     series = [steps] if steps.min() < 0.6 * steps.max() else [steps, _LIGHT * steps]
@@ -133,10 +134,15 @@ def candidates(case: Case, rng: np.random.Generator) -> Candidates:
     return Candidates(pulls, anchors[which][here])
 
 
-def _fullest(pose: Ints) -> Ints:
-    """Pulls of the first of those poses that have the most."""
+def _fullest(data: Measured) -> Ints:
+    """Pulls of the first of those poses that have the most; of a pull nothing may have been read.
+
+    Its readings may all be left out while its force is known.
+    """
+    read = np.unique(data.pull)
+    pose = data.pulls.pose[read]
     numbers, count = np.unique(pose, return_counts=True)
-    return np.flatnonzero(pose == numbers[np.argmax(count)])
+    return np.asarray(read[pose == numbers[np.argmax(count)]])
 
 
 def propose(
@@ -345,7 +351,7 @@ class _Contest(Locked):
         if self.effects:
             whole[..., view.first :] = sensitivity(flat, pulls, values, self.effects)
         whole = whole.reshape(m, -1, *whole.shape[1:]) * view.typical[self.columns]
-        usual = _fullest(view.seen.data.pulls.pose)
+        usual = _fullest(view.seen.data)
         mine = np.flatnonzero(np.isin(rows.pull, usual))
         target = np.repeat(view.seen.data.target, 3)[mine]
         X = whole[:, np.searchsorted(usual, rows.pull[mine]), target, rows.axis[mine]]

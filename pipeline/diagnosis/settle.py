@@ -65,7 +65,7 @@ def settle(case: Case, reduced: Reduced, given: Fitted, step: Step) -> Settled:
         given: Its joint springs.
         step: How a stage is carried out.
     """
-    files = step(files_of)(case)
+    files = step(files_of)(case, reduced)
     held = step(singles_of)(files, None if files.findings else reduced)
     ends: list[Settled] = []
     for _ in range(_ROUNDS):

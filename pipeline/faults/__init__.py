@@ -5,10 +5,14 @@ for it and its correction makes them agree; both results are given, corrected an
 """
 
 from pipeline.faults import (
+    base_names,
     base_reading,
     base_reflector,
     chain,
     conventions,
+    dead_sensor,
+    exchanged,
+    exchanged_pulls,
     gross_reading,
     joint_row,
     labels,
@@ -19,11 +23,17 @@ from pipeline.faults import (
     scale_reading,
     stale_reading,
     tool_point,
+    unit_since,
 )
 from pipeline.faults.fault import Fault
 
 FAULTS: tuple[Fault, ...] = (
     stale_reading.FAULT,
+    unit_since.FAULT,
+    base_names.FAULT,
+    exchanged.FAULT,
+    dead_sensor.FAULT,
+    exchanged_pulls.FAULT,
     joint_row.FAULT,
     conventions.FAULT,
     placement.FAULT,

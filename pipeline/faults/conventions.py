@@ -47,7 +47,7 @@ _UNITS = {
 }
 """Factor on the tracker's coordinates: the unit they are in, and the sentence for it."""
 
-_LOGGED = (
+LOGGED = (
     ("_rad", "rad", 180 / np.pi, "the numbers are radians and were read as degrees"),
     ("_rad", "deg", np.pi / 180, "the numbers are degrees and were read as radians"),
     ("_m", "joints_mm", 1e-3, "the sliding joint is in millimetres and was read as metres"),
@@ -223,7 +223,7 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
     """Every mistake that is tested."""
     for factor, (unit, says) in _UNITS.items():
         yield Hypothesis("unit_mixup", unit, f"in the tracker export {says}", scaled(factor))
-    for ending, unit, factor, says in _LOGGED:
+    for ending, unit, factor, says in LOGGED:
         columns = [column for column in case.joint_columns if column.endswith(ending)]
         if columns:
             says = f"in the joint log {says}"
@@ -280,14 +280,6 @@ def _names(case: Case) -> Iterator[Hypothesis]:
                 f"{', '.join(names)} in every group",
                 partial(renamed, names=names),
             )
-    for one, other in itertools.combinations(sorted(case.settings.base_frame), 2):
-        yield Hypothesis(
-            "label_swap",
-            f"{one}-{other}",
-            f"the base reflectors {one} and {other} have each other's names",
-            partial(_base_renamed, one=one, other=other),
-            single=True,
-        )
 
 
 def _robots(robot: Robot) -> Iterator[tuple[str, str, Robot]]:
@@ -354,13 +346,6 @@ def renamed(case: Case, names: Strings | tuple[str, ...]) -> Case:
     true = dict(zip(case.settings.measured, names, strict=True))
     rows = case.readings
     return replace(case, readings=rows.assign(target=[true.get(t, t) for t in rows["target"]]))
-
-
-def _base_renamed(case: Case, one: str, other: str) -> Case:
-    """Two base reflectors that have each other's names in [base_frame]."""
-    base = case.settings.base_frame
-    base = base | {one: base[other], other: base[one]}
-    return replace(case, settings=case.settings.model_copy(update={"base_frame": base}))
 
 
 FAULT = Fault(

@@ -29,6 +29,8 @@ class Mistake:
         at: Where what is accused stands, `file:line`; nothing where it is no single row.
         axes: Coordinates that the square of `before` is the sum of, where it is in sigma.
         together: Several readings are moved alike, which no tail of single ones does.
+        since: Where a unit changes in mid-file, `file:line`; nothing where it does not.
+        hopeless: Nothing puts it right, and no value holds.
     """
 
     name: str
@@ -45,6 +47,8 @@ class Mistake:
     at: tuple[str, ...] = ()
     axes: int = 3
     together: bool = False
+    since: str | None = None
+    hopeless: bool = False
 
     @property
     def of_reading(self) -> bool:

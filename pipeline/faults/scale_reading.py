@@ -20,6 +20,7 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.tails import chi2_beyond
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, outlying
+from pipeline.faults.typed import intended
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.reduction.case import Case
@@ -149,7 +150,7 @@ def scale_outliers(
     white = whitener(system.errors, system.rows.pose)
     freed = _freed(cell, data, system, estimate, white)[1]
     best = int(np.argmax(freed.drop))
-    if _chance(freed, system)[best] > alarms.READING:
+    if _chance(freed, system)[best] > alarms.SCALE:
         return []
     scale = case.settings.scale or Scale()
     which = [best]
@@ -158,7 +159,7 @@ def scale_outliers(
         if righted is None or not _matters(righted, scale):
             return []
         if righted.alone:
-            sure = bool((righted.p <= alarms.READING).all()) and righted.explained
+            sure = bool((righted.p <= alarms.SCALE).all()) and righted.explained
             sure = sure and not _by_pose(data, righted)
             return _findings(case, data, righted) if sure else []
         which.append(righted.next)
@@ -281,12 +282,13 @@ def _finding(
     sigmas = float(np.sqrt(drop))
     hung = data.pulls.by[pull] == HUNG
     one, unit = (case.settings.gravity.m_s2, "kg") if hung else (1.0, "N")
+    std = normal**-0.5
     said = f"{row['payload']}, " if data.pulls.by[pull] == MOUNTED else ""
     return outlying(
         where,
         f"the reading {where} (line {row['line']}) says {said}{given / one:.6g} {unit}, and "
-        f"all other pulls agree with {fits / one:.6g} +- {normal**-0.5 / one:.2g} {unit}, "
-        f"{sigmas:.0f} standard deviations away",
+        f"all other pulls agree with {fits / one:.6g} +- {std / one:.2g} {unit}, "
+        f"{sigmas:.0f} standard deviations away{_meant(given / one, fits / one, std / one, unit)}",
         "recomputed without this pull",
         before=sigmas,
         size=abs(given - fits) / one,
@@ -295,6 +297,12 @@ def _finding(
         correct=partial(_without, pose=pose, repeat=repeat),
         at=(f"{row['file']}:{row['line']}",),
     )
+
+
+def _meant(given: float, fits: float, std: float, unit: str) -> str:
+    """The number that was probably meant, in words."""
+    found = intended(given, fits, std)
+    return "" if found is None else f"; {found[1]}, {found[0]:.6g} {unit} may have been meant"
 
 
 def _without(case: Case, pose: int, repeat: int) -> Case:

@@ -61,11 +61,17 @@ class Beside:
     family: Family | None = None
 
 
-def files_of(case: Case) -> Screened:
-    """Mistakes that spoil whole files, put right one after the other."""
+def files_of(case: Case, reduced: Reduced) -> Screened:
+    """Mistakes that spoil whole files, put right one after the other.
+
+    Args:
+        case: The campaign as given.
+        reduced: Its measurements.
+    """
     findings: list[Mistake] = []
     for fault in _asked(case, in_files=True):
-        found = fault.find(Screening(case, case.cell, case.robot.nominal_compliance))
+        known = None if findings else reduced
+        found = fault.find(Screening(case, case.cell, case.robot.nominal_compliance, known))
         findings += found
         case = put_right(case, found)
     return Screened(tuple(findings), case)
@@ -79,7 +85,7 @@ def screen(case: Case, reduced: Reduced, beside: Beside | None = None) -> Screen
         reduced: Its measurements.
         beside: As for `singles_of`.
     """
-    files = files_of(case)
+    files = files_of(case, reduced)
     return singles_of(files, None if files.findings else reduced, beside)
 
 

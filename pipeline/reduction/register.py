@@ -174,8 +174,8 @@ def agreed(registration: Registration) -> tuple[Registration, Bools]:
     grown = 1 + registration.growth.value
     points = (grown * placed - registration.t) @ registration.R
     agree = agreeing(points, grown * nominal)
-    if agree.all():
-        return registration, agree
+    if agree.all() or not apart(nominal[agree]):
+        return registration, np.ones_like(agree)  # too few agree to say which do not
     C = covariance.weighing(table)
     R, t, cov, _, centre = _fit(points[agree], grown * nominal[agree], C[agree])
     found = replace(registration, R=R, t=t, cov=cov, centre=centre / grown)
@@ -210,6 +210,8 @@ def _away(points: Array, nominal: Array, R: Array, t: Array) -> Array:
 
 def apart(nominal: Array) -> bool:
     """Whether points determine a rigid motion."""
+    if len(nominal) < BASE_REFLECTORS:
+        return False
     spread = linear.extent(nominal)
     return bool(spread[1] > _ONE_LINE * max(spread[0], _REFLECTOR_M))
 

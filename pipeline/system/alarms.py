@@ -22,6 +22,13 @@ READING = 2.5e-4
 base, of whole base reflectors, of the chain, of the scale, of those with equal digits, and of
 readings in use that are too many too far off [1]."""
 
+EXCHANGED = READING / 10
+"""The same of rows of the loads that stand in each other's place: a part of the rate of the scale,
+whose readings they are, since chance has to make two of them fit each other by 3 % and more [1]."""
+
+SCALE = READING - EXCHANGED
+"""What is left of it for a single reading of the scale [1]."""
+
 DRIFT = 5e-4
 """The same of a motion of the tracker that the base reflectors show [1]."""
 
@@ -58,7 +65,8 @@ ACCUSING = {
     "a reading of the base": READING,
     "a base reflector": READING,
     "a reading of the chain": READING,
-    "a reading of the scale": READING,
+    "a reading of the scale": SCALE,
+    "exchanged rows of the scale": EXCHANGED,
     "a reading of a pull that is left out": READING,
     "a pose that moved": READING,
     "a reading that repeats another": READING,

@@ -1,0 +1,141 @@
+"""Base reflectors that carry each other's names in [base_frame]: two of them, or all, off by one.
+
+A rigid motion keeps distances: the names are right under which the reflectors are as far apart as
+campaign.toml has them. Where several ways of naming them are, as in a rectangle, the robot's table
+tells which one brings the effector to where it stands.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array
+from pipeline.faults.assignment import lines
+from pipeline.faults.conventions import GROSS_ANCHORED_M, anchored_miss
+from pipeline.faults.fault import Fault
+from pipeline.faults.mistake import Mistake, length
+from pipeline.readers.known import BETTER, GROSS_M
+from pipeline.reduction.case import Case
+from pipeline.reduction.register import XYZ
+from pipeline.reduction.settings import BASE_REFLECTORS
+
+_MOST = 1000
+"""Ways of naming the reflectors that are tried: more have a layout that tells no name [1]."""
+
+
+def base_names(case: Case) -> list[Mistake]:
+    """That the names are not those that the readings have, if one other way of naming them is."""
+    names, seen, nominal = _reflectors(case)
+    if len(names) < BASE_REFLECTORS:
+        return []
+    given = tuple(range(len(names)))
+    before, table = _miss(seen, nominal, given), anchored_miss(case)
+    fine = before < GROSS_M and (table is None or table < GROSS_ANCHORED_M)
+    order = None if fine else _true(case, names, seen, nominal)
+    if order is None or order == given:
+        return []
+    right = _renamed(case, _places(names, order))
+    if before < GROSS_M and not _nearer(anchored_miss(right), table):
+        return []
+    return [_finding(case, names, order, before, _miss(seen, nominal, order))]
+
+
+def _reflectors(case: Case) -> tuple[list[str], Array, Array]:
+    """Names, where each was read [m], tracker's frame, and its place in [base_frame] [m]."""
+    rows, base = case.readings, case.settings.base_frame
+    rows = rows[rows["pose"].isna() & rows["target"].isin(list(base))]
+    at = rows.groupby(rows["target"].astype(str))[XYZ].median()
+    names = [str(name) for name in at.index]
+    places = np.array([base[name] for name in names]).reshape(-1, 3)
+    return names, at.to_numpy(float), places
+
+
+def _miss(seen: Array, nominal: Array, order: Sequence[int]) -> float:
+    """How far the readings are from their places once moved rigidly onto them [m], rms."""
+    due = nominal[list(order)]
+    R, t = linear.rigid(seen, due)
+    return float(np.sqrt(np.mean(np.sum((seen @ R.T + t - due) ** 2, axis=1))))
+
+
+def _true(case: Case, names: list[str], seen: Array, nominal: Array) -> tuple[int, ...] | None:
+    """The place of each reflector, None where no single way of naming them fits."""
+    tried = [order for order, _ in zip(_alike(seen, nominal), range(_MOST), strict=False)]
+    miss = {order: _miss(seen, nominal, order) for order in tried}
+    least = min(miss.values(), default=np.inf)
+    kept = [order for order in tried if miss[order] <= max(BETTER * least, GROSS_M / BETTER)]
+    if least >= GROSS_M or len(tried) == _MOST:
+        return None
+    if len(kept) == 1:
+        return kept[0]
+    away = {order: anchored_miss(_renamed(case, _places(names, order))) for order in kept}
+    best, second = sorted(kept, key=lambda order: away[order] or np.inf)[:2]
+    return best if _nearer(away[best], away[second]) else None
+
+
+def _nearer(one: float | None, other: float | None) -> bool:
+    """Whether the table tells one way of naming them from the other."""
+    if one is None or other is None:
+        return False
+    return one < GROSS_ANCHORED_M and BETTER * one < other
+
+
+def _alike(seen: Array, nominal: Array) -> Iterator[tuple[int, ...]]:
+    """Places in which the reflectors are as far from each other as they were read."""
+    read, stated = (np.linalg.norm(at[:, None] - at, axis=2) for at in (seen, nominal))
+
+    def further(begun: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
+        k = len(begun)
+        if k == len(read):
+            yield begun
+        for place in set(range(len(read))) - set(begun):
+            off = np.abs(stated[place, list(begun)] - read[k, :k])
+            if (off < 2 * GROSS_M).all():
+                yield from further((*begun, place))
+
+    return further(())
+
+
+def _places(names: list[str], order: Sequence[int]) -> dict[str, str]:
+    """Under which name campaign.toml has the place of each."""
+    return {names[k]: names[place] for k, place in enumerate(order) if place != k}
+
+
+def _renamed(case: Case, place: dict[str, str]) -> Case:
+    """Base reflectors with the places that [base_frame] has under other names."""
+    base = case.settings.base_frame
+    base = base | {name: base[other] for name, other in place.items()}
+    return replace(case, settings=case.settings.model_copy(update={"base_frame": base}))
+
+
+def _finding(
+    case: Case, names: list[str], order: Sequence[int], before: float, after: float
+) -> Mistake:
+    place = _places(names, order)
+    wrong = sorted(place)
+    rows = case.readings
+    rows = rows[rows["pose"].isna() & rows["target"].isin(wrong)]
+    at = tuple(f"{f}:{line}" for f, line in zip(rows["file"], rows["line"], strict=True))
+    each = ", ".join(f"{name} stands at the place of {place[name]}" for name in wrong)
+    return Mistake(
+        name="label_swap",
+        where="-".join(wrong),
+        evidence=f"the base reflectors have each other's names or places in [base_frame]: {each} "
+        f"({lines(at)}); as stated they are {length(before)} from their places, and "
+        f"{length(after)} with the names exchanged",
+        correction=f"recomputed with the places of {', '.join(wrong)} exchanged",
+        before=1e3 * before,
+        after=1e3 * after,
+        unit="mm",
+        correct=partial(_renamed, place=place),
+        at=at,
+    )
+
+
+FAULT = Fault(
+    "label_swap", "swapped names of targets", lambda asked: base_names(asked.case), in_files=True
+)

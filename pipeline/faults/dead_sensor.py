@@ -1,0 +1,165 @@
+"""Columns that no sensor wrote: displacements without deflection, one force copied down.
+
+A robot deflects under a load, and no two pulls of a pose that move it unlike had the same force.
+Neither needs an estimate, and neither can be put right: what is missing was not measured.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base.arrays import Array, Bools, Ints
+from pipeline.base.linear import rms
+from pipeline.base.quantities import plain
+from pipeline.faults.assignment import lines
+from pipeline.faults.exchanged_pulls import displacement_std
+from pipeline.faults.fault import Fault, Screening
+from pipeline.faults.mistake import Mistake
+from pipeline.machine.cell import predict
+from pipeline.machine.effect import PULLED
+from pipeline.reduction.case import Case
+from pipeline.reduction.measured import STILL_M, Measured
+
+_STIFF = 1 / 30
+"""No robot moves by a smaller part of what its joints typically yield [1]: stiffnesses of a type
+differ by a factor of a few, and one joint in thirty is not all of them."""
+
+_BY_CHANCE = 4.0
+"""A displacement along the expected one is none within so many of its standard errors [1]."""
+
+_FEWEST = 9
+"""Coordinates below which nothing is said [1]: three displacements."""
+
+_COPIED = 3
+"""So many equal forces in a row or in all, of pulls that moved unlike, are a copy [1]."""
+
+_UNLIKE = 1.3
+"""Factor between displacements of a pose that no friction makes of equal forces [1]."""
+
+_ALONG = 0.98
+"""Cosine from which two pulls of a pose are along one direction: their chain stays hung [1]."""
+
+_CLEAR = 20.0
+"""A displacement of so many standard uncertainties of the tracker is compared with another [1]."""
+
+
+def dead(asked: Screening) -> list[Mistake]:
+    """No deflection anywhere, or one force copied into pulls that moved unlike."""
+    data = asked.reduced.data
+    return _still(asked, data) or _copied(asked.case, data)
+
+
+# --- the tracker ----------------------------------------------------------------------------------
+
+
+def _still(asked: Screening, data: Measured) -> list[Mistake]:
+    """That the displacements hold none of what any stiffnesses would make of these loads."""
+    cell = asked.case.cell
+    typical = np.array([p.typical for p in cell.parameters])
+    moved = predict(cell, data.pulls, typical).displacement[data.pull, data.target]
+    due, seen = rms(moved), rms(data.delta)
+    if moved.size < _FEWEST or due < 100 * STILL_M or seen > 10 * _STIFF * due:
+        return []
+    square = float(np.sum(moved**2))
+    part, left = float(np.sum(moved * data.delta)) / square, seen / due / np.sqrt(moved.size)
+    chance = abs(part) <= _BY_CHANCE * left and part + _BY_CHANCE * left < _STIFF
+    if seen > STILL_M / 10 and not chance:
+        return []
+    what = "are all exactly zero" if seen == 0 else f"are {plain(1e3 * seen, 2)} mm (rms)"
+    file, rows = asked.case.settings.displacements, asked.case.readings
+    rows = rows[(rows["state"] == "loaded") & rows["target"].isin(asked.case.settings.measured)]
+    return [
+        Mistake(
+            name="dead_sensor",
+            where="tracker" if file is None else file.file,
+            evidence=f"the displacements {what} and follow the loads in no way: with its typical "
+            f"stiffnesses this robot would move by {plain(1e3 * due, 2)} mm, and none is "
+            f"{1 / _STIFF:.0f} times as stiff. The sensor was dead, or what was exported are not "
+            "the loaded states",
+            correction="nothing can be corrected, no deflection was measured",
+            before=seen / due,
+            after=1.0,
+            unit="1",
+            correct=_as_it_is,
+            at=tuple(f"{f}:{line}" for f, line in zip(rows["file"], rows["line"], strict=True)),
+            hopeless=True,
+        )
+    ]
+
+
+def _as_it_is(case: Case) -> Case:
+    return case
+
+
+# --- the scale ------------------------------------------------------------------------------------
+
+
+def _copied(case: Case, data: Measured) -> list[Mistake]:
+    """Pulls with one reading of the scale that moved unlike, and so had other forces."""
+    if not len(case.loads):
+        return []
+    pulls = data.pulls
+    size = np.linalg.norm(pulls.force, axis=1)
+    mine = np.flatnonzero(pulls.by == PULLED)
+    known = case.loads.set_index(["pose", "repeat"])["force_n"]
+    key = pd.MultiIndex.from_arrays([pulls.pose[mine], pulls.repeat[mine]])
+    logged = known.reindex(key).to_numpy(float)
+    found = []
+    for force in np.unique(logged[np.isfinite(logged)]).tolist():
+        same = mine[logged == force]
+        if len(same) >= _COPIED and _unlike(data, same, size):
+            found.append(_of_copy(case, data, same, force, len(same) == len(mine)))
+    return found
+
+
+def _unlike(data: Measured, same: Ints, size: Array) -> bool:
+    """Whether most pairs of these pulls, of one pose and direction, moved by other amounts."""
+    moved = np.sqrt(np.bincount(data.pull, np.sum(data.delta**2, axis=1), len(data.pulls)))
+    count = np.bincount(data.pull, minlength=len(data.pulls))
+    std = displacement_std(data) * np.sqrt(3 * count)
+    along = data.pulls.force / np.maximum(size, 1e-300)[:, None]
+    first, second = (same[k] for k in np.triu_indices(len(same), 1))
+    pair = (data.pulls.pose[first] == data.pulls.pose[second]) & (count[first] == count[second])
+    pair &= np.sum(along[first] * along[second], axis=1) > _ALONG
+    least, most = (f(moved[first], moved[second]) for f in (np.minimum, np.maximum))
+    pair &= most > _CLEAR * std[first]
+    apart: Bools = most > _UNLIKE * least
+    return int(pair.sum()) >= _COPIED and bool(apart[pair].mean() > 0.5)
+
+
+def _of_copy(case: Case, data: Measured, same: Ints, force: float, every: bool) -> Mistake:
+    keys = set(zip(data.pulls.pose[same].tolist(), data.pulls.repeat[same].tolist(), strict=True))
+    loads = case.loads
+    mine = np.array([key in keys for key in zip(loads["pose"], loads["repeat"], strict=True)])
+    rows = loads[mine]
+    file = str(rows["file"].iloc[0])
+    at = tuple(f"{file}:{line}" for line in rows["line"])
+    return Mistake(
+        name="copied_column",
+        where=f"{file} force",
+        evidence=f"{len(at)} pulls have the same force of {plain(force, 6)} N ({lines(at)}), and "
+        f"within a pose they moved the robot by amounts that differ by more than {_UNLIKE} times: "
+        "one number was copied down the column, or the scale hung",
+        correction="nothing can be corrected, no force was logged"
+        if every
+        else "recomputed without these pulls",
+        before=_UNLIKE,
+        after=1.0,
+        unit="1",
+        correct=_as_it_is if every else partial(_without, keys=frozenset(keys)),
+        at=at,
+        hopeless=every,
+    )
+
+
+def _without(case: Case, keys: frozenset[tuple[int, int]]) -> Case:
+    loads = case.loads
+    mine = [key not in keys for key in zip(loads["pose"], loads["repeat"], strict=True)]
+    return replace(case, loads=loads[mine])
+
+
+FAULT = Fault("dead_sensor", "column that no sensor wrote", dead, in_files=True, in_forces=True)

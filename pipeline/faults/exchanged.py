@@ -1,0 +1,359 @@
+"""Rows of the joint log, and groups of the tracker, that stand in each other's place.
+
+The robot's table says where the reflectors are in each pose, to millimetres; poses are decimetres
+apart. Which row of the joint log each pose fits best, and which pose each group, are assignments
+(see `assignment`): of two rows or of all of them, off by one or shuffled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
+from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said
+from pipeline.faults.conventions import FEWEST_POSES, anchored
+from pipeline.faults.fault import Fault
+from pipeline.faults.labels import aligned
+from pipeline.faults.mistake import Mistake, length
+from pipeline.machine.robot import configure
+from pipeline.readers.known import GROSS_M
+from pipeline.reduction.case import Case
+from pipeline.reduction.register import XYZ
+
+_LEAST_M = 1e-4
+"""Readings are expected this far from where the table puts them at least [m]."""
+
+_MOST = 400
+"""Poses beyond which no log is written by hand [1]."""
+
+_SOFT = 0.9
+"""Part of the pulls that are as far from where the robot stands unloaded as is usual, or less
+[1]."""
+
+_FITTED = 3
+"""So often the readings are laid on the table anew, each time by those that fit."""
+
+_OTHERWISE = 0.5
+"""What an exchange for a group of the other state, or of another load step, counts more [1]: it
+decides only between places that fit alike."""
+
+
+_STAND = ["pose", "repeat", "state"]
+"""Columns of a reading that its group says."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Laid(Locked):
+    """Groups of readings of the effector on the robot's table.
+
+    Attributes:
+        name: Name of each group, shape (g,).
+        pose: Index of its pose in `poses`, shape (g,).
+        loaded: Whether it is a pull, shape (g,).
+        repeat: Its number in the pose, shape (g,).
+        poses: Numbers of the poses, shape (p,).
+        off: Squared distance of each group from each pose of the table [m^2], shape (g, p).
+        R: Rotation from the tracker's frame into F_b, shape (3, 3).
+        t: Origin of the tracker there [m], shape (3,).
+    """
+
+    name: Strings
+    pose: Ints
+    loaded: Bools
+    repeat: Ints
+    poses: Ints
+    off: Array
+    R: Array
+    t: Array
+
+    @property
+    def own(self) -> Array:
+        """Squared distance of each group from its own pose [m^2], shape (g,)."""
+        return np.asarray(self.off[np.arange(len(self.pose)), self.pose])
+
+    @property
+    def usual(self) -> Array:
+        """How far groups of its state are usually from the pose that they fit best [m], (g,).
+
+        Of pulls that of the softest poses, where they move by more.
+        """
+        near, out = np.sqrt(self.off.min(axis=1)), np.zeros(len(self.name))
+        for state, part in ((True, _SOFT), (False, 0.5)):
+            here = self.loaded == state
+            placed = near[here & (near < GROSS_M)]
+            out[here] = np.quantile(placed, part) if len(placed) else GROSS_M
+        return np.maximum(out, _LEAST_M)
+
+    @property
+    def in_order(self) -> bool:
+        """Whether no group is elsewhere."""
+        usual = max(float(np.median(self.own)), _LEAST_M**2)
+        return usual < GROSS_M**2 and bool(self.own.max() <= STANDS_OUT**2 * usual)
+
+
+def exchanged(case: Case) -> list[Mistake]:
+    """Rows of the joint log that stand for each other, then groups that do."""
+    found: list[Mistake] = []
+    for look in (_rows, _groups):
+        laid = _lay(case)
+        if laid is None or laid.in_order:
+            return found
+        new = list(look(case, laid))
+        for one in new:
+            case = one.correct(case)
+        found += new
+    return found
+
+
+def misplaced(case: Case) -> frozenset[int]:
+    """Poses in which most groups are elsewhere than the robot's table has them."""
+    laid = _lay(case)
+    if laid is None or laid.in_order:
+        return frozenset()
+    away = pd.Series(laid.own > (STANDS_OUT * laid.usual) ** 2).groupby(laid.poses[laid.pose])
+    most = away.mean() > 0.5
+    return frozenset(most.index[most].tolist())
+
+
+# --- where the groups are -------------------------------------------------------------------------
+
+
+def _lay(case: Case) -> _Laid | None:
+    """The groups on the table, brought there by the base reflectors or by themselves."""
+    rows = case.readings
+    known = rows["target"].isin(case.settings.measured) & rows["pose"].isin(case.joints["pose"])
+    rows = rows[known].drop_duplicates(["group", "target"])
+    poses = np.unique(rows["pose"].to_numpy(int))
+    if not FEWEST_POSES <= len(poses) <= _MOST:
+        return None
+    starts = [at for at in (anchored(case), _by_table(case)) if at is not None]
+    found = [_laid(case, rows, poses, *at) for at in starts]
+    best = min(found, key=_median, default=None)
+    return best if best is not None and _median(best) < GROSS_M else None
+
+
+def _median(laid: _Laid) -> float:
+    """How far half of the groups are at most from the poses that they fit best [m]."""
+    return float(np.median(np.sqrt(laid.off.min(axis=1))))
+
+
+def _by_table(case: Case) -> tuple[Array, Array] | None:
+    """R, t that bring most unloaded readings onto the table."""
+    at = aligned(case)
+    return None if at is None else (at[0].T, -at[0].T @ at[1])
+
+
+def _laid(case: Case, rows: pd.DataFrame, poses: Ints, R: Array, t: Array) -> _Laid:
+    group, names = pd.factorize(rows["group"].astype(str))
+    first = rows.groupby(group)[["pose", "repeat", "state"]].first()
+    target = pd.Index(case.settings.measured).get_indexer(pd.Index(rows["target"]))
+    seen = np.full((len(names), len(case.settings.measured), 3), np.nan)
+    seen[group, target] = rows[XYZ].to_numpy(float)
+    table = configure(case.robot, case.q(poses)).points(case.tool.points)
+    for _ in range(_FITTED):
+        placed = seen @ R.T + t
+        off = np.stack([_square(placed, table[k]) for k in range(len(poses))], axis=1)
+        R, t = _moved(seen, table, off)
+    placed = seen @ R.T + t
+    return _Laid(
+        name=np.array(names, dtype=object),
+        pose=np.searchsorted(poses, first["pose"].to_numpy(int)),
+        loaded=(first["state"] == "loaded").to_numpy(bool),
+        repeat=first["repeat"].to_numpy(int),
+        poses=poses,
+        off=np.stack([_square(placed, table[k]) for k in range(len(poses))], axis=1),
+        R=R,
+        t=t,
+    )
+
+
+def _square(placed: Array, table: Array) -> Array:
+    """Mean squared distance of the targets of each group from their places [m^2], shape (g,)."""
+    return np.asarray(np.nanmean(np.sum((placed - table) ** 2, axis=2), axis=1))
+
+
+def _moved(seen: Array, table: Array, off: Array) -> tuple[Array, Array]:
+    """R, t that bring the better half of the groups onto the poses that they fit best."""
+    near = off.min(axis=1)
+    good = near <= np.median(near)
+    at, due = seen[good].reshape(-1, 3), table[off.argmin(axis=1)[good]].reshape(-1, 3)
+    read = np.isfinite(at).all(axis=1)
+    return linear.rigid(at[read], due[read])
+
+
+# --- rows of the joint log ------------------------------------------------------------------------
+
+
+def _rows(case: Case, laid: _Laid) -> Iterator[Mistake]:
+    """A row stands for another pose where all that was read there says so, pulls and zeros."""
+    count = len(laid.poses)
+    cost, away = np.zeros((2, count, count))  # of each row in each pose
+    for state in (True, False):
+        for k in range(count):
+            here = (laid.loaded == state) & (laid.pose == k)
+            if here.any():
+                off = np.median(laid.off[here], axis=0)
+                away[:, k] = np.maximum(away[:, k], off)
+                cost[:, k] = np.maximum(cost[:, k], off / laid.usual[here][0] ** 2)
+    for ring in rings(cost, STANDS_OUT**2, STANDS_OUT**2):
+        yield _of_rows(case, laid.poses, ring, away)
+
+
+def _of_rows(case: Case, poses: Ints, ring: Ring, cost: Array) -> Mistake:
+    true = {int(poses[i]): int(poses[j]) for i, j in ring.moves}
+    numbers = [int(poses[k]) for k in ring.members]
+    joints = case.joints.set_index("pose").loc[sorted(numbers)]
+    file = str(joints["file"].iloc[0])
+    names = [f"pose{k:02d}" for k in numbers]
+    return told(
+        ring,
+        where=f"{file} {ring.where(names)}",
+        what=f"{file}: the rows of {said(ring, names, 'row')}",
+        of="the reflectors of these poses are",
+        cost=cost,
+        at=tuple(f"{file}:{line}" for line in joints["line"]),
+        correct=partial(_renumbered, true=true, lost=numbers[0] if ring.ended else None),
+    )
+
+
+def _renumbered(case: Case, true: dict[int, int], lost: int | None) -> Case:
+    """Rows of the joint log under the numbers of their true poses; `lost` is a pose without one."""
+    joints = case.joints[case.joints["pose"].map(lambda k: k in true or k not in true.values())]
+    joints = joints.assign(pose=joints["pose"].map(lambda k: true.get(k, k)).astype("int32"))
+    rows, loads = case.readings, case.loads
+    if lost is not None:
+        joints = joints[joints["pose"] != lost]
+        rows, loads = rows[rows["pose"].ne(lost).fillna(True)], loads[loads["pose"] != lost]
+    return replace(case, joints=joints.sort_values("pose"), readings=rows, loads=loads)
+
+
+# --- groups ---------------------------------------------------------------------------------------
+
+
+def _groups(case: Case, laid: _Laid) -> Iterator[Mistake]:
+    """Groups that are where the table has another pose."""
+    away = np.flatnonzero(laid.own > (STANDS_OUT * laid.usual) ** 2)
+    unlike = laid.loaded[away][:, None] != laid.loaded[away]
+    step = np.abs(laid.repeat[away][:, None] - laid.repeat[away])
+    tie = _OTHERWISE * (unlike + step / (1 + step))
+    fits = laid.off[away][:, laid.pose[away]]
+    found = rings(fits / laid.usual[away][:, None] ** 2 + tie, STANDS_OUT**2, STANDS_OUT**2)
+    alike: dict[frozenset[int], list[Ring]] = {}
+    for ring in found:
+        alike.setdefault(frozenset(laid.pose[away[list(ring.members)]].tolist()), []).append(ring)
+    for several in alike.values():
+        yield _of_groups(case, laid, away, several, fits)
+
+
+def _of_groups(
+    case: Case, laid: _Laid, away: Ints, several: Sequence[Ring], cost: Array
+) -> Mistake:
+    """Several exchanges between the same poses, as of all their pulls, are one."""
+    names = laid.name[away]
+    true = {str(names[i]): str(names[j]) for ring in several for i, j in ring.moves}
+    out = {str(names[ring.members[-1]]) for ring in several if ring.ended}
+    chain = _chain_too(case, laid, true)
+    sets = [said(ring, [str(names[k]) for k in ring.members], "group") for ring in several]
+    first = several[0]
+    here = case.readings[case.readings["group"].isin({*true, *true.values()})]
+    here = here[chain | here["target"].isin(case.settings.measured)]
+    return told(
+        first,
+        where=first.where([str(names[k]) for k in first.members]),
+        what=f"the groups {', '.join(sets)}",
+        of="their reflectors are",
+        cost=cost,
+        at=tuple(f"{f}:{line}" for f, line in zip(here["file"], here["line"], strict=True)),
+        correct=partial(regrouped, true=true, out=frozenset(out), chain=chain),
+    )
+
+
+def _chain_too(case: Case, laid: _Laid, true: dict[str, str]) -> bool:
+    """Whether the ends of the chain are where the groups belong that they are in, not where named.
+
+    Their distance from the load point says so, against that of all other pulls.
+    """
+    near = case.settings.naming.chain[0]
+    rows = case.readings[case.readings["target"] == near].drop_duplicates("group")
+    rows = rows[rows["pose"].isin(laid.poses)].set_index("group")
+    if not len(rows):
+        return True
+    table = configure(case.robot, case.q(laid.poses)).points(case.tool.load_point[None])[:, 0]
+    pose = pd.Series(laid.poses[laid.pose], laid.name)
+    seen = rows[XYZ].to_numpy(float) @ laid.R.T + laid.t
+
+    def away(names: list[str]) -> Array:
+        at = np.searchsorted(laid.poses, pose.reindex(names).to_numpy(int))
+        return np.asarray(np.linalg.norm(seen - table[at], axis=1))
+
+    names = [str(name) for name in rows.index]
+    mine = np.array([name in true and true[name] in pose.index for name in names])
+    given = away(names)
+    there = away([true.get(name, name) if m else name for name, m in zip(names, mine, strict=True)])
+    if not mine.any():
+        return True
+    usual = float(np.median(given[~mine])) if (~mine).any() else 0.0
+    return bool(np.abs(there[mine] - usual).sum() <= np.abs(given[mine] - usual).sum())
+
+
+def regrouped(case: Case, true: dict[str, str], out: frozenset[str], chain: bool) -> Case:
+    """Readings in the groups where they belong, those that belong nowhere left out.
+
+    Args:
+        case: The campaign.
+        true: The group where the readings of a group belong.
+        out: Groups whose readings belong nowhere.
+        chain: Whether the ends of the chain move with the effector.
+    """
+    rows, named = case.readings, case.readings["group"].astype(str)
+    free = np.full(len(rows), chain) | rows["target"].isin(case.settings.measured).to_numpy()
+    first = rows.drop_duplicates("group")
+    of = first.set_index(first["group"].astype(str))
+    new = [true.get(name, name) if moves else name for name, moves in zip(named, free, strict=True)]
+    stands = of.loc[new, _STAND].set_axis(rows.index)
+    moved = rows.assign(group=new, **{name: stands[name] for name in _STAND})
+    lost = free & named.isin(out).to_numpy()
+    return replace(case, readings=moved[~lost].astype(rows.dtypes.drop("group").to_dict()))
+
+
+# --- in words -------------------------------------------------------------------------------------
+
+
+def told(
+    ring: Ring,
+    *,
+    where: str,
+    what: str,
+    of: str,
+    cost: Array,
+    at: tuple[str, ...],
+    correct: partial[Case],
+) -> Mistake:
+    """An exchange that the robot's table shows; `cost` in m^2."""
+    before = float(np.sqrt(max(cost[i, i] for i, _ in ring.moves)))
+    after = float(np.sqrt(max(cost[i, j] for i, j in ring.moves)))
+    left = "; what belongs to none is left out" if ring.ended else ""
+    return Mistake(
+        name="exchanged",
+        where=where,
+        evidence=f"{what} stand in each other's place ({lines(at)}): as recorded, {of} up to "
+        f"{length(before)} from where the robot file places them, and {length(after)} with the "
+        "places exchanged",
+        correction=f"recomputed with {where} exchanged{left}",
+        before=1e3 * before,
+        after=1e3 * after,
+        unit="mm",
+        correct=correct,
+        at=at,
+    )
+
+
+FAULT = Fault(
+    "exchanged", "exchanged groups or rows", lambda asked: exchanged(asked.case), in_files=True
+)

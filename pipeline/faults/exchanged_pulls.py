@@ -1,0 +1,456 @@
+"""Readings of the scale, and states of a pose, that stand in each other's place.
+
+What each pull moved says what the scale should have read. With y_i the displacements of pull i,
+G_i x those of one newton along its chain and x the compliances that most pulls agree on,
+
+    f_i = (G_i x)'y_i / |G_i x|^2
+
+is that reading, and which logged one each pull fits best is an assignment (see `assignment`): of
+two rows or of a column that is off by one or shuffled. Of one pose the same is asked of all its
+states: whether an unloaded group and a pull have each other's readings. Two load steps of a pose
+whose groups are exchanged and two whose rows are exchanged are the same numbers; both are named.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+from itertools import product
+
+import numpy as np
+import pandas as pd
+from scipy import special
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.base.quantities import plain
+from pipeline.faults.assignment import Ring, lines, rings, said, shift
+from pipeline.faults.exchanged import regrouped
+from pipeline.faults.fault import Fault, Screening
+from pipeline.faults.mistake import Mistake
+from pipeline.machine.cell import jacobian
+from pipeline.machine.effect import MOUNTED
+from pipeline.reduction.case import Case
+from pipeline.reduction.measured import STILL_M, Measured
+from pipeline.reduction.register import XYZ
+from pipeline.system import alarms
+
+FEWEST, MOST = 6, 400
+"""Pulls [1]: fewer single none out, and more are no log written by hand."""
+
+_MODEL = 0.003
+"""Part of a force that the joint springs leave unexplained in every pull at least [1]."""
+
+_MATTERS = 0.03
+"""An exchange that changes no force by a larger part of it does not matter [1]."""
+
+_APART = 5.0
+"""A state of a pose is so many times as far off as usual, in the mean of its coordinates, where
+others are the readings of another state [1]."""
+
+_ROUNDS = 12
+"""Reweightings, and assignments, until neither changes any more."""
+
+
+@dataclass(frozen=True, eq=False)
+class Moved(Locked):
+    """What every pull moved, and what one newton along it moves.
+
+    Attributes:
+        pull: Which of the measured pulls, shape (m,).
+        y: Displacements [m], 0 where a target was not read, shape (m, c).
+        G: Response to one newton and typical compliances, shape (m, c, k).
+        force: As logged [N], shape (m,).
+        std: Standard uncertainty of the scale [N], shape (m,).
+        noise: The same of a displacement, per coordinate [m].
+    """
+
+    pull: Ints
+    y: Array
+    G: Array
+    force: Array
+    std: Array
+    noise: float
+
+    @classmethod
+    def of(cls, asked: Screening) -> Moved:
+        """All pulls but payloads, which have no reading of a scale."""
+        data, cell = asked.reduced.data, asked.case.cell
+        size = np.linalg.norm(data.pulls.force, axis=1)
+        which = np.flatnonzero((data.pulls.by != MOUNTED) & (size > 0))
+        safe = np.where(size > 0, size, 1.0)
+        one = replace(data.pulls, force=data.pulls.force / safe[:, None])
+        typical = np.array([p.typical for p in cell.parameters])
+        response = jacobian(cell, one, asked.start) * typical
+        y = np.zeros(response.shape[:3])
+        y[data.pull, data.target] = data.delta
+        read = np.zeros(response.shape[:2], dtype=bool)
+        read[data.pull, data.target] = True
+        response[~read] = 0.0
+        m, k = len(size), len(typical)
+        return cls(
+            which,
+            y.reshape(m, -1)[which],
+            response.reshape(m, -1, k)[which],
+            size[which],
+            np.hypot(data.reading_std, 0.0)[which],
+            displacement_std(data),
+        )
+
+    def solved(self, force: Array) -> Array:
+        """Compliances that most pulls agree on with these forces, by least sums of lengths."""
+        weight = 1 / np.maximum(np.linalg.norm(self.y, axis=1), STILL_M)
+        x = np.zeros(self.G.shape[2])
+        for _ in range(_ROUNDS):
+            A = (weight * force)[:, None, None] * self.G
+            new = linear.least_squares(A.reshape(-1, len(x)), (weight[:, None] * self.y).ravel())
+            left = np.linalg.norm(self.y - force[:, None] * (self.G @ new), axis=1)
+            scale = np.linalg.norm(self.y, axis=1) + self.noise
+            weight = 1 / np.sqrt(scale * np.maximum(left, _MODEL * scale))
+            if np.abs(new - x).max() < 1e-6 * np.abs(new).max():
+                break
+            x = new
+        return np.asarray(new)
+
+    def only(self, which: Bools) -> Moved:
+        """Some of the pulls."""
+        some = {name: getattr(self, name)[which] for name in ("pull", "y", "G", "force", "std")}
+        return replace(self, **some)
+
+    def due(self, x: Array) -> tuple[Array, Array]:
+        """What the scale should have read in each pull, and its uncertainty by the noise [N]."""
+        g = self.G @ x
+        square = np.maximum(np.sum(g**2, axis=1), (STILL_M / self.force.max()) ** 2)
+        return np.sum(g * self.y, axis=1) / square, self.noise / np.sqrt(square)
+
+
+@dataclass(frozen=True, eq=False)
+class _Fit(Locked):
+    """Compliances beside an order of the forces.
+
+    Attributes:
+        x: Compliances in typical ones, shape (k,).
+        cost: Misfit of each logged force (row) in each pull (column), chi-square, shape (m, m).
+        model: Part of a force by which pulls miss usually [1].
+        left: How badly the order fits, less is better.
+    """
+
+    x: Array
+    cost: Array
+    model: float
+    left: float
+
+
+def displacement_std(data: Measured) -> float:
+    """Of a displacement per coordinate [m]; of none stated what nobody repeats better than."""
+    if not data.noise_stated:
+        std = data.found_m or STILL_M
+    else:
+        both = np.einsum("dii->d", data.loaded_cov + data.zero_cov) / 3
+        std = float(np.sqrt(np.median(both)))
+    return std if std > STILL_M else STILL_M  # also where scatter told nothing
+
+
+def exchanged_pulls(asked: Screening) -> list[Mistake]:
+    """Unloaded groups and pulls of a pose that stand for each other, else rows of the loads."""
+    if asked.case.settings.displacements is not None or asked.reduced.data.poses:
+        return []
+    moved = Moved.of(asked)
+    if not FEWEST <= len(moved.force) <= MOST:
+        return []
+    given = _fit(moved, np.arange(len(moved.force)))
+    least = float(special.chdtri(1, alarms.EXCHANGED / len(moved.force) ** 2))
+    if (np.diag(given.cost) <= least).all() and _usual(given):
+        return []
+    return _states(asked, moved) or _loads(asked, moved, given, least)
+
+
+def _fit(moved: Moved, order: Ints) -> _Fit:
+    """The pulls with logged force `order[i]` in pull i."""
+    x = moved.solved(moved.force[order])
+    return _beside(moved, x, order)
+
+
+def _beside(moved: Moved, x: Array, order: Ints) -> _Fit:
+    due, own = moved.due(x)
+    force = moved.force[order]
+    part = np.abs(due / force - 1)
+    model = max(1.4826 * float(np.median(part)), _MODEL)  # of a normal distribution
+    var = own**2 + moved.std**2 + (model * force) ** 2
+    cost = (moved.force[:, None] - due) ** 2 / var
+    left = float(np.mean(np.minimum(part, 1.0)))
+    return _Fit(x, cost, model, left)
+
+
+# --- rows of the loads ----------------------------------------------------------------------------
+
+
+def _loads(asked: Screening, moved: Moved, given: _Fit, least: float) -> list[Mistake]:
+    """Rows that stand for each other, if that leaves all of them where they belong."""
+    row = rows_of(asked.case, asked.reduced.data, moved)
+    for fit, found in _orders(moved, given, least, row):
+        kept = [ring for ring in found if _changes(moved, ring)]
+        if kept:
+            return [_of_loads(asked, moved, fit, ring, row) for ring in kept]
+    return []
+
+
+def _orders(
+    moved: Moved, given: _Fit, least: float, row: Ints
+) -> Iterator[tuple[_Fit, list[Ring]]]:
+    """What may have happened to the column of forces, the simplest first, where it fits."""
+    count = len(moved.force)
+    few = rings(given.cost, least, least)
+    if few and _all_fit(moved, few, least):
+        yield _fit(moved, _order(few, count)), few
+    at = np.argsort(row)  # pulls in the order of the log
+    for step, ended in product((1, -1), (False, True)):
+        ring = shift(at, step, ended)
+        if _all_fit(moved, [ring], least):
+            yield _fit(moved, _order([ring], count)), [ring]
+    found = _sorted(moved, least)
+    if found is not None:
+        yield found
+
+
+def _order(found: Sequence[Ring], count: int) -> Ints:
+    """Which logged force belongs to each pull."""
+    order = np.arange(count)
+    for ring in found:
+        for here, there in ring.moves:
+            order[there] = here
+    return order
+
+
+def _all_fit(moved: Moved, found: Sequence[Ring], least: float) -> bool:
+    """Whether all that is moved fits where it is put, beside what most pulls agree on then."""
+    order = _order(found, len(moved.force))
+    fit = _fit(moved, order)
+    at = [(here, there) for ring in found for here, there in ring.moves]
+    here, there = np.array(at).T
+    after, before = fit.cost[here, there], fit.cost[here, here]
+    return bool((after <= least).all() and (before - after).mean() > least) and _usual(fit)
+
+
+def _usual(fit: _Fit) -> bool:
+    """Whether the pulls fit as pulls do that have their own forces."""
+    return fit.model < SPREAD
+
+
+SPREAD = 0.1
+"""Part of the force by which pulls miss the joint springs at most where their forces are right
+[1]: friction, clearance and a tooth that turns are below."""
+
+
+def _sorted(moved: Moved, least: float) -> tuple[_Fit, list[Ring]] | None:
+    """A column in any order, from stiffnesses as they typically are."""
+    count = len(moved.force)
+    x = np.ones(moved.G.shape[2])
+    due = moved.due(x)[0]
+    x = x * float(np.median(due[due > 0]) / np.median(moved.force)) if (due > 0).any() else x
+    order = np.arange(count)
+    for _ in range(_ROUNDS):
+        fit = _beside(moved, x, order)
+        found = rings(fit.cost, 1e-9, np.inf)
+        new = _order(found, count)
+        if (new == order).all():
+            break
+        order, x = new, moved.solved(moved.force[new])
+    fit = _fit(moved, order)
+    found = rings(fit.cost, least, least)
+    fine = bool(found) and _all_fit(moved, found, least)
+    return (_fit(moved, _order(found, count)), found) if fine else None
+
+
+def _changes(moved: Moved, ring: Ring) -> bool:
+    """Whether the exchange matters."""
+    here, there = np.array(ring.moves).T
+    return bool((np.abs(moved.force[here] / moved.force[there] - 1) > _MATTERS).any())
+
+
+def rows_of(case: Case, data: Measured, moved: Moved) -> Ints:
+    """Row of the loads of each pull, shape (m,)."""
+    key = pd.MultiIndex.from_frame(case.loads[["pose", "repeat"]])
+    pulls = data.pulls
+    mine = pd.MultiIndex.from_arrays([pulls.pose[moved.pull], pulls.repeat[moved.pull]])
+    return np.asarray(key.get_indexer(mine), dtype=np.int64)
+
+
+def _of_loads(asked: Screening, moved: Moved, fit: _Fit, ring: Ring, row: Ints) -> Mistake:
+    case, pulls = asked.case, asked.reduced.data.pulls
+    rows = case.loads.iloc[row[list(ring.members)]]
+    file = str(rows["file"].iloc[0])
+    keys = [(int(p), int(r)) for p, r in zip(rows["pose"], rows["repeat"], strict=True)]
+    names = [f"pose{p:02d} rep{r}" for p, r in keys]
+    at = tuple(f"{file}:{line}" for line in rows["line"])
+    where, also = f"{file} {ring.where(names)}", ""
+    groups = _groups_of(case, keys) if len(keys) == 2 and keys[0][0] == keys[1][0] else None
+    if groups is not None:
+        where, here = groups
+        at = (*at, *here)
+        also = ", or the readings of these groups"
+    here, there = np.array(ring.moves).T
+    due = moved.due(fit.x)[0][there]
+    worst = int(np.argmax(np.abs(moved.force[there] - moved.force[here])))
+    before = float(np.sqrt(fit.cost[here, here].max()))
+    after = float(np.sqrt(fit.cost[here, there].max()))
+    true = {
+        (int(pulls.pose[moved.pull[i]]), int(pulls.repeat[moved.pull[i]])): (
+            int(pulls.pose[moved.pull[j]]),
+            int(pulls.repeat[moved.pull[j]]),
+        )
+        for i, j in ring.moves
+    }
+    pull = names[[*ring.members].index(int(there[worst]))]
+    return Mistake(
+        name="exchanged",
+        where=where,
+        evidence=f"{file}: the forces of {said(ring, names, 'row')} stand in each other's place"
+        f"{also} ({lines(at)}): {pull} was logged with {plain(moved.force[there[worst]], 5)} N, "
+        f"and moved as by {plain(due[worst], 4)} N, which {plain(moved.force[here[worst]], 5)} N "
+        "of another row matches",
+        correction=f"recomputed with {where} exchanged",
+        before=before,
+        after=after,
+        unit="sigma",
+        correct=partial(_reloaded, true=true, lost=keys[0] if ring.ended else None),
+        at=at,
+    )
+
+
+def _groups_of(case: Case, keys: Sequence[tuple[int, int]]) -> tuple[str, tuple[str, ...]] | None:
+    """The groups of two pulls as `a/b`, and the lines of their readings."""
+    rows, names, at = case.readings, [], []
+    for pose, repeat in keys:
+        here = rows[(rows["pose"] == pose) & (rows["repeat"] == repeat)]
+        here = here[here["state"] == "loaded"]
+        if not len(here):
+            return None
+        names.append(str(here["group"].iloc[0]))
+        at += [f"{f}:{line}" for f, line in zip(here["file"], here["line"], strict=True)]
+    return "/".join(sorted(names)), tuple(at)
+
+
+def _reloaded(
+    case: Case,
+    true: dict[tuple[int, int], tuple[int, int]],
+    lost: tuple[int, int] | None,
+) -> Case:
+    """The loads with forces and masses in the rows where they belong."""
+    loads = case.loads.reset_index(drop=True)
+    keys = list(zip(loads["pose"].astype(int), loads["repeat"].astype(int), strict=True))
+    at = {key: k for k, key in enumerate(keys)}
+    source = np.arange(len(keys))
+    for here, there in true.items():
+        source[at[there]] = at[here]
+    moved = loads[["force_n", "mass_kg"]].iloc[source].set_axis(loads.index)
+    loads = loads.assign(force_n=moved["force_n"], mass_kg=moved["mass_kg"])
+    if lost is not None:
+        loads = loads.drop(index=at[lost])
+    return replace(case, loads=loads)
+
+
+# --- unloaded groups and pulls of a pose ----------------------------------------------------------
+
+
+def _states(asked: Screening, moved: Moved) -> list[Mistake]:
+    """Poses in which an unloaded group and a pull have each other's readings of the effector.
+
+    Against the compliances of all other poses: with its own, a pose of few would have its way.
+    """
+    placed, pulls = asked.reduced.placed, asked.reduced.data.pulls
+    rows = placed[placed["target"].isin(asked.case.settings.measured)]
+    rows = rows.drop_duplicates(["group", "target"])
+    found = []
+    for pose in rows["pose"].unique().tolist():
+        here = rows[rows["pose"] == pose]
+        mine = pulls.pose[moved.pull] == pose
+        if not mine.any() or (~mine).sum() < FEWEST:
+            continue
+        others = moved.only(~mine)
+        fit = _fit(others, np.arange(len(others.force)))
+        own = moved.only(mine)
+        due = dict(
+            zip(pulls.repeat[own.pull].tolist(), own.force[:, None] * (own.G @ fit.x), strict=True)
+        )
+        known = moved.noise, fit.model
+        for ring, names, before, after in _in_pose(asked.case, here, due, *known):
+            found.append(_of_states(asked.case, pose, ring, names, before, after))
+    return found
+
+
+def _in_pose(
+    case: Case, here: pd.DataFrame, pulls: dict[int, Array], noise: float, model: float
+) -> Iterator[tuple[Ring, list[str], float, float]]:
+    """Rings of the states of a pose with an unloaded one among them, and misfits before, after."""
+    measured = case.settings.measured
+    at = here.pivot(index="group", columns="target", values=XYZ)
+    at = at.reorder_levels([1, 0], axis=1).reindex(
+        columns=pd.MultiIndex.from_product([measured, XYZ])
+    )
+    first = here.drop_duplicates("group").set_index("group").loc[at.index]
+    zero = (first["state"] == "unloaded").to_numpy()
+    keys = first["repeat"].astype(int).tolist()
+    known = np.array([z or key in pulls for z, key in zip(zero, keys, strict=True)])
+    known &= at.notna().all(axis=1).to_numpy()
+    if known.sum() < 2 or not zero[known].any() or zero[known].all():
+        return
+    Y, zero = at.to_numpy(float)[known], zero[known]
+    keys = [key for key, k in zip(keys, known, strict=True) if k]
+    due = np.array(
+        [np.zeros(Y.shape[1]) if z else pulls[k] for z, k in zip(zero, keys, strict=True)]
+    )
+    names = [str(name) for name in at.index[known]]
+    usual = noise**2 + model**2 * np.mean(due**2, axis=1)  # of each place
+
+    def misfit(j: int, k: int) -> Array:
+        """Of all contents in all places where content j is in place k."""
+        square = np.mean((Y[:, None] - (Y[j] - due[k]) - due) ** 2, axis=2)
+        return np.asarray(square / (usual + usual[k]))
+
+    some = int(np.flatnonzero(zero)[0])
+    costs = [misfit(j, k) for j in range(len(Y)) for k in {j, some}]
+    best = min(costs, key=_total)
+    for ring in rings(best, _APART**2, _APART**2):
+        kinds = zero[list(ring.members)]
+        if kinds.any() and not kinds.all() and not ring.ended:
+            before = max(best[i, i] for i, _ in ring.moves)
+            after = max(best[i, j] for i, j in ring.moves)
+            yield ring, names, float(np.sqrt(before)), float(np.sqrt(after))
+
+
+def _total(cost: Array) -> float:
+    """What the best assignment leaves, its moves counted."""
+    found = rings(cost, _APART**2, np.inf)
+    order = _order(found, len(cost))
+    moves = int((order != np.arange(len(cost))).sum())
+    return float(cost[order, np.arange(len(cost))].sum()) + _APART**2 * moves
+
+
+def _of_states(
+    case: Case, pose: int, ring: Ring, names: list[str], before: float, after: float
+) -> Mistake:
+    mine = [names[k] for k in ring.members]
+    true = {names[i]: names[j] for i, j in ring.moves}
+    rows = case.readings
+    rows = rows[rows["group"].isin(mine) & rows["target"].isin(case.settings.measured)]
+    at = tuple(f"{f}:{line}" for f, line in zip(rows["file"], rows["line"], strict=True))
+    where = ring.where(mine)
+    return Mistake(
+        name="exchanged",
+        where=where,
+        evidence=f"in pose {pose} the readings of {said(ring, mine, 'group')} stand in each "
+        f"other's place ({lines(at)}): as recorded, the effector is up to {plain(before, 2)} times "
+        f"as far as usual from where the pulls put it, and {plain(after, 2)} times with them "
+        "exchanged",
+        correction=f"recomputed with {where} exchanged",
+        before=before,
+        after=after,
+        unit="sigma",
+        correct=partial(regrouped, true=true, out=frozenset(), chain=False),
+        at=at,
+    )
+
+
+FAULT = Fault("exchanged", "exchanged groups or rows", exchanged_pulls, in_files=True)

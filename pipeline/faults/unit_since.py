@@ -1,0 +1,198 @@
+"""A unit that changes in mid-file: from some row on the numbers are in another one.
+
+Of forces the pulls tell it: with factors c_i of the readings and relative weights w_i = 1 / |y_i|
+the squares that the joint springs leave are quadratic in them, so that every row and every unit can
+be tried. Of the joint log the robot's table tells it; an export of the tracker that changes its
+unit is refused where it is read.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Ints
+from pipeline.faults.assignment import lines
+from pipeline.faults.conventions import LOGGED
+from pipeline.faults.exchanged import misplaced
+from pipeline.faults.exchanged_pulls import FEWEST, MOST, SPREAD, Moved, rows_of
+from pipeline.faults.fault import Fault, Screening
+from pipeline.faults.mistake import Mistake
+from pipeline.machine.effect import PULLED
+from pipeline.readers.known import BETTER
+from pipeline.readers.logs import FORCE
+from pipeline.reduction.case import Case
+from pipeline.reduction.measured import STILL_M
+
+_ROWS = 2
+"""Rows in each unit at least: a single one is a reading that is wrong."""
+
+
+def unit_since(asked: Screening) -> list[Mistake]:
+    """The row from which on the joint log or the scale are in another unit."""
+    case = asked.case
+    if case.settings.displacements is not None:
+        return []
+    return [*_joints(case)] or _forces(asked)
+
+
+# --- the scale ------------------------------------------------------------------------------------
+
+
+def _forces(asked: Screening) -> list[Mistake]:
+    if asked.reduced.data.poses:
+        return []
+    moved, data = Moved.of(asked), asked.reduced.data
+    if not FEWEST <= len(moved.force) <= MOST:
+        return []
+    if not (data.pulls.by[moved.pull] == PULLED).all():
+        return []
+    row = rows_of(asked.case, data, moved)
+    at = np.argsort(asked.case.loads["line"].to_numpy()[row])
+    found = _split(moved, at)
+    if found is None:
+        return []
+    first, unit, sign = found
+    rows = asked.case.loads.iloc[row[at[first:]]]
+    return [_of_forces(asked.case, rows, unit, sign)]
+
+
+def _split(moved: Moved, at: Ints) -> tuple[int, str, int] | None:
+    """First pull in another unit, that unit, and 1 where its numbers were read as N."""
+    N, b, square = _normal(moved, at)
+    whole = np.sqrt(_left(N.sum(axis=0), b.sum(axis=0), square))
+    tried = {}
+    for unit, factor in FORCE.items():
+        for sign in (1, -1) if factor != 1 else ():
+            c = float(factor**sign)
+            for first in range(_ROWS, len(at) - _ROWS + 1):
+                head, tail = slice(None, first), slice(first, None)
+                both = N[head].sum(axis=0) + c**2 * N[tail].sum(axis=0)
+                left = _left(both, b[head].sum(axis=0) + c * b[tail].sum(axis=0), square)
+                tried[first, unit, sign] = np.sqrt(left)
+    best = min(tried, key=lambda one: tried[one])
+    if tried[best] > SPREAD or tried[best] * BETTER > whole:
+        return None
+    return _likelier(moved, at, best)
+
+
+def _normal(moved: Moved, at: Ints) -> tuple[Array, Array, float]:
+    """Normal equations of each pull in the order of the file, and its squares, all relative."""
+    w = 1 / np.maximum(np.linalg.norm(moved.y, axis=1), STILL_M)
+    A, y = (w * moved.force)[:, None, None] * moved.G, w[:, None] * moved.y
+    N, b = np.einsum("mci,mcj->mij", A, A), np.einsum("mci,mc->mi", A, y)
+    return N[at], b[at], float(len(at))
+
+
+def _left(N: Array, b: Array, square: float) -> float:
+    """Mean square that is left of each pull, as a part of it."""
+    size = np.sqrt(np.maximum(np.diag(N), 1e-300))
+    x = linear.inverse(N / size / size[:, None]) @ (b / size)
+    return max(1 - float(x @ (b / size)) / square, 0.0)
+
+
+def _likelier(moved: Moved, at: Ints, best: tuple[int, str, int]) -> tuple[int, str, int] | None:
+    """The same, unless what came before is rather what is in another unit: stiffnesses tell."""
+    first, unit, sign = best
+    factor = np.ones(len(at))
+    factor[at[first:]] = FORCE[unit] ** sign
+    x = moved.solved(moved.force * factor)
+    off = float(np.abs(np.log(np.median(x[x > 0])))) if (x > 0).any() else np.inf
+    other = float(np.abs(np.log(np.median(x[x > 0]) * FORCE[unit] ** sign)))
+    return best if off <= other or sign == -1 else (first, unit, sign)
+
+
+def _of_forces(case: Case, rows: pd.DataFrame, unit: str, sign: int) -> Mistake:
+    file, factor = str(rows["file"].iloc[0]), float(FORCE[unit] ** sign)
+    at = tuple(f"{file}:{line}" for line in rows["line"])
+    keys = frozenset(zip(rows["pose"].tolist(), rows["repeat"].tolist(), strict=True))
+    said = f"are {unit} and were read as N" if sign == 1 else f"are N and were read as {unit}"
+    return _finding(
+        where=unit if sign == 1 else "n",
+        says=f"from {at[0]} on the numbers of the scale {said}",
+        why=f"these pulls moved the robot {factor:.4g} times as far as the others for their force",
+        at=at,
+        factor=factor,
+        correct=partial(_times, keys=keys, factor=factor),
+    )
+
+
+def _times(case: Case, keys: frozenset[tuple[int, int]], factor: float) -> Case:
+    loads = case.loads
+    mine = [key in keys for key in zip(loads["pose"], loads["repeat"], strict=True)]
+    return replace(
+        case,
+        loads=loads.assign(
+            force_n=loads["force_n"].where(~np.array(mine), loads["force_n"] * factor)
+        ),
+    )
+
+
+# --- the joint log --------------------------------------------------------------------------------
+
+
+def _from(wrong: Bools, right: Bools) -> int | None:
+    """The first of those that are wrong to the end, all before being right."""
+    if not wrong.any():
+        return None
+    first = int(np.argmax(wrong))
+    whole = bool(wrong[first:].all() and right[:first].all())
+    return first if whole and first >= _ROWS and len(wrong) - first >= _ROWS else None
+
+
+def _joints(case: Case) -> Iterator[Mistake]:
+    """Rows from which on the robot is elsewhere, and where it was read with another unit."""
+    before = misplaced(case)
+    log = case.joints.sort_values(["file", "line"])
+    wrong = log["pose"].isin(before).to_numpy(bool)
+    first = _from(wrong, ~wrong)
+    if first is None:
+        return
+    poses = frozenset(log["pose"].iloc[first:].tolist())
+    for ending, unit, factor, says in LOGGED:
+        columns = [name for name in case.joint_columns if name.endswith(ending)]
+        correct = partial(_relogged, columns=columns, poses=poses, factor=factor)
+        if columns and not misplaced(correct(case)):
+            at = tuple(f"{f}:{line}" for f, line in zip(log["file"], log["line"], strict=True))[
+                first:
+            ]
+            yield _finding(
+                where=unit,
+                says=f"from {at[0]} on in the joint log {says}",
+                why="with that corrected the reflectors are where the robot file places them",
+                at=at,
+                factor=factor,
+                correct=correct,
+            )
+            return
+
+
+def _relogged(case: Case, columns: Sequence[str], poses: frozenset[int], factor: float) -> Case:
+    scale = np.where(case.joints["pose"].isin(poses), factor, 1.0)
+    new = {name: case.joints[name] * scale for name in columns}
+    return replace(case, joints=case.joints.assign(**new))
+
+
+def _finding(
+    *, where: str, says: str, why: str, at: tuple[str, ...], factor: float, correct: partial[Case]
+) -> Mistake:
+    return Mistake(
+        name="unit_mixup",
+        where=where,
+        evidence=f"{says} ({lines(at)}): {why}",
+        correction=f"recomputed with these rows times {factor:.4g}",
+        before=float(max(factor, 1 / factor)),
+        after=1.0,
+        unit="1",
+        correct=correct,
+        at=at,
+        since=at[0],
+    )
+
+
+FAULT = Fault("unit_mixup", "mixed-up unit", unit_since, in_files=True)

@@ -1,0 +1,321 @@
+"""Groups and rows in each other's place: files are rewritten, the right order is found again."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from small_case import asked
+
+from pipeline.faults.assignment import Ring, rings
+from pipeline.faults.base_names import base_names
+from pipeline.faults.exchanged import exchanged
+from pipeline.faults.exchanged_pulls import exchanged_pulls
+from pipeline.reduction.bring import conformed, plain
+from pipeline.run import ingested
+from pipeline.simulate import Plan, simulate
+from pipeline.store.campaign import in_memory
+
+SEEDS = range(10)
+"""Campaigns of each kind of game."""
+
+POSES = 7
+
+
+@cache
+def files(seed):
+    """A campaign of seven poses with three load steps, of a machine that is none of the paper's."""
+    odd = {"effects": ["joint_lost_motion:2"]} if seed % 2 else {}
+    plan = Plan(
+        name="right", seed=seed, poses={"count": POSES}, hidden={"stiffness_spread": 0.3, **odd}
+    )
+    return dict(simulate(plan).files)
+
+
+def case(made):
+    return ingested(in_memory(made), conformed, plain, plausible=False)
+
+
+def table(made, name):
+    head, *rows = made[name].decode().splitlines()
+    return head, [row.split(",") for row in rows]
+
+
+def written(made, name, head, rows):
+    return made | {name: ("\n".join([head, *(",".join(row) for row in rows)]) + "\n").encode()}
+
+
+def reordered(made, name, columns, order):
+    """A log whose row i has the cells of row `order[i]` in some columns."""
+    head, rows = table(made, name)
+    new = [list(row) for row in rows]
+    for i, k in enumerate(order):
+        for column in columns:
+            new[i][column] = rows[k][column]
+    return written(made, name, head, new)
+
+
+def regrouped(made, names, effector_only=False):
+    """The export with the coordinates of some groups under each other's names."""
+    head, rows = table(made, "tracker.csv")
+    of = {(row[0], row[1]): row[2:5] for row in rows}
+    names = names | {b: a for a, b in names.items()}
+    new = [
+        row[:2] + of[names[row[0]], row[1]] + row[5:]
+        if row[0] in names
+        and (names[row[0]], row[1]) in of
+        and not (effector_only and "l" in row[1])
+        else row
+        for row in rows
+    ]
+    return written(made, "tracker.csv", head, new)
+
+
+def zeros(made, pose):
+    """The unloaded groups of a pose."""
+    names = dict.fromkeys(row[0] for row in table(made, "tracker.csv")[1])
+    return [name for name in names if name.startswith(f"pose{pose:02d}") and "unloaded" in name]
+
+
+def swapped(count, one, other):
+    order = list(range(count))
+    order[one], order[other] = other, one
+    return order
+
+
+def put_right(found, given):
+    for one in found:
+        given = one.correct(given)
+    return given
+
+
+def same(mine, right):
+    """Whether two campaigns say the same, their readings by what was read at the same place."""
+    for name, key in (("joints", ["pose"]), ("loads", ["pose", "repeat"])):
+        a, b = (getattr(one, name).drop(columns=["line", "file"]) for one in (mine, right))
+        a, b = (one.sort_values(key).reset_index(drop=True) for one in (a, b))
+        assert np.allclose(
+            a.select_dtypes("number").to_numpy(float),
+            b.select_dtypes("number").to_numpy(float),
+            equal_nan=True,
+        ), name
+    assert stands(mine) == stands(right)
+
+
+def stands(one):
+    """What was read where, of which pose and state."""
+    rows = one.readings
+    at = rows[["x_m", "y_m", "z_m"]].round(9).itertuples(index=False, name=None)
+    names = ["group", "target", "pose", "repeat", "state"]
+    said = rows[names].astype(str).itertuples(index=False, name=None)
+    return sorted(zip(said, at, strict=True))
+
+
+def told(found, made):
+    """The lines that mistakes name, as they stand in the files."""
+    for one in found:
+        for place in one.at:
+            file, line = place.rsplit(":", 1)
+            yield made[file].decode().splitlines()[int(line) - 1]
+
+
+# --- rows of the joint log, groups of poses -------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("kind", ["two", "off by one", "back by one", "shuffled"])
+def test_rows_of_the_joint_log_are_put_back(seed, kind):
+    """Two of them, all by one, or all in any order: each pose has its own joint values again."""
+    rng = np.random.default_rng(seed)
+    one, other = rng.choice(POSES, 2, replace=False).tolist()
+    order = {
+        "two": swapped(POSES, one, other),
+        "off by one": [*range(1, POSES), 0],
+        "back by one": [POSES - 1, *range(POSES - 1)],
+        "shuffled": rng.permutation(POSES).tolist(),
+    }[kind]
+    made = reordered(files(seed), "joints.csv", range(1, 9), order)
+
+    found = exchanged(case(made))
+
+    assert {one.name for one in found} == {"exchanged"}
+    same(put_right(found, case(made)), case(files(seed)))
+    wrong = {i + 1 for i, k in enumerate(order) if i != k}
+    assert {int(row.split(",")[0]) for row in told(found, made)} == wrong
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_a_joint_log_without_its_first_row(seed):
+    """Every pose has the row of the next one; pose 1 has none, which leaves it out."""
+    head, rows = table(files(seed), "joints.csv")
+    made = written(
+        files(seed), "joints.csv", head, [[str(k), *row[1:]] for k, row in enumerate(rows[1:], 1)]
+    )
+
+    right = put_right(exchanged(case(made)), case(made))
+
+    q = case(files(seed)).joints.set_index("pose")[right.joint_columns]
+    mine = right.joints.set_index("pose")[right.joint_columns]
+    assert sorted(mine.index) == [2, 3, 4, 5, 6]
+    assert np.allclose(mine, q.loc[mine.index])
+    assert 1 not in set(right.readings["pose"].dropna())
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("kind", ["pulls", "effector", "one pull", "zero"])
+def test_groups_of_two_poses_are_put_back(seed, kind):
+    """All pulls with or without the chain, one pull, one zero: in the pose where it was read."""
+    one, other = np.random.default_rng(seed).choice(POSES, 2, replace=False) + 1
+    groups = {f"pose{one:02d}_rep{k}_loaded": f"pose{other:02d}_rep{k}_loaded" for k in (1, 2, 3)}
+    if kind == "one pull":
+        groups = {f"pose{one:02d}_rep1_loaded": f"pose{other:02d}_rep3_loaded"}
+    if kind == "zero":
+        groups = {zeros(files(seed), one)[1]: zeros(files(seed), other)[1]}
+    made = regrouped(files(seed), groups, effector_only=kind == "effector")
+
+    found = exchanged(case(made))
+
+    assert [one.name for one in found] == ["exchanged"]
+    same(put_right(found, case(made)), case(files(seed)))
+    named = {row.split(",")[0] for row in told(found, made)}
+    assert named == {*groups, *groups.values()}
+    assert len(found[0].at) == 2 * len(groups) * (5 if kind in ("pulls", "one pull") else 3)
+
+
+# --- forces, states of a pose ---------------------------------------------------------------------
+
+PULLS = 3 * POSES
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("kind", ["two", "steps", "off by one", "back by one"])
+def test_rows_of_the_loads_are_put_back(seed, kind):
+    """Two of different steps, in one pose or not, or all by one: each pull has its force again."""
+    rng = np.random.default_rng(seed)
+    one, other = rng.choice(POSES, 2, replace=False).tolist()
+    order = {
+        "two": swapped(PULLS, 3 * one, 3 * other + 1),
+        "steps": swapped(PULLS, 3 * one, 3 * one + 1),
+        "off by one": [*range(1, PULLS), 0],
+        "back by one": [PULLS - 1, *range(PULLS - 1)],
+    }[kind]
+    made = reordered(files(seed), "loads.csv", [2], order)
+
+    found = exchanged_pulls(asked(case(made)))
+
+    assert [one.name for one in found] == ["exchanged"]
+    same(put_right(found, case(made)), case(files(seed)))
+    rows = [row for row in told(found, made) if "," in row and row[0].isdigit()]
+    assert len(rows) == sum(i != k for i, k in enumerate(order))
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+def test_two_steps_name_the_groups_that_may_be_meant_instead(seed):
+    """Groups of two steps and their rows exchanged are the same numbers: all lines are named."""
+    pair = {"pose04_rep1_loaded": "pose04_rep2_loaded"}
+    made = regrouped(files(seed), pair)
+
+    (found,) = exchanged_pulls(asked(case(made)))
+
+    assert found.where == "pose04_rep1_loaded/pose04_rep2_loaded"
+    lines = list(told([found], made))
+    assert len(lines) == 2 + 10
+    assert sum(line.startswith("4,") for line in lines) == 2
+    f = found.correct(case(made)).loads.set_index(["pose", "repeat"])["force_n"]
+    given = case(made).loads.set_index(["pose", "repeat"])["force_n"]
+    assert (f[4, 1], f[4, 2]) == (given[4, 2], given[4, 1])
+
+
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("which", [0, 1])
+def test_an_unloaded_group_and_a_pull_are_put_back(seed, which):
+    """The zero before or after the pulls has the readings of the effector under load."""
+    made = regrouped(files(seed), {zeros(files(seed), 3)[which]: "pose03_rep2_loaded"})
+
+    found = exchanged_pulls(asked(case(made)))
+
+    assert [one.where for one in found] == [
+        "/".join(sorted([zeros(files(seed), 3)[which], "pose03_rep2_loaded"]))
+    ]
+    same(put_right(found, case(made)), case(files(seed)))
+    assert len(found[0].at) == 6
+
+
+# --- base reflectors ------------------------------------------------------------------------------
+
+EVEN = {"B1": (0.6, -0.5, -0.30), "B2": (0.6, 18.5, -0.30), "B3": (-0.6, 18.5, -0.28)}
+LAYOUTS = {
+    "a rectangle": EVEN | {"B4": (-0.6, -0.5, -0.28)},
+    "uneven": {"B1": (0.6, -0.5, -0.3), "B2": (0.9, 17.1, 0.4), "B3": (-0.6, 18.5, -0.28),
+               "B4": (-1.3, 2.5, 0.1)},
+    "three": {"B1": (0.6, -0.5, -0.3), "B2": (0.9, 17.1, 0.4), "B3": (-1.3, 2.5, 0.1)},
+}  # fmt: skip
+
+
+@pytest.mark.parametrize("layout", LAYOUTS)
+@pytest.mark.parametrize("order", [(1, 0, 2, 3), (2, 1, 0, 3), (1, 2, 3, 0), (2, 3, 0, 1)])
+def test_places_of_base_reflectors_are_put_back(layout, order):
+    """Two exchanged, or all off by one or two, where distances tell and where they do not."""
+    base = LAYOUTS[layout]
+    names = list(base)
+    order = [k % len(names) for k in order[: len(names)]]
+    if sorted(order) != list(range(len(names))):
+        order = [1, 2, 0]
+    plan = Plan(name="base", seed=2, base_frame=base, poses={"count": 4})
+    right = case(simulate(plan).files)
+    stated = {name: base[names[k]] for name, k in zip(names, order, strict=True)}
+    given = right.settings.model_copy(update={"base_frame": stated})
+
+    (found,) = base_names(case_with(right, given))
+
+    assert found.name == "label_swap"
+    assert found.correct(case_with(right, given)).settings.base_frame == base
+    assert base_names(right) == []
+
+
+def case_with(given, settings):
+    return replace(given, settings=settings)
+
+
+# --- nothing is wrong -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_a_clean_campaign_has_nothing_exchanged(seed):
+    """Also where repeats are equal, or the machine is none of the paper's."""
+    given = case(files(seed))
+    assert exchanged(given) == exchanged_pulls(asked(given)) == base_names(given) == []
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_what_is_equal_cannot_be_exchanged(seed):
+    """Equal rows of the joint log, equal forces in other rows: nothing is said."""
+    made = reordered(files(seed), "joints.csv", range(1, 9), [0, 1, 2, 3, 4, 5, 5])
+    assert exchanged(case(made)) == []
+    _, rows = table(files(seed), "loads.csv")
+    alike = [k for k, row in enumerate(rows) if row[1] == "1"]
+    made = reordered(files(seed), "loads.csv", [2], swapped(PULLS, *alike[:2]))
+    assert exchanged_pulls(asked(case(made))) == []
+
+
+# --- the assignment -------------------------------------------------------------------------------
+
+
+def test_a_move_must_be_worth_it_and_end_well():
+    """A gain below the threshold moves nothing; a bad end refuses a ring but not the others."""
+    cost = np.array([[9.0, 0, 50, 50], [0, 9, 50, 50], [50, 50, 40, 3], [50, 50, 6, 40]])
+    assert rings(cost, 10, 10) == [Ring((2, 3))]
+    assert rings(cost, 5, 5) == [Ring((0, 1))]
+    assert rings(cost, 5, 10) == [Ring((0, 1)), Ring((2, 3))]
+    assert rings(np.zeros((3, 3)), 1, 1) == rings(np.zeros((1, 1)), 1, 1) == []
+
+
+def test_a_row_too_few_leaves_one_without_a_place():
+    """Each of four belongs one place later: the last nowhere, and nothing in the first place."""
+    cost = np.full((4, 4), 1e6)
+    cost[[0, 1, 2], [1, 2, 3]] = 0.0
+    (found,) = rings(cost, 10, 10)
+    assert found == Ring((0, 1, 2, 3), ended=True)
+    assert found.moves == [(0, 1), (1, 2), (2, 3)]
+    assert found.by_one
+    assert rings(cost[:3, :3], 10, 10) == []

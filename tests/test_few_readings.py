@@ -1,0 +1,50 @@
+"""Small and spoilt campaigns that ended in an internal error once: each has an answer."""
+
+import pytest
+from test_exchanged import LAYOUTS, table, written
+
+from pipeline.run import answered
+from pipeline.simulate import Plan, simulate
+from pipeline.store.campaign import in_memory
+
+ONE_TARGET = {"load_point": (0.15, 0.0, 0.25), "P1": (0.2, 0.05, 0.12)}
+
+
+def verdict(made):
+    return str(answered("few", in_memory(made)).answer.diagnosis.verdict)
+
+
+def lost(made, pose):
+    """The unloaded readings of a pose at the origin: the lock was lost."""
+    head, rows = table(made, "tracker.csv")
+    new = [
+        row[:2] + ["0.0000"] * 3 + row[5:]
+        if row[0].startswith(f"pose{pose:02d}") and "unloaded" in row[0]
+        else row
+        for row in rows
+    ]
+    return written(made, "tracker.csv", head, new)
+
+
+def test_the_fullest_pose_has_no_displacement():
+    """Its forces are known, its zeros are not: the next pose is pulled as another one was."""
+    steps = [[1000.0, 2000.0, 3000.0, 1500.0], [1200.0, 3000.0], [1200.0, 3000.0]]
+    plan = Plan(
+        name="few", seed=2, tool=ONE_TARGET, poses={"count": 3}, pulls={"pose_steps_n": steps}
+    )
+    assert verdict(lost(dict(simulate(plan).files), 1)) == "bad_data"
+
+
+@pytest.mark.parametrize("layout", ["uneven", "three"])
+@pytest.mark.parametrize("step", [1, 2])
+def test_all_places_of_the_base_reflectors_are_off(layout, step):
+    """Shifted by a row or two, no three of them agree as stated: their names are put back."""
+    base = LAYOUTS[layout]
+    plan = Plan(name="few", seed=3, base_frame=base, poses={"count": 4})
+    made = dict(simulate(plan).files)
+    text = made["campaign.toml"].decode()
+    rows = [line for line in text.splitlines() if line[:1] == "B" and line[1:2].isdigit()]
+    places = [row.split("=")[1] for row in rows]
+    for row, place in zip(rows, places[step:] + places[:step], strict=True):
+        text = text.replace(row, f"{row.split('=')[0]}={place}#", 1)
+    assert verdict(made | {"campaign.toml": text.encode()}) == "bad_data"

@@ -1,0 +1,34 @@
+"""Numbers as they are mistyped: the one that was meant is found, none where it is merely off."""
+
+import numpy as np
+import pytest
+
+from pipeline.faults.typed import intended
+
+
+@pytest.mark.parametrize(
+    ("given", "meant", "slip"),
+    [
+        (2894.6, 2984.6, "two digits exchanged"),
+        (298.46, 2984.6, "the decimal point in the wrong place"),
+        (120792.0, 1207.92, "the decimal point in the wrong place"),
+        (12079.2, 1207.92, "the decimal point in the wrong place"),
+        (1984.6, 2984.6, "one digit wrong"),
+        (284.6, 2984.6, "one digit lost"),
+        (23984.6, 2984.6, "one digit too many"),
+    ],
+)
+def test_the_number_that_was_meant(given, meant, slip):
+    """The pulls say it within a few newtons; which slip it was follows."""
+    found = intended(given, meant + 3.0, 4.0)
+    assert found is not None
+    assert found[0] == pytest.approx(meant)
+    assert found[1] == slip
+
+
+def test_a_number_that_no_slip_explains_has_no_other_meaning():
+    """Between the numbers that one slip reaches nothing is proposed."""
+    assert intended(2984.6, 2451.0, 2.0) is None
+    rng = np.random.default_rng(1)
+    hits = [intended(2984.6, fits, 0.05) for fits in rng.uniform(1000, 2900, 300)]
+    assert sum(one is not None for one in hits) < 10

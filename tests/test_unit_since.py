@@ -1,0 +1,54 @@
+"""A unit that changes in mid-file: the row from which on, and the numbers as they were meant."""
+
+import numpy as np
+import pytest
+from small_case import asked
+from test_exchanged import PULLS, case, files, same, table, written
+
+from pipeline.faults.unit_since import unit_since
+
+NEWTONS = {"kgf": 9.80665, "lbf": 4.4482216152605, "kn": 1000.0, "dan": 10.0}
+
+
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("unit", NEWTONS)
+def test_forces_in_another_unit_from_some_row_on(seed, unit):
+    """Anywhere but in the first and last rows: unit, line and forces."""
+    first = int(np.random.default_rng(seed).integers(3, PULLS - 3))
+    head, rows = table(files(seed), "loads.csv")
+    new = [
+        [*row[:2], repr(float(row[2]) / NEWTONS[unit]) if k >= first else row[2], *row[3:]]
+        for k, row in enumerate(rows)
+    ]
+    made = written(files(seed), "loads.csv", head, new)
+
+    (found,) = unit_since(asked(case(made)))
+
+    assert found.name == "unit_mixup"
+    assert found.where in ({unit, "kgf", "dan"} if unit in ("kgf", "dan") else {unit})
+    assert found.since == f"loads.csv:{first + 2}"
+    assert found.at == tuple(f"loads.csv:{k + 2}" for k in range(first, PULLS))
+    if found.where == unit:
+        same(found.correct(case(made)), case(files(seed)))
+
+
+@pytest.mark.parametrize("seed", range(10))
+def test_joint_values_in_radians_from_some_row_on(seed):
+    """Among degrees: the rows are named, and each pose has its own joint values again."""
+    head, rows = table(files(seed), "joints.csv")
+    new = [
+        row[:2] + [f"{np.deg2rad(float(x)):.9f}" for x in row[2:8]] + row[8:] if k > 3 else row
+        for k, row in enumerate(rows)
+    ]
+    made = written(files(seed), "joints.csv", head, new)
+
+    (found,) = unit_since(asked(case(made)))
+
+    assert (found.where, found.since) == ("rad", "joints.csv:6")
+    same(found.correct(case(made)), case(files(seed)))
+
+
+@pytest.mark.parametrize("seed", range(30))
+def test_a_clean_campaign_changes_no_unit(seed):
+    """Whatever its machine does."""
+    assert unit_since(asked(case(files(seed)))) == []
