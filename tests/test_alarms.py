@@ -42,9 +42,7 @@ def test_every_rate_is_used_where_a_test_is_made():
 
     assert used == RATES | {"PLANNED"}  # that of one suspect, where nothing is measured yet
     counted = {*alarms.ACCUSING.values(), *alarms.OF_POSITIONS.values()}
-    assert counted == {
-        getattr(alarms, rate) for rate in RATES - {"COMPONENT", "EXCHANGED", "SCALE"}
-    }
+    assert counted == {getattr(alarms, rate) for rate in RATES - {"COMPONENT"}}
 
 
 KNOWN = {
