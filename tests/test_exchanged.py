@@ -210,6 +210,17 @@ def test_rows_of_the_loads_are_put_back(seed, kind):
 
 
 @pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("part", [0.9, 1.15, 3.0])
+def test_one_mistyped_force_is_no_exchange(seed, part):
+    """Another row may have nearly that number: it stands where it should."""
+    head, rows = table(files(seed), "loads.csv")
+    k = 3 * (seed % POSES) + 1
+    rows[k][2] = f"{part * float(rows[k][2]):.2f}"
+    made = written(files(seed), "loads.csv", head, rows)
+    assert exchanged_pulls(asked(case(made))) == []
+
+
+@pytest.mark.parametrize("seed", SEEDS)
 def test_two_steps_name_the_groups_that_may_be_meant_instead(seed):
     """Groups of two steps and their rows exchanged are the same numbers: all lines are named."""
     pair = {"pose04_rep1_loaded": "pose04_rep2_loaded"}

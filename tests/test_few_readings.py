@@ -1,8 +1,10 @@
 """Small and spoilt campaigns that ended in an internal error once: each has an answer."""
 
+import numpy as np
 import pytest
-from test_exchanged import LAYOUTS, table, written
+from test_exchanged import LAYOUTS, case, table, written
 
+from pipeline.reduction.register import agreed, register
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -33,6 +35,17 @@ def test_the_fullest_pose_has_no_displacement():
         name="few", seed=2, tool=ONE_TARGET, poses={"count": 3}, pulls={"pose_steps_n": steps}
     )
     assert verdict(lost(dict(simulate(plan).files), 1)) == "bad_data"
+
+
+def test_base_reflectors_of_which_no_three_agree():
+    """Nobody can say which of them is wrong: none is singled out."""
+    given = case(simulate(Plan(name="few", seed=3, poses={"count": 4})).files)
+    rng = np.random.default_rng(1)
+    base = {name: tuple(rng.uniform(-9, 9, 3).tolist()) for name in given.settings.base_frame}
+    settings = given.settings.model_copy(update={"base_frame": base})
+    seen, agree = agreed(register(settings, given.readings))
+    assert agree.all()
+    assert np.isfinite(seen.t).all()
 
 
 @pytest.mark.parametrize("layout", ["uneven", "three"])

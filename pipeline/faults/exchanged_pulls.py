@@ -190,7 +190,7 @@ def _loads(asked: Screening, moved: Moved, given: _Fit, least: float) -> list[Mi
     """Rows that stand for each other, if that leaves all of them where they belong."""
     row = rows_of(asked.case, asked.reduced.data, moved)
     for fit, found in _orders(moved, given, least, row):
-        kept = [ring for ring in found if _changes(moved, ring)]
+        kept = [ring for ring in found if _changes(moved, ring) and _both(fit, ring, least)]
         if kept:
             return [_of_loads(asked, moved, fit, ring, row) for ring in kept]
     return []
@@ -261,6 +261,12 @@ def _sorted(moved: Moved, least: float) -> tuple[_Fit, list[Ring]] | None:
     found = rings(fit.cost, least, least)
     fine = bool(found) and _all_fit(moved, found, least)
     return (_fit(moved, _order(found, count)), found) if fine else None
+
+
+def _both(fit: _Fit, ring: Ring, least: float) -> bool:
+    """Whether each of two is wrong where it stands: else one number is, and it was mistyped."""
+    own = fit.cost[list(ring.members), list(ring.members)]
+    return len(own) > 2 or bool((own > least).all())
 
 
 def _changes(moved: Moved, ring: Ring) -> bool:
