@@ -160,7 +160,8 @@ def _end(base: Base, suspects: Suspects, least: float, most: float) -> Held:
         variance = min(_variance(found, held, least), most)
         joined = np.union1d(held, _joining(found, suspects.blocks, variance))
         joined = _staying(base, suspects, joined, variance)
-        joined = _exchanged(base, suspects, joined, variance)
+        if joined.tobytes() == held.tobytes():  # dear, and seldom needed before all have joined
+            joined = _exchanged(base, suspects, joined, variance)
         if joined.tobytes() in tried or joined.size * suspects.D.shape[3] > _MOST * base.dof:
             break
         tried.add(joined.tobytes())
