@@ -117,7 +117,7 @@ class Watch:
                 if not self.further(self.said):
                     raise _Far
             got = stage(*args, **kwargs)
-            if stage.__name__ in ("screen", "screen_again"):
+            if stage.__name__ in ("files_of", "singles_of"):
                 self.said.words |= {f"mistake {m.name}" for m in got.findings}
             return got
 

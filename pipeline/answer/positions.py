@@ -37,7 +37,7 @@ from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.base.quantities import p_value, percent, plain
 from pipeline.base.tails import chi2_beyond
-from pipeline.diagnosis.finding import Finding, Verdict
+from pipeline.diagnosis.verdict import STANDS_M, Row, of_positions
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import layout
 from pipeline.geometry.named import NamedLaw
@@ -66,7 +66,7 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
     """
     last, springs = found.stages[-1], _stage(found, Step.SPRINGS)
     causes = tuple(_cause(law, raw.robot) for law in found.laws)
-    verdict = Verdict.EXPLAINED if causes else Verdict.ADEQUATE
+    row = of_positions(last.mean(Parting.BETWEEN), bool(causes))
     model = Which.EXTENDED if causes else Which.JOINT_SPRINGS
     reason = Reason.CAUSE_IDENTIFIED if causes else Reason.ADEQUATE
     lines = tuple(_first_screen(campaign, found, raw.robot, len(rejected)))
@@ -99,7 +99,7 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
         ),
         **dict(values),
         payloads=payloads,
-        diagnosis=_diagnosis(found, verdict, causes, lines[0].text),
+        diagnosis=_diagnosis(found, row, causes, lines[0].text),
         joint_springs=_values(springs),
         extended=_extended(last) if causes else None,
         budget=(),
@@ -433,7 +433,7 @@ def _first_screen(campaign: str, found: Study, robot: Robot, left_out: int) -> I
     stiffness = stiffness_entries(found.stages[-1].found)
     lines = (
         (About.VERDICT, _predicted(found)),
-        (About.TO_DO, _to_do(campaign, bool(found.laws))),
+        (About.TO_DO, _to_do(campaign, found)),
         (About.MODEL, _model(found)),
         (About.NUMBERS, f"{entered(stiffness, ())} They come from the arm's own weight."),
         (About.TOLERANCE, _NOT_JUDGED),
@@ -447,12 +447,25 @@ def _predicted(found: Study) -> str:
     first, last = (1e3 * found.stages[k].mean(Parting.BETWEEN) for k in (0, -1))
     return (
         f"Targets of held-out poses are predicted to {plain(last, 2)} mm on average, and to "
-        f"{plain(first, 2)} mm with the nominal DH parameters."
+        f"{plain(first, 2)} mm with the nominal DH parameters.{_refuted(last)}"
     )
 
 
-def _to_do(campaign: str, laws: bool) -> str:
+def _refuted(left_mm: float) -> str:
+    if left_mm <= 1e3 * STANDS_M:
+        return ""
+    return (
+        " No robot stands so far from its model: the joint log and the positions do not belong "
+        "together. Compare them row by row and column by column, check units, and do not use these "
+        "values."
+    )
+
+
+def _to_do(campaign: str, found: Study) -> str:
     """What to do with the values, and what of them no controller takes."""
+    laws = bool(found.laws)
+    if found.stages[-1].mean(Parting.BETWEEN) > STANDS_M:
+        return "Use none of these values; put the files right and run again."
     said = (
         "Use DH parameters, springs and laws together"
         if laws
@@ -540,14 +553,14 @@ def _next(found: Study, stiffness: Sequence[contract.Stiffness]) -> Iterator[str
 
 
 def _diagnosis(
-    found: Study, verdict: Verdict, causes: Sequence[contract.Cause], why: str
+    found: Study, row: Row, causes: Sequence[contract.Cause], why: str
 ) -> contract.Diagnosis:
     first, last = found.stages[0], found.stages[-1]
     none = contract.PosesPulls(poses=None, pulls=None)
     return contract.Diagnosis(
-        verdict=verdict,
+        verdict=row.verdict,
         why=why,
-        reasons=(Finding.CAUSE_IDENTIFIED if causes else Finding.NOTHING,),
+        reasons=(row.finding,),
         causes=tuple(causes),
         alone=(),
         unloaded_off_mm=(1e3 * first.mean(Parting.BETWEEN), 1e3 * last.mean(Parting.BETWEEN)),
