@@ -97,7 +97,7 @@ def test_two_rows_in_each_others_place_are_both_named():
     """Two of a dozen poses."""
     found = findings(logged(files(poses={"count": 12}), exchanged))
 
-    assert [f.where for f in found] == ["joints.csv pose02", "joints.csv pose07"]
+    assert [f.where for f in found] == ["joints.csv pose02/pose07"]
 
 
 def test_without_the_pose_of_a_wrong_row_the_result_is_that_of_good_data(clean):

@@ -13,6 +13,7 @@ from pipeline.system import alarms
 from pipeline.system.far import Far
 from pipeline.system.fit import Fitted
 from pipeline.system.system import Estimate, System
+from pipeline.system.whiten import whitener
 
 FAULTY = 10.0
 """Scatter over the stated one from which it is none of an instrument in order [1]. A tracker that
@@ -28,8 +29,9 @@ _LEFT = 0.25
 leaves more predicts less than half of a deflection."""
 
 
-_SEEN = 3.0
-"""Standard uncertainties from which a compliance is told from none [1]."""
+_SEEN = 9.0
+"""Drop of chi-square for each parameter from which compliances are told from none [1]: three
+standard uncertainties of each."""
 
 
 @dataclass(frozen=True)
@@ -88,7 +90,7 @@ def bounds(right: Fitted, system: System, estimate: Estimate, left: Far, force: 
         tracker=_tracker(right),
         force=max(force, _scale(right, "force_reading")),
         left=_left(right, system, estimate),
-        determined=_determined(estimate),
+        determined=_determined(system, estimate),
         far=left,
         worst_pose=pose,
         worst_target=target,
@@ -96,11 +98,18 @@ def bounds(right: Fitted, system: System, estimate: Estimate, left: Far, force: 
     )
 
 
-def _determined(estimate: Estimate) -> bool:
-    """Whether any parameter is told from nothing: a robot that does not give way is none."""
-    with np.errstate(invalid="ignore"):
-        seen = np.abs(estimate.value) > _SEEN * np.sqrt(np.diag(estimate.cov))
-    return bool((estimate.identifiable & seen & np.isfinite(estimate.value)).any())
+def _determined(system: System, estimate: Estimate) -> bool:
+    """Whether the model explains more than chance does: a robot that does not give way is none.
+
+    P[chi2(k) > (c' V^-1 c - r' V^-1 r) / v] of k parameters, v the variance that is left where no
+    noise is stated.
+    """
+    white = whitener(system.errors, system.rows.pose)
+    whole, rest = (float(np.sum(white(rows) ** 2)) for rows in (system.c, estimate.residual))
+    told = system.noise_stated or estimate.dof < 1
+    variance = 1.0 if told else max(rest / estimate.dof, np.finfo(float).tiny)
+    count = int(np.linalg.matrix_rank(system.B * system.typical))
+    return whole - rest > _SEEN * variance * max(count, 1)
 
 
 def _scale(right: Fitted, name: str) -> float:

@@ -139,7 +139,7 @@ def _fullest(data: Measured) -> Ints:
 
     Its readings may all be left out while its force is known.
     """
-    read = np.unique(data.pull)
+    read = np.intersect1d(data.pull, np.arange(len(data.pulls)))
     pose = data.pulls.pose[read]
     numbers, count = np.unique(pose, return_counts=True)
     return np.asarray(read[pose == numbers[np.argmax(count)]])

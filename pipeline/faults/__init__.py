@@ -44,13 +44,13 @@ FAULTS: tuple[Fault, ...] = (
     base_reflector.FAULT,
     base_reading.SEVERAL,
     pose_moved.FAULT,
-    reading.FAULT,
     chain.GROSS,
-    scale_reading.FAULT,
     chain.FAULT,
+    reading.FAULT,
+    scale_reading.FAULT,
     pull.REVERSED,
     pull.UNIT,
 )
-"""In the order of the tests: what spoils whole files; then what spoils one reading, the base before
-the robot; last what scales or turns all forces alike, which no residual shows and a bad reading
-may imitate."""
+"""In the order of the tests: what spoils whole files; then what spoils one reading, the base and the
+chain before the robot; last what scales or turns all forces alike, which no residual shows and a
+bad reading may imitate."""

@@ -130,6 +130,8 @@ def beam(data: Measured, system: System, X: Array) -> Beam:
     u, r = beams
     ratio, grown = _proportion(data, u), r[:, None] ** np.array(GROWTH)
     more, along, across = _fitted(system, X, u, grown)
+    if not np.isfinite(more).all():  # rows without any noise tell nothing of its parts
+        return stated
     along = across * np.clip(along / across, _LEAST / ratio, _MOST / ratio)
     std = np.sqrt(np.array([1.5, 0.75]) / dof)  # of an axis and of two, by counting
     logs = 0.5 * (more + np.log(2 * np.pi * (std @ std))) + _log_prior(along / across * ratio)
@@ -161,6 +163,9 @@ def _fitted(system: System, X: Array, u: Array, grown: Array) -> tuple[Array, Ar
         blocks = Blocks.of(parted, X, [("along",), ("across",)])
         if not tried:  # as it is stated, both parts alike
             found = np.full(2, blocks.rough)
+            if not np.isfinite(blocks.whole(found)):
+                none = np.full(grown.shape[1], np.nan)
+                return none, none, none
             stated = _alike(blocks, found[:1])
         found = lowest(blocks.loss, found)
         tried.append([stated - blocks.whole(found), *np.exp(found)])

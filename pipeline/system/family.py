@@ -144,7 +144,8 @@ class Family(Locked):
     def stated(cls, paper: bool = False) -> Family:
         """Nothing but what is stated."""
         none = np.zeros(_LAWS)
-        return cls(np.append(1.0, none[1:]), none, none + np.mean(MISTAKES), 1.0, paper)
+        usual = float(np.exp(np.mean(np.log(MISTAKES))))
+        return cls(np.append(1.0, none[1:]), none, none + usual, 1.0, paper)
 
     def mistaken(self, square: float, axes: int = 3) -> float:
         """Probability that a reading so far off is a blunder and not one of this family.
