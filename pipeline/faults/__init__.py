@@ -51,6 +51,6 @@ FAULTS: tuple[Fault, ...] = (
     pull.REVERSED,
     pull.UNIT,
 )
-"""In the order of the tests: what spoils whole files; then what spoils one reading, the base and the
-chain before the robot; last what scales or turns all forces alike, which no residual shows and a
-bad reading may imitate."""
+"""In the order of the tests: what spoils whole files; then what spoils one reading, the base and
+the chain before the robot; last what scales or turns all forces alike, which no residual shows and
+a bad reading may imitate."""
