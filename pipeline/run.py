@@ -16,11 +16,10 @@ from pipeline import tables
 from pipeline.answer import archive, fleet
 from pipeline.answer.answer import answer as answer_of
 from pipeline.answer.contract import Answer, Which
-from pipeline.answer.findings import Findings, Told
-from pipeline.answer.pictures import pictured
+from pipeline.answer.findings import Findings
+from pipeline.answer.kept import kept, predicted
 from pipeline.answer.recommended import (
     Basis,
-    Values,
     decide,
     identified,
     joint_springs,
@@ -29,32 +28,19 @@ from pipeline.answer.recommended import (
 )
 from pipeline.answer.reliability import control
 from pipeline.answer.standing import stood
-from pipeline.answer.tables import (
-    covariance_table,
-    errors_table,
-    estimate_table,
-    residuals_table,
-    system_table,
-)
 from pipeline.base.errors import InputError, at
 from pipeline.diagnosis.settle import settle
-from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
 from pipeline.machine.robot import Robot
 from pipeline.prediction import handover
 from pipeline.prediction.model import Model
 from pipeline.prediction.tolerance import Shown, asked, judge
-from pipeline.prediction.validate import none as no_validation
-from pipeline.prediction.validate import validate
-from pipeline.prediction.workspace import none as no_workspace
-from pipeline.prediction.workspace import workspace
 from pipeline.reduction.bring import Keep, Reduced, Step, bring, conformed, plain
 from pipeline.reduction.case import Case
 from pipeline.reduction.case import tool as tool
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
-from pipeline.reduction.pose_of_interest import Where
 from pipeline.reduction.stations import one_station
 from pipeline.report import workbook
 from pipeline.report.render import render
@@ -63,12 +49,8 @@ from pipeline.store.campaign import Campaign, Raw, dump
 from pipeline.system.fit import fit
 from pipeline.system.one_pose import as_measured
 
-_SEED = 20261103
 _LAST_RESORT = "campaign.toml"
 """Named in what rejects an input for reasons that stand in no one file."""
-
-_CORRECTED = (("22_forces", tables.FORCES), ("23_displacements", tables.DISPLACEMENTS))
-"""Tables that a mistake in the data changes, and that the answer rests on."""
 
 
 def run(campaign: Campaign, step: Step = plain, force: bool = False) -> Answer:
@@ -213,10 +195,10 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
     row = decide(Basis.of(facts, diagnosis))
     stands = standing(right, diagnosis)
     values = recommend(row, stands, diagnosis, where)
-    told = _told(values.model(name, word, row), values, where, step)
+    told = predicted(values.model(name, word, row), values, where, step)
     if row.model != Which.JOINT_SPRINGS or stands is not given:
         springs = joint_springs(given)
-        paper = _told(springs.model(name, word, row), springs, where, step)
+        paper = predicted(springs.model(name, word, row), springs, where, step)
     else:
         paper = told
     controls, carried = step(control)(values, where)
@@ -239,60 +221,8 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
         judged=step(judge)(told.model, where.q, where.force, shown_m, path, most_m),
         one_pose=pose,
     )
-    shown = {**right.reduced.shown, "rejected": case.rejected, **_kept(found, keep, step)}
+    shown = {**right.reduced.shown, "rejected": case.rejected, **kept(found, keep, step)}
     return Answered(answer_of(found), shown, told.model)
-
-
-def _told(model: Model, values: Values, where: Where, step: Step) -> Told:
-    """One model's values with what they predict."""
-    checked = None
-    if values.found.identifiable.any():
-        checked = step(validate)(values.hypotheses, where, np.random.default_rng(_SEED))
-    return Told(values, model, checked)
-
-
-def _kept(found: Findings, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
-    """The tables of the answer, and of the joint springs beside it."""
-    values, paper, where = found.told.values, found.springs.values, found.where
-    system, said = values.first.system, found.diagnosis
-    if found.mistakes:  # what the answer rests on stands under the usual names
-        given, used = found.given.reduced.shown, found.right.reduced.shown
-        for name, promise in _CORRECTED:
-            part = name[3:]
-            keep(f"{name}_as_given", given[part], promise)
-            keep(name, used[part], promise)
-    keep("30_system", system_table(system), tables.system(system.parameters))
-    keep("31_errors", errors_table(system), tables.ERRORS)
-    for suffix, one in (("", values), ("_joint_springs", paper)):
-        names, held = one.parameters, one.found
-        keep(f"40_estimate{suffix}", estimate_table(names, held), tables.ESTIMATE)
-        cov = covariance_table(names, held.cov)
-        keep(f"41_covariance{suffix}", cov, tables.covariance(names))
-    residuals = residuals_table(system, values.first.estimate, values.left_out_m)
-    cell, data = found.right.case.cell, found.right.data
-    keep("44_influence", found.carried, tables.INFLUENCE)
-    examined = examined_table(said, cell, data, found.right.system, found.right.estimate)
-    mine, alone = found.told.model.hypotheses, found.springs.model.hypotheses
-    soft = step(workspace)(mine, where)
-    other = no_workspace() if found.mistakes or alone is mine else workspace(alone, where)
-    checked = no_validation() if found.told.checked is None else found.told.checked
-    return pictured(found, keep, step) | {
-        "residuals": keep("42_residuals", residuals, tables.RESIDUALS),
-        "reliability": keep("43_reliability", found.control, tables.RELIABILITY),
-        "examined": keep("50_examined", examined, tables.examined(found.raw.robot)),
-        "diagnosis": keep("51_diagnosis", clues_table(said), tables.DIAGNOSIS),
-        "separability": keep("52_separability", apart_table(said), tables.SEPARABILITY),
-        "validation": keep("60_validation", checked, tables.VALIDATION),
-        "workspace": keep("61_workspace", soft, tables.WORKSPACE),
-        **_path(found, keep),
-        "workspace_joint_springs": keep("62_workspace_joint_springs", other, tables.WORKSPACE),
-    }
-
-
-def _path(found: Findings, keep: Keep) -> dict[str, pd.DataFrame]:
-    """The machining path, where [tolerance] names one."""
-    path = found.judged.path
-    return {} if path is None else {"path": keep("63_path", path, tables.PATH)}
 
 
 def _enough(data: Measured, robot: Robot) -> None:

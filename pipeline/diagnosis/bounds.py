@@ -9,6 +9,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
+from pipeline.base import linear
 from pipeline.system import alarms
 from pipeline.system.far import Far
 from pipeline.system.fit import Fitted
@@ -108,7 +109,8 @@ def _determined(system: System, estimate: Estimate) -> bool:
     whole, rest = (float(np.sum(white(rows) ** 2)) for rows in (system.c, estimate.residual))
     told = system.noise_stated or estimate.dof < 1
     variance = 1.0 if told else max(rest / estimate.dof, np.finfo(float).tiny)
-    count = int(np.linalg.matrix_rank(system.B * system.typical))
+    B = system.B * system.typical
+    count = linear.rank(B.T @ B)
     return whole - rest > _SEEN * variance * max(count, 1)
 
 

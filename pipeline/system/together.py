@@ -202,8 +202,7 @@ def _each(base: Base, suspects: Suspects, held: Ints) -> tuple[Array, Array, Int
     m = len(held)
     own = found.cov.reshape(m, k, m, k)[np.arange(m), :, np.arange(m)]
     drop = np.einsum("ni,nij,nj->n", size, linear.shortest(own), size)
-    rank = np.linalg.matrix_rank(own, hermitian=True)
-    return size, drop, np.asarray(rank, np.int64)
+    return size, drop, np.array([linear.rank(one) for one in own], np.int64)
 
 
 def sizes(base: Base, suspects: Suspects, held: Ints) -> Array:
