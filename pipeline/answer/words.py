@@ -20,6 +20,7 @@ from pipeline.base.quantities import (
     with_std,
 )
 from pipeline.diagnosis.average import LIKELY
+from pipeline.diagnosis.bounds import UNSTATED_M
 from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts, Named
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
@@ -427,10 +428,12 @@ def _predicts_nothing(facts: Facts) -> str:
 def _beyond_noise(facts: Facts) -> str:
     bounds = facts.bounds
     tracker = bounds.tracker >= bounds.force
-    what = "the readings of the targets scatter" if tracker else "the readings of the scale scatter"
-    times = plain(bounds.tracker if tracker else bounds.force, 2)
+    times = f"{plain(bounds.tracker if tracker else bounds.force, 2)} times as much as stated"
+    if tracker and not bounds.stated:
+        times = f"by {plain(1e3 * UNSTATED_M * bounds.tracker, 2)} mm"
+    of = "targets" if tracker else "scale"
     return (
-        f"{what.capitalize()} {times} times as much as stated, which no instrument in order does: "
+        f"The readings of the {of} scatter {times}, which no instrument in working order does: "
         f"check the stated uncertainty and its unit. {_look_first(facts)}"
     )
 

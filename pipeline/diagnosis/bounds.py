@@ -22,8 +22,8 @@ is twice as noisy as its certificate is usual; stating an MPE, an expanded uncer
 nearby for that at the far end errs by 2 or 3 (see `variance.FAR`). With a factor of 2 for one
 standard deviation of its logarithm, ten times is one instrument in two thousand."""
 
-_UNKNOWN_M = 1e-3
-"""The same where no noise is stated [m]: cameras and measuring arms of a hall reach 0.1 mm."""
+UNSTATED_M = 1e-4
+"""What stands for the stated noise where none is [m]: what cameras and arms of a hall reach."""
 
 _LEFT = 0.25
 """Part of the squared displacements that a model may leave beyond the stated noise [1]; one that
@@ -42,6 +42,7 @@ class Bounds:
     Attributes:
         tracker: Scatter of the readings in use over the stated one, tails and wander included;
             where none is stated, over a tenth of a millimetre.
+        stated: Whether a noise of the tracker is stated.
         force: The same of the scale.
         left: Part of the squared displacements that the model leaves beyond the stated noise.
         determined: Whether any stiffness is.
@@ -52,6 +53,7 @@ class Bounds:
     """
 
     tracker: float = 1.0
+    stated: bool = True
     force: float = 1.0
     left: float = 0.0
     determined: bool = True
@@ -89,6 +91,7 @@ def bounds(right: Fitted, system: System, estimate: Estimate, left: Far, force: 
     pose, target, worst_m = _worst(system, estimate)
     return Bounds(
         tracker=_tracker(right),
+        stated=right.noise.stated,
         force=max(force, _scale(right, "force_reading")),
         left=_left(right, system, estimate),
         determined=_determined(system, estimate),
@@ -127,7 +130,7 @@ def _tracker(right: Fitted) -> float:
     if right.noise.stated:
         return _scale(right, "tracker") * wide
     found_m = right.noise.of("tracker") if right.noise.replaced[0] else right.system.found_m
-    return (found_m or 0.0) * wide * FAULTY / _UNKNOWN_M
+    return (found_m or 0.0) * wide / UNSTATED_M
 
 
 def _left(right: Fitted, system: System, estimate: Estimate) -> float:
