@@ -409,3 +409,13 @@ def test_a_force_that_is_wrong_is_no_bad_reading():
     found = {one.where for one in reading.FAULT.find(asked(case))}
 
     assert found == {"pose05_rep2_loaded/P1", "pose04_rep1_loaded/P3"}
+
+
+@pytest.mark.parametrize("group", ["rep0_unloaded", "rep1_loaded", "rep3_unloaded"])
+def test_an_effector_that_moved_as_one_is_no_bad_reading(group):
+    """All three targets of a pull, or of either zero, shifted alike."""
+    case = small(9)
+    for target in ("P1", "P2", "P3"):
+        case = moved(case, where(case, f"pose03_{group}", target), [6e-4, 3e-4, -5e-4])
+
+    assert reading.FAULT.find(asked(case)) == []

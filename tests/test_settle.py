@@ -1,11 +1,13 @@
 """Mistakes, noise and causes beside each other: where it ends, and that it is an end."""
 
 from dataclasses import replace
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
 from small_case import moved, small, where
 
+from pipeline.diagnosis import settle as module
 from pipeline.diagnosis.settle import settle
 from pipeline.diagnosis.verdict import verdict
 from pipeline.reduction.bring import bring, plain
@@ -79,7 +81,7 @@ def test_the_order_of_rows_is_no_information(mistaken):
     ("count", "size_m"), [(1, 1e-3), (4, 2e-2), (10, 1e-3), (10, 2e-2), (14, 4e-3)]
 )
 def test_contamination_is_a_slope_and_no_cliff(count, size_m):
-    """One of 54 loaded readings to a quarter of them: named, or at least never green."""
+    """One of 54 loaded readings to a quarter of them: named, and never green."""
     case, true = spoilt(small(6, poses={"count": 9}), count, size_m, count)
 
     end = settled(case)
@@ -109,3 +111,16 @@ def test_noise_of_twenty_times_the_stated_is_no_noise():
     assert end.screened.findings == ()
     assert str(verdict(end.diagnosis.facts)) == "unexplained"
     assert end.diagnosis.facts.bounds.faulty
+
+
+def test_ends_that_follow_each_other_for_ever_are_as_good(monkeypatch):
+    """Of a circle the end with the fewest mistakes stands, and none from before it."""
+    follows = {0: 5, 5: 6, 6: 5}
+    made = [SimpleNamespace(key=n, findings=range(n)) for n in range(7)]
+    monkeypatch.setattr(module, "files_of", lambda *_: made[0])
+    monkeypatch.setattr(module, "singles_of", lambda *_: made[0])
+    monkeypatch.setattr(module, "_stand", lambda held, *_: SimpleNamespace(screened=held))
+    monkeypatch.setattr(module, "_screened", lambda _, end: made[follows[end.screened.key]])
+    monkeypatch.setattr(module, "_bounded", lambda end: end)
+
+    assert settle(None, None, None, plain).screened.key == 5

@@ -31,12 +31,13 @@ from pipeline.answer.inputs import (
 )
 from pipeline.answer.remarks import contradicted
 from pipeline.answer.sentences import entered
-from pipeline.answer.words import capital
+from pipeline.answer.words import BECAUSE, capital
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.base.quantities import p_value, percent, plain
 from pipeline.base.tails import chi2_beyond
+from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.verdict import STANDS_M, Row, of_positions
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import layout
@@ -69,6 +70,9 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
     row = of_positions(last.mean(Parting.BETWEEN), bool(causes))
     model = Which.EXTENDED if causes else Which.JOINT_SPRINGS
     reason = Reason.CAUSE_IDENTIFIED if causes else Reason.ADEQUATE
+    why = _WHY[bool(causes)]
+    if row.verdict is Verdict.UNEXPLAINED:
+        reason, why = Reason.UNEXPLAINED, BECAUSE[Reason.UNEXPLAINED]
     lines = tuple(_first_screen(campaign, found, raw.robot, len(rejected)))
     shown = last if causes else springs
     values, payloads = _values(shown), payload_entries(shown.found)
@@ -86,7 +90,7 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
             data=Data.AS_GIVEN,
             table=contract.Table.ESTIMATED,
             reason=reason,
-            why=_WHY[bool(causes)],
+            why=why,
             hypotheses=(
                 contract.Weighed(
                     weight=1.0,
@@ -452,12 +456,12 @@ def _predicted(found: Study) -> str:
 
 
 def _refuted(left_mm: float) -> str:
-    if left_mm <= 1e3 * STANDS_M:
+    if not left_mm > 1e3 * STANDS_M:
         return ""
     return (
-        " No robot stands so far from its model: the joint log and the positions do not belong "
-        "together. Compare them row by row and column by column, check units, and do not use these "
-        "values."
+        f" That is more than {plain(1e3 * STANDS_M, 1)} mm: the joint log and the positions do not "
+        "belong together. Compare them row by row and column by column, check units, and do not "
+        "use these values."
     )
 
 

@@ -319,9 +319,9 @@ def _geometry_refuted(facts: Facts) -> str:
     stood = facts.unloaded
     if stood.tool_m > max(stood.miss_m, stood.left_m):
         return (
-            f"The targets stand {plain(1e3 * stood.tool_m, 2)} mm from their places in [tool], the "
-            "farthest of them: measure them again in the flange frame, the load point with them, "
-            "and check the unit and the axes of [tool] in campaign.toml."
+            f"The targets stand up to {plain(1e3 * stood.tool_m, 2)} mm from their places in "
+            "[tool]: measure them and the load point again in the flange frame, and check the unit "
+            "and the axes of [tool] in campaign.toml."
         )
     return (
         f"The unloaded reflectors are {plain(1e3 * facts.unloaded.miss_m, 2)} mm rms from where "
@@ -420,8 +420,8 @@ def _ending(facts: Facts) -> str:
 
 def _predicts_nothing(facts: Facts) -> str:
     return (
-        f"The model leaves {plain(100 * facts.bounds.left, 2)} % of the squared displacements: it "
-        f"predicts nothing. {_look_first(facts)}"
+        f"The model leaves {plain(100 * facts.bounds.left, 2)} % of the squared displacements: do "
+        f"not predict with it. {_look_first(facts)}"
     )
 
 

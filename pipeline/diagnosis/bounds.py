@@ -10,8 +10,9 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from pipeline.base import linear
+from pipeline.base.tails import chi2_beyond
 from pipeline.system import alarms
-from pipeline.system.far import Far
+from pipeline.system.far import AWAY, Far
 from pipeline.system.fit import Fitted
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import whitener
@@ -30,9 +31,9 @@ _LEFT = 0.25
 leaves more predicts less than half of a deflection."""
 
 
-_SEEN = 9.0
-"""Drop of chi-square for each parameter from which compliances are told from none [1]: three
-standard uncertainties of each."""
+_CHANCE = 2.7e-3
+"""Probability of what a model explains from which it is told from nothing [1]: three standard
+uncertainties of one parameter."""
 
 
 @dataclass(frozen=True)
@@ -86,13 +87,13 @@ def bounds(right: Fitted, system: System, estimate: Estimate, left: Far, force: 
         system: The rows of the model that stands.
         estimate: Its solution.
         left: Readings in use that are far off.
-        force: Scatter of the scale over the stated one beside the causes [1].
+        force: Scatter of the scale over the one in use, as the springs show it [1].
     """
     pose, target, worst_m = _worst(system, estimate)
     return Bounds(
         tracker=_tracker(right),
         stated=right.noise.stated,
-        force=max(force, _scale(right, "force_reading")),
+        force=force * _scale(right, "force_reading"),
         left=_left(right, system, estimate),
         determined=_determined(system, estimate),
         far=left,
@@ -105,16 +106,16 @@ def bounds(right: Fitted, system: System, estimate: Estimate, left: Far, force: 
 def _determined(system: System, estimate: Estimate) -> bool:
     """Whether the model explains more than chance does: a robot that does not give way is none.
 
-    P[chi2(k) > (c' V^-1 c - r' V^-1 r) / v] of k parameters, v the variance that is left where no
-    noise is stated.
+    P[chi2(k) > (c' V^-1 c - r' V^-1 r) / v] < `_CHANCE` with k parameters, v the variance that is
+    left where no noise is stated.
     """
     white = whitener(system.errors, system.rows.pose)
     whole, rest = (float(np.sum(white(rows) ** 2)) for rows in (system.c, estimate.residual))
     told = system.noise_stated or estimate.dof < 1
     variance = 1.0 if told else max(rest / estimate.dof, np.finfo(float).tiny)
     B = system.B * system.typical
-    count = linear.rank(B.T @ B)
-    return whole - rest > _SEEN * variance * max(count, 1)
+    chance = chi2_beyond((whole - rest) / variance, max(linear.rank(B.T @ B), 1))
+    return bool(chance < _CHANCE)
 
 
 def _scale(right: Fitted, name: str) -> float:
@@ -124,9 +125,12 @@ def _scale(right: Fitted, name: str) -> float:
 
 
 def _tracker(right: Fitted) -> float:
-    """Rms over the readings of what they are weighed with, over the stated uncertainty."""
-    shape, wander = right.shape, right.shape.wander
-    wide = float(np.sqrt(np.mean(shape.variance) + (wander.size / wander.unit) ** 2))
+    """Rms over the readings of what they are weighed with, over the stated uncertainty.
+
+    A reading that is `AWAY` is counted as such, and no larger part of the noise for that.
+    """
+    variance, wander = np.minimum(right.shape.variance, AWAY**2 / 3), right.shape.wander
+    wide = float(np.sqrt(np.mean(variance) + (wander.size / wander.unit) ** 2))
     if right.noise.stated:
         return _scale(right, "tracker") * wide
     found_m = right.noise.of("tracker") if right.noise.replaced[0] else right.system.found_m

@@ -35,8 +35,8 @@ from pipeline.system.shape import Shape, shape, tails
 _SEED = 20261103
 
 _ROUNDS = 6
-"""Moves of the mistakes at most [1]; where the last of them still changes something, two ends are
-as good, and the one with fewer mistakes stands."""
+"""Moves of the mistakes at most [1]; where ends follow each other in a circle they are as good, and
+the one with the fewest mistakes stands."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,8 +74,10 @@ def settle(case: Case, reduced: Reduced, given: Fitted, step: Step) -> Settled:
         if moved.key == held.key:
             return _bounded(ends[-1])
         held = moved
-        if any(held.key == one.screened.key for one in ends):
+        again = [k for k, one in enumerate(ends) if one.screened.key == held.key]
+        if again:
             break
+    ends = ends[again[0] :] if again else ends[-2:]  # those that follow each other for ever
     return _bounded(min(ends, key=lambda one: len(one.screened.findings)))
 
 
@@ -86,7 +88,8 @@ def _bounded(end: Settled) -> Settled:
     if right.plain.noise_stated:
         left = far(replace(said.seen, data=right.shape.off(said.seen.data)), right.shape.family)
     best = said.hypotheses[0] if said.hypotheses else right
-    force = said.scatter.force * said.scatter.tracker
+    told = said.scatter.force > 1 and said.scatter.known_from == "contrasts"
+    force = said.scatter.force * said.scatter.tracker if told else 1.0
     kept = bounds(right, best.system, best.estimate, left, force)
     return replace(end, diagnosis=replace(said, facts=replace(said.facts, bounds=kept)))
 

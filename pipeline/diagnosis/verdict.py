@@ -154,7 +154,7 @@ def of_positions(left_m: float, laws: bool) -> Row:
         laws: Laws were identified.
     """
     rows = (
-        Row(Finding.GEOMETRY_REFUTED, Verdict.UNEXPLAINED, lambda _: not left_m <= STANDS_M),
+        Row(Finding.GEOMETRY_REFUTED, Verdict.UNEXPLAINED, lambda _: left_m > STANDS_M),
         Row(Finding.CAUSE_IDENTIFIED, Verdict.EXPLAINED, lambda _: laws),
         Row(Finding.NOTHING, Verdict.ADEQUATE, lambda _: True),
     )

@@ -184,10 +184,15 @@ class Shifted(Locked):
 
     def _rigid(self, base: Base, k: int) -> Array:
         """Six motions of the effector in the pull of a reading, or in all pulls from its zero."""
-        pose, pull = self.readings.pose[k], self.readings.pull[k]
-        there = (self.stack.pose == pose) & (self.stack.pull >= 0)
-        there &= (self.stack.pull == pull) | (pull < 0)
-        rigid = self.white.by_pose(self.stack.modes * there[:, None])
+        one, stack = self.readings, self.stack
+        which, nth = stack.which, one.nth[k]
+        if one.pull[k] < 0:  # as `_columns` does for a zero
+            later = np.where(which > nth, -1.0 / np.maximum(which, 1), 0.0)
+            share = np.where(stack.pull < 0, np.where(which == nth, 1.0, later), -1.0 / one.of[k])
+        else:
+            share = (stack.pull == one.pull[k]).astype(float)
+        share = np.where(stack.pose == one.pose[k], share, 0.0)
+        rigid = self.white.by_pose(stack.modes * share[:, None])
         return np.vstack([rigid, np.zeros((len(base.blocks.index) - len(rigid), 6))])
 
 

@@ -263,4 +263,4 @@ def _sets(n: int, held: tuple[int, ...]) -> list[tuple[int, ...]]:
         return [one for m in sizes for one in combinations(range(n), m)]
     fewer = [tuple(a for a in held if a != one) for one in held]
     free = sorted(set(range(n)) - set(held))
-    return [held, *fewer, *((*rest, one) for rest in fewer for one in free)]
+    return [held, *filter(None, fewer), *((*rest, one) for rest in fewer for one in free)]
