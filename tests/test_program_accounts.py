@@ -5,12 +5,12 @@ each is the lines that are corrected and those that are listed, told by eye.
 """
 
 import re
-import time
 
 import pytest
 from test_program_words import KR, NO_TOOL, START, Q, kuka, pose_at  # noqa: F401
 from test_programs import identified
 
+from bench import bench_programs
 from pipeline.app import cli
 from pipeline.base.errors import InputError
 from pipeline.programs import read
@@ -187,33 +187,11 @@ def test_a_form_of_spline_motions_names_its_tool_and_base():
     ]
 
 
-@pytest.mark.parametrize(
-    ("file", "head", "again"),
-    [
-        ("p.src", "", "DECL POS P={X 1,(\n"),
-        ("p.src", "LIN {X ", "9"),
-        ("p.mod", "", "a{"),
-        ("p.mod", "", "VAR num a{"),
-        ("p.mod", "", "p:=[[;"),
-        ("p.mod", "a", " "),
-        ("p.script", "", "a["),
-        ("p.script", "", "a=[\n"),
-        ("p.script", "a", " "),
-        ("p.ls", "", "\n"),
-        ("p.ls", "/POS\n", "P[1]{"),
-        ("p.ls", "/MN\n", "1:\n"),
-    ],
-)
-def test_what_nobody_would_write_is_read_in_proportion_to_its_length(file, head, again):
-    """Four times as long takes at most about four times as long: no part is looked at anew."""
-    took = []
-    for letters in (25_000, 100_000):
-        began = time.process_time()
-        with pytest.raises(InputError):
-            read(file, (head + again * (letters // len(again)) + "e}").encode())
-        took.append(time.process_time() - began)
-
-    assert took[1] < 10 * took[0] + 0.2
+@pytest.mark.parametrize(("file", "head", "again"), bench_programs.TEXTS)
+def test_what_nobody_would_write_is_refused(file, head, again):
+    """With its line, and by no error of ours; `make bench ARGS=programs` measures how soon."""
+    with pytest.raises(InputError):
+        read(file, bench_programs.written(head, again, 5_000))
 
 
 # --- on disk --------------------------------------------------------------------------------------
