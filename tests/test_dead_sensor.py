@@ -55,6 +55,7 @@ def test_displacements_of_a_dead_sensor(factor):
     assert "none of these stiffnesses" in " ".join(said.verdict_sentence)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("noise_mm", [0.0, 0.03, 0.1])
 def test_readings_without_any_deflection(seed, noise_mm):
@@ -63,6 +64,7 @@ def test_readings_without_any_deflection(seed, noise_mm):
     assert [one.name for one in dead(asked(case(made)))] == ["dead_sensor"]
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(10))
 def test_one_force_copied_down_the_column(seed):
     """Pulls of 1200, 3000 and 2000 N all logged with 1000 N: every row is named."""
@@ -87,6 +89,7 @@ def test_a_force_copied_into_some_rows_leaves_the_others():
     assert not found.hopeless
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(5))
 @pytest.mark.parametrize("load", ["weights", "chain"])
 def test_the_same_load_in_every_pull_is_no_copy(seed, load):
@@ -99,6 +102,7 @@ def test_the_same_load_in_every_pull_is_no_copy(seed, load):
     assert dead(asked(case(made))) == []
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", range(30))
 def test_a_clean_campaign_has_no_dead_sensor(seed):
     """Nor has one whose robot is three times as stiff as typical."""

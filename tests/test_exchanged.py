@@ -122,6 +122,7 @@ def told(found, made):
 # --- rows of the joint log, groups of poses -------------------------------------------------------
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("kind", ["two", "off by one", "back by one", "shuffled"])
 def test_rows_of_the_joint_log_are_put_back(seed, kind):
@@ -144,6 +145,7 @@ def test_rows_of_the_joint_log_are_put_back(seed, kind):
     assert {int(row.split(",")[0]) for row in told(found, made)} == wrong
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_a_joint_log_without_its_first_row(seed):
     """Every pose has the row of the next one; pose 1 has none, which leaves it out."""
@@ -161,6 +163,7 @@ def test_a_joint_log_without_its_first_row(seed):
     assert 1 not in set(right.readings["pose"].dropna())
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("kind", ["pulls", "effector", "one pull", "zero"])
 def test_groups_of_two_poses_are_put_back(seed, kind):
@@ -187,6 +190,7 @@ def test_groups_of_two_poses_are_put_back(seed, kind):
 PULLS = 3 * POSES
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("kind", ["two", "steps", "off by one", "back by one"])
 def test_rows_of_the_loads_are_put_back(seed, kind):
@@ -209,6 +213,7 @@ def test_rows_of_the_loads_are_put_back(seed, kind):
     assert len(rows) == sum(i != k for i, k in enumerate(order))
 
 
+@pytest.mark.sampled(6)
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("part", [0.9, 1.15, 3.0])
 def test_one_mistyped_force_is_no_exchange(seed, part):
@@ -220,6 +225,7 @@ def test_one_mistyped_force_is_no_exchange(seed, part):
     assert exchanged_pulls(asked(case(made))) == []
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_two_steps_name_the_groups_that_may_be_meant_instead(seed):
     """Groups of two steps and their rows exchanged are the same numbers: all lines are named."""
@@ -237,6 +243,7 @@ def test_two_steps_name_the_groups_that_may_be_meant_instead(seed):
     assert (f[4, 1], f[4, 2]) == (given[4, 2], given[4, 1])
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", SEEDS)
 @pytest.mark.parametrize("which", [0, 1])
 def test_an_unloaded_group_and_a_pull_are_put_back(seed, which):
@@ -291,6 +298,7 @@ def case_with(given, settings):
 # --- nothing is wrong -----------------------------------------------------------------------------
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", range(30))
 def test_a_clean_campaign_has_nothing_exchanged(seed):
     """Also where repeats are equal, or the machine is none of the paper's."""

@@ -10,6 +10,7 @@ from pipeline.faults.unit_since import unit_since
 NEWTONS = {"kgf": 9.80665, "lbf": 4.4482216152605, "kn": 1000.0, "dan": 10.0}
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(10))
 @pytest.mark.parametrize("unit", NEWTONS)
 def test_forces_in_another_unit_from_some_row_on(seed, unit):
@@ -32,6 +33,7 @@ def test_forces_in_another_unit_from_some_row_on(seed, unit):
         same(found.correct(case(made)), case(files(seed)))
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(10))
 def test_joint_values_in_radians_from_some_row_on(seed):
     """Among degrees: the rows are named, and each pose has its own joint values again."""
@@ -48,6 +50,7 @@ def test_joint_values_in_radians_from_some_row_on(seed):
     same(found.correct(case(made)), case(files(seed)))
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("seed", range(30))
 def test_a_clean_campaign_changes_no_unit(seed):
     """Whatever its machine does."""
