@@ -241,7 +241,15 @@ def _fits(held: Held, pulls: Base, least: float) -> bool:
 def shifted_readings(
     case: Case, reduced: Reduced, zeros: Zeros, system: System, estimate: Estimate
 ) -> Shifted:
-    """Every reading as a suspect; arguments as for `outlier`."""
+    """Every reading as a suspect.
+
+    Args:
+        case: The campaign.
+        reduced: Its measurements.
+        zeros: Its repeated zeros.
+        system: Its linear system.
+        estimate: The solution of the model that readings are tested beside.
+    """
     stack = stacked(system, estimate.residual, reduced.data, zeros, case.cell)
     white = whitener(stack.errors, stack.pose)
     readings = _readings(stack, _zero_counts(reduced.placed, case.settings.measured))

@@ -151,7 +151,8 @@ class Family(Locked):
         """Probability that a reading so far off is a blunder and not one of this family.
 
         Args:
-            square: Square of its error in stated standard uncertainties.
+            square: Square of its error in standard uncertainties, as stated or, where readings
+                scatter more, as found.
             axes: Coordinates that the square is the sum of.
         """
         seen = np.exp(-0.5 * (axes * _GRID + square / self.widest * np.exp(-_GRID)))
