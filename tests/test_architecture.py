@@ -141,6 +141,7 @@ ORDER = (
     "report",
     "run",
     "library",
+    "page",
     "app",
 )
 """Packages and files at the top, each importing only what stands before it."""

@@ -10,7 +10,16 @@ from typing import Any
 import typer
 from typer.exceptions import Abort, TyperException
 
-from pipeline.app.commands import campaigns, compensate, design, predict, query, robot, simulate
+from pipeline.app.commands import (
+    campaigns,
+    compensate,
+    design,
+    page,
+    predict,
+    query,
+    robot,
+    simulate,
+)
 
 # --help lists the commands in the order of these imports
 # isort: split
@@ -25,6 +34,7 @@ __all__ = [
     "compensate",
     "design",
     "main",
+    "page",
     "predict",
     "query",
     "robot",
