@@ -9,11 +9,10 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from pipeline.app.commands._shared import Root, app
+from pipeline.app.commands._shared import Root
 from pipeline.base.errors import UsageError
 
 
-@app.command(short_help="Query all finished campaigns in SQL.")
 def query(
     sql: Annotated[
         str | None,
@@ -59,7 +58,6 @@ def _format(form: str | None, output: Path | None, known: tuple[str, ...]) -> st
     return wanted
 
 
-@app.command(short_help="Estimate from all campaigns how common and how large causes are.")
 def priors(
     robot: Annotated[
         str, Option(help="Name of the built-in robot whose causes are listed.")

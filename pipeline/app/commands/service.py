@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Any
 import typer
 from typer import Option
 
-from pipeline.app.commands._shared import AsJson, Root, app
+from pipeline.app.commands._shared import AsJson, Root
 from pipeline.base.environment import NOBODYS, elsewhere
 from pipeline.base.errors import UsageError
 from pipeline.base.toml import given
@@ -17,7 +17,6 @@ if TYPE_CHECKING:
     from pipeline.app.preferences import Preferences
 
 
-@app.command(short_help="Process campaigns as they arrive, with Prefect's dashboard.")
 def serve(
     interval: Annotated[float | None, Option(help="Seconds between two scans of data/raw.")] = None,
     cron: Annotated[str | None, Option(help="Cron schedule, in place of --interval.")] = None,
@@ -41,7 +40,6 @@ def serve(
     supervisor.serve(root, wanted, processes.say)
 
 
-@app.command(short_help="Process campaigns as they arrive, without Prefect.")
 def watch(
     interval: Annotated[float | None, Option(help="Seconds between two scans of data/raw.")] = None,
     as_json: AsJson = False,
@@ -60,7 +58,6 @@ def watch(
             processes.say(outcome.as_json() if as_json else outcome.event)
 
 
-@app.command(short_help="Schedule the scan for new campaigns on a Prefect server.")
 def deploy(
     pool: Annotated[str, Option(help="Prefect work pool whose workers process the campaigns.")],
     interval: Annotated[float | None, Option(help="Seconds between two scans of data/raw.")] = None,
@@ -80,7 +77,6 @@ def deploy(
     typer.echo(f"{place} prefect worker start --pool {pool} --limit 2")
 
 
-@app.command(short_help="Check this machine: what is missing, and how to install it.")
 def doctor(as_json: AsJson = False, root: Root = Path()) -> None:
     """Check this machine: what is missing, and how to install it."""
     import json

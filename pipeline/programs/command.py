@@ -9,14 +9,13 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from pipeline.app.commands._shared import Named, Root, app, fitted
-from pipeline.app.corrected import Frame, Given, beside_input, listed_lines, program, write
+from pipeline.app.commands._shared import Named, Root, fitted
 from pipeline.base import files
+from pipeline.programs.corrected import Frame, Given, beside_input, listed_lines, program, write
 
 _NAMED = "[NAME=]X,Y,Z,A,B,C, as the program writes poses"
 
 
-@app.command(short_help="Correct a path or a robot program for the deflection under load.")
 def compensate(
     campaign: Named,
     path: Annotated[

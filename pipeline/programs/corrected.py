@@ -16,10 +16,10 @@ from pipeline.base.errors import InputError, UsageError, place
 if TYPE_CHECKING:
     from pipeline.base.arrays import Array
     from pipeline.prediction.aim import Setting
-    from pipeline.prediction.correct import Corrected
     from pipeline.prediction.model import Model
+    from pipeline.prediction.notation import Form, Notation
     from pipeline.programs import Program
-    from pipeline.programs.notation import Form, Notation
+    from pipeline.programs.correct import Corrected
 
 _SHOWN = 20
 """Lines of a program that are listed of one kind."""
@@ -100,8 +100,8 @@ def program(root: Path, name: str, path: Path, given: Given) -> tuple[bytes, lis
     """
     import numpy as np
 
-    from pipeline.prediction.correct import correct
     from pipeline.programs import read, stamp
+    from pipeline.programs.correct import correct
 
     model, data = _model(root, name), _content(path)
     if given.force is None:
@@ -246,7 +246,7 @@ def _joints(model: Model, path: Path, data: bytes, given: Given) -> tuple[bytes,
     import numpy as np
 
     from pipeline.prediction import compensate as offsets
-    from pipeline.programs.notation import KUKA
+    from pipeline.prediction.notation import KUKA
 
     wanted = offsets.read(path.name, data, model.robot, _force(given))
     setting = _setting(given, KUKA, model)
@@ -265,8 +265,8 @@ def _poses(
     """Corrected coordinates and offsets of a path of poses."""
     from pipeline.prediction import cartesian
     from pipeline.prediction.aim import aim
-    from pipeline.prediction.correct import corrected
-    from pipeline.programs.notation import Notation
+    from pipeline.prediction.notation import Notation
+    from pipeline.programs.correct import corrected
 
     setting = _setting(given, Notation(letters), model, path=True)
     wanted = cartesian.read(path.name, data, model.robot, letters, _force(given))

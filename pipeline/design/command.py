@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Argument, Option
 
-from pipeline.app.commands._shared import AsJson, Root, Steps, app, at_work
+from pipeline.app.commands._shared import AsJson, Root, Steps, at_work
 from pipeline.base import files
 from pipeline.base.errors import Interrupted, UsageError
 from pipeline.base.shown import lines
@@ -18,7 +18,6 @@ if TYPE_CHECKING:
     from pipeline.design.made import Made
 
 
-@app.command(short_help="Choose the poses to measure, with a measurement sheet.")
 def design(
     problem: Annotated[
         str,
@@ -52,10 +51,10 @@ def design(
     root: Root = Path(),
 ) -> None:
     """Choose the poses to measure, and print how close the plan is to the optimum."""
+    from pipeline.design.library import added_to, problem_of
     from pipeline.design.made import make
     from pipeline.design.search import Effort
     from pipeline.library.campaign import load_campaign
-    from pipeline.library.poses import added_to, problem_of
 
     changes = {
         "name": name,
@@ -88,8 +87,8 @@ def write(root: Path, made: Made, seed: int) -> Made:
     Raises:
         UsageError: A plan of that name was written by hand.
     """
+    from pipeline.design.plan_files import plan_files
     from pipeline.design.planfile import MADE_BY, plan_text
-    from pipeline.report.plan_files import plan_files
     from pipeline.store.campaign import dump
 
     name = made.proposal.problem.spec.name

@@ -6,10 +6,10 @@ import numpy as np
 
 from pipeline.design.control import controls
 from pipeline.design.curves import ByAnchor, BySize, by_anchor, by_size
+from pipeline.design.plan_figures import anchor_curve, pose_picture, sight_chart, size_curves
+from pipeline.design.plan_sheet import MM, Extras, sheet
 from pipeline.design.propose import Proposal
 from pipeline.report import words
-from pipeline.report.figures.plan import anchor_curve, pose_picture, sight_chart, size_curves
-from pipeline.report.plan_sheet import MM, Extras, sheet
 from pipeline.report.render import page, pdf
 from pipeline.report.svg import Drawing
 

@@ -1,4 +1,4 @@
-"""`pipeline simulate` and the effects it can hide: plan in, raw folder out, truth elsewhere."""
+"""`pipeline simulate`: plan in, raw folder out, truth elsewhere."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from typing import Annotated, Any
 import typer
 from typer import Argument, Option
 
-from pipeline.app.commands._shared import AsJson, Root, Steps, app, at_work
+from pipeline.app.commands._shared import Root, Steps, at_work
 from pipeline.base import files
 from pipeline.base.errors import UsageError
 
 
-@app.command(short_help="Simulate the raw files of a campaign.")
 def simulate(
     plan: Annotated[
         Path | None,
@@ -105,7 +104,7 @@ def write(
         UsageError: The campaign is there already, or the truth would lie in a raw folder.
         InputError: The plan cannot be carried out.
     """
-    from pipeline.library.virtual import carried_out, plan_for
+    from pipeline.simulate.library import carried_out, plan_for
     from pipeline.store.campaign import dump
 
     wanted = plan_for(plan, changes, noise, exact)
@@ -128,23 +127,10 @@ def prepare(folder: Path, plan: Path) -> None:
     Raises:
         InputError: The plan cannot be carried out, or the name cannot name a campaign.
     """
-    from pipeline.library.virtual import plan_for
     from pipeline.machine.robot import load
     from pipeline.simulate import prepared
+    from pipeline.simulate.library import plan_for
 
     wanted = plan_for(plan, {"name": folder.name})
     for inner, data in prepared(wanted, load(wanted.robot, plan.parent)).items():
         files.write(folder / inner, data)
-
-
-@app.command(short_help="List the causes of misfit that the diagnosis knows.")
-def effects(
-    robot: Annotated[str, Option(help="Name of a built-in robot, or a robot file.")] = "kr500_rail",
-    as_json: AsJson = False,
-) -> None:
-    """List the causes of misfit that the diagnosis knows, with magnitudes and signatures."""
-    from pipeline.machine.effects import listing
-    from pipeline.machine.robot import load
-
-    machine = load(robot)
-    typer.echo(listing.as_json(machine) if as_json else listing.as_text(machine))

@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED, SERIES, Drawing, drawn
+
+# svg.py imports Matplotlib, which must not read the settings of the current folder
+# isort: split
 import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
@@ -15,7 +19,6 @@ from pipeline.design.problem import Problem
 from pipeline.machine.robot import configure
 from pipeline.report import words
 from pipeline.report.figures.marks import MARKERS, Tips, dots, legend_above, legend_below, title
-from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED, SERIES, Drawing, drawn
 
 _AROUND_M = 1.0
 """Room around robot and anchor in the pictures."""
