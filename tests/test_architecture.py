@@ -28,7 +28,7 @@ PURE = (
     "design",
     "simulate",
     "geometry",
-    "wear",
+    "fleet/wear",
 )
 SPEAKING = ("command.py", "plan_files.py", "plan_figures.py", "corrected.py", "library.py")
 """Files of these that parse, draw, or take paths: what is offered of an outbuilding."""
@@ -140,7 +140,6 @@ ORDER = (
     "reduction",
     "store",
     "system",
-    "wear",
     "geometry",
     "faults",
     "diagnosis",
@@ -172,6 +171,18 @@ OUTBUILDINGS = {
         "system": "a plan is judged by the estimator that will read it",
         "diagnosis": "and by what the diagnosis will be able to tell apart",
         "geometry.unloaded": "and unloaded poses by the table that they will determine",
+    },
+    "fleet": {
+        "app.commands._shared": _COMMAND,
+        "app.outcome": _COMMAND,
+        "app.processes": _COMMAND,
+        "app.preferences": "pipeline.toml is one file, and has a table for the fleet",
+        "store.campaign": _PLACES,
+        "answer.archive": "which answers are finished, and where their tables lie",
+        "answer.history": "two answers beside each other, which every report needs as well",
+        "diagnosis.finding": "the verdicts by name",
+        "diagnosis.average": "from which probability on a cause counts as likely",
+        "report": _PAGES,
     },
     "programs": {
         "app.commands._shared": _COMMAND,

@@ -13,11 +13,11 @@ import pytest
 import report_sample
 from test_cli import ENVIRONMENT, HERE, on_a_terminal
 
-from pipeline.app import compare, service, supervisor
+from pipeline.app import service, supervisor
 from pipeline.app.cli import _exit_code
 from pipeline.app.preferences import Service
 from pipeline.base.errors import CannotWrite, UsageError
-from pipeline.report import overview
+from pipeline.fleet import compare, overview
 
 SAMPLE = report_sample.answer()
 PIPELINE = [sys.executable, "-m", "pipeline"]

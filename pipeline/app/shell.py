@@ -54,9 +54,9 @@ def run_all(
                 bar.done()
                 yield done
                 bar.now("several at a time")
-    from pipeline.app import pages
+    from pipeline.answer import archive
 
-    pages.refresh(root)
+    archive.refresh(root)
     yield from sync.publish(root, storage)
 
 
@@ -301,34 +301,33 @@ def report(root: Path, name: str | None, form: str) -> Path:
     Raises:
         UsageError: There is no finished campaign, or only campaigns have this form.
     """
-    from pipeline.app import pages
+    from pipeline.answer import archive
     from pipeline.run import run
 
     if name is None:
         if form != "html":
             raise UsageError(f"the page over all campaigns has no form {form}: name a campaign")
-        page = pages.refresh(root)
+        page = archive.refresh(root)
         if page is None:
             raise UsageError("no campaign is finished: run `pipeline run` first")
         return page
 
     campaign = campaigns.find(root, name)
     run(campaign)
-    pages.refresh(root)
+    archive.refresh(root)
     names = {"html": "index.html", "pdf": "report.pdf", "json": "result.json"}
     return campaign.reports / names[form]
 
 
 def report_text(root: Path, name: str) -> str:
     """A campaign's report as plain text."""
-    from pipeline.answer import archive, fleet
+    from pipeline.answer import archive
     from pipeline.report.model import compose
     from pipeline.report.text import as_text
-    from pipeline.report.wear import told as wear_of
 
     report(root, name, "html")
     campaign = campaigns.find(root, name)
     answer = archive.read(campaign)
     before = archive.earlier(campaign, answer)
-    wear = wear_of(answer, fleet.wear(root))
+    wear = archive.together(answer, root)
     return as_text(compose(answer, archive.shown(campaign), previous=before, wear=wear))

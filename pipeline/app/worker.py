@@ -62,9 +62,9 @@ def _done(root: Path, job: dict[str, str], compute: Compute) -> Outcome:
 
 
 def _pages(root: Path) -> Outcome:
-    from pipeline.app import pages
+    from pipeline.answer import archive
 
-    pages.refresh(root)
+    archive.refresh(root)
     return Outcome(PAGES, {}, "")
 
 

@@ -38,7 +38,7 @@ COMMANDS = {
         "Open or print a report, or the overview of all campaigns.",
     ),
     "compare": Command(
-        "pipeline.app.commands.campaigns:compare",
+        "pipeline.fleet.command:compare",
         "Compare two campaigns, or two models of one campaign.",
     ),
     "compensate": Command(
@@ -54,11 +54,11 @@ COMMANDS = {
         "Predict the positions of targets at given joint values.",
     ),
     "query": Command(
-        "pipeline.app.commands.query:query",
+        "pipeline.fleet.command:query",
         "Query all finished campaigns in SQL.",
     ),
     "priors": Command(
-        "pipeline.app.commands.query:priors",
+        "pipeline.fleet.command:priors",
         "Estimate from all campaigns how common and how large causes are.",
     ),
     "robot": Command(

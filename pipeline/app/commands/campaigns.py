@@ -456,29 +456,3 @@ def report(
     typer.echo(path)
     if opened:
         open_it(path)
-
-
-def compare(
-    first: Annotated[
-        str,
-        Argument(
-            metavar="FIRST", help="A campaign; one of its models as NAME:joints or NAME:extended."
-        ),
-    ],
-    second: Annotated[
-        str, Argument(metavar="SECOND", help="Another campaign, or another model of the same one.")
-    ],
-    as_json: AsJson = False,
-    opened: Annotated[bool, Option("--open", help="Open the page in the browser.")] = False,
-    root: Root = Path(),
-) -> None:
-    """Compare the stiffnesses of two campaigns, or of two models of one campaign."""
-    from pipeline.app import compare as comparing
-
-    outcome, path = comparing.compare(root, first, second)
-    show(outcome, as_json)
-    if path is None:
-        raise typer.Exit(outcome.exit_code)
-    typer.secho(path, err=True)
-    if opened:
-        open_it(path)

@@ -7,9 +7,9 @@ from urllib.parse import quote
 
 from pipeline.answer.contract import Answer
 from pipeline.answer.history import trends
-from pipeline.answer.worn import Joint, Robot
 from pipeline.base.errors import listed
 from pipeline.base.quantities import MISSING, bracketed, p_value, plain, with_std
+from pipeline.fleet.worn import Joint, Robot
 from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, said, table_of
 from pipeline.report.record import Column, Entry, Table, entry

@@ -1,4 +1,4 @@
-"""SQL over all finished campaigns: DuckDB reads the tables of answer/fleet.py, and nothing else."""
+"""SQL over all finished campaigns: DuckDB reads what tables.py keeps, and nothing else."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from typing import Any
 
 import pyarrow as pa
 
-from pipeline.answer import fleet
 from pipeline.app import preferences
 from pipeline.app.processes import say
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, UsageError, listed
 from pipeline.base.shown import in_json, printable
+from pipeline.fleet import tables as fleet
 from pipeline.tables import harmless
 
 FORMATS = ("table", "csv", "json", "xlsx")

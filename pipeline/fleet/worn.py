@@ -18,10 +18,10 @@ import pyarrow as pa
 from pipeline.answer.contract import called
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.finding import Verdict
-from pipeline.wear.machine import Machine, Repair, Visit
-from pipeline.wear.scatter import STATED
-from pipeline.wear.standing import Fleet, Standing
-from pipeline.wear.standing import fleet as fleet_of
+from pipeline.fleet.wear.machine import Machine, Repair, Visit
+from pipeline.fleet.wear.scatter import STATED
+from pipeline.fleet.wear.standing import Fleet, Standing
+from pipeline.fleet.wear.standing import fleet as fleet_of
 
 _F64, _STR, _INT = pa.float64(), pa.string(), pa.int64()
 _COUNTS = (Verdict.ADEQUATE, Verdict.EXPLAINED, Verdict.AMBIGUOUS)

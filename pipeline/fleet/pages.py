@@ -10,15 +10,16 @@ from typing import Any
 
 from filelock import FileLock
 
-from pipeline.answer import fleet
 from pipeline.answer.archive import Finished, earlier, finished, mark, read, shown
+from pipeline.answer.contract import Answer
 from pipeline.answer.history import previous
-from pipeline.answer.worn import Robot
 from pipeline.app import preferences
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite
 from pipeline.base.shown import printable
-from pipeline.report.wear import alarm, told
+from pipeline.fleet import tables as fleet
+from pipeline.fleet.sentences import alarm, told
+from pipeline.fleet.worn import Robot
 from pipeline.store.campaign import Campaign, code_version, dump, recalled, versions
 
 INDEX_MANIFEST = "index.json"
@@ -42,6 +43,11 @@ def refresh(root: Path) -> Path | None:
         if not _says(one.campaign.manifest() or {}, stands):
             _tell(one.campaign)
     return _index(root, everyone, wear) if everyone else None
+
+
+def together(answer: Answer, root: Path) -> str | None:
+    """What a campaign's page says of its robot's campaigns together, of what is known by now."""
+    return told(answer, fleet.wear(root))
 
 
 def _wear(root: Path) -> tuple[Robot, ...]:
@@ -76,7 +82,7 @@ def _tell(campaign: Campaign) -> None:
     with campaign.locked():
         manifest, answer = campaign.manifest(), read(campaign)
         before = earlier(campaign, answer)  # of what is there now that nobody else writes here
-        wear = told(answer, fleet.wear(campaign.root))
+        wear = together(answer, campaign.root)
         stands = {"previous": mark(before), "wear": wear}
         if manifest is None or _says(manifest, stands):
             return  # another run has been faster
@@ -87,7 +93,7 @@ def _tell(campaign: Campaign) -> None:
 
 def _index(root: Path, everyone: Sequence[Finished], wear: Sequence[Robot]) -> Path:
     """The page over these, drawn of those that are finished once no other run draws it."""
-    from pipeline.report.render import render_overview
+    from pipeline.fleet.overview import render_overview
 
     page, manifest = root / "reports" / "index.html", root / "data" / "processed" / INDEX_MANIFEST
     if _is_of(page, manifest, _key(everyone, wear)):

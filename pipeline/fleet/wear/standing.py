@@ -8,11 +8,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools
-from pipeline.wear.alarm import Kind, Look, looks
-from pipeline.wear.hierarchy import Type, hierarchy
-from pipeline.wear.machine import FEWEST, Machine
-from pipeline.wear.scatter import STATED, Scatter, scatter
-from pipeline.wear.trend import Trends, trends
+from pipeline.fleet.wear.alarm import Kind, Look, looks
+from pipeline.fleet.wear.hierarchy import Type, hierarchy
+from pipeline.fleet.wear.machine import FEWEST, Machine
+from pipeline.fleet.wear.scatter import STATED, Scatter, scatter
+from pipeline.fleet.wear.trend import Trends, trends
 
 CONFIRMS = 0.05
 """An alarm is confirmed as long as the newest look has a smaller p."""

@@ -26,9 +26,9 @@ import numpy as np
 from scipy import special
 
 from pipeline.base.arrays import Array, Bools, Ints
-from pipeline.wear.beside import Beside, beside, gaps, steps
-from pipeline.wear.machine import FEWEST, Machine
-from pipeline.wear.scatter import Scatter
+from pipeline.fleet.wear.beside import Beside, beside, gaps, steps
+from pipeline.fleet.wear.machine import FEWEST, Machine
+from pipeline.fleet.wear.scatter import Scatter
 
 A_YEAR = 0.01
 """Probability of a false alarm a year, of each robot."""

@@ -1,4 +1,4 @@
-"""Questions across all campaigns."""
+"""Commands across campaigns: questions to all, what is common in them, two beside each other."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from pipeline.app.commands._shared import Root
+from pipeline.app.commands._shared import AsJson, Root, open_it, show
 from pipeline.base.errors import UsageError
 
 
@@ -30,7 +30,7 @@ def query(
     root: Root = Path(),
 ) -> None:
     """Query all finished campaigns in SQL; tables and examples are in docs/query.md."""
-    from pipeline.app import query as asking
+    from pipeline.fleet import query as asking
 
     wanted = _format(form, output, asking.FORMATS)
     found = asking.described() if sql is None else asking.ask(root, sql)
@@ -65,6 +65,32 @@ def priors(
     root: Root = Path(),
 ) -> None:
     """Estimate from all campaigns how common and how large causes are, for campaign.toml."""
-    from pipeline.app import priors as learning
+    from pipeline.fleet import priors as learning
 
     typer.echo(learning.toml(learning.learnt(root, robot)), nl=False)
+
+
+def compare(
+    first: Annotated[
+        str,
+        Argument(
+            metavar="FIRST", help="A campaign; one of its models as NAME:joints or NAME:extended."
+        ),
+    ],
+    second: Annotated[
+        str, Argument(metavar="SECOND", help="Another campaign, or another model of the same one.")
+    ],
+    as_json: AsJson = False,
+    opened: Annotated[bool, Option("--open", help="Open the page in the browser.")] = False,
+    root: Root = Path(),
+) -> None:
+    """Compare the stiffnesses of two campaigns, or of two models of one campaign."""
+    from pipeline.fleet import compare as comparing
+
+    outcome, path = comparing.compare(root, first, second)
+    show(outcome, as_json)
+    if path is None:
+        raise typer.Exit(outcome.exit_code)
+    typer.secho(path, err=True)
+    if opened:
+        open_it(path)

@@ -24,11 +24,12 @@ import pyarrow.compute as pc
 from filelock import FileLock
 
 from pipeline import tables
-from pipeline.answer import archive, worn
+from pipeline.answer import archive
 from pipeline.answer.contract import Answer, Cause, Stiffness
-from pipeline.answer.worn import column
 from pipeline.base import files, parquet
 from pipeline.base.errors import UsageError
+from pipeline.fleet import worn
+from pipeline.fleet.worn import column
 from pipeline.store.campaign import FLEET, MANIFEST, Campaign, code_version, dump, recalled
 
 _INDEX = "index.json"

@@ -18,8 +18,8 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
-from pipeline.wear.beside import beside, gaps, steps
-from pipeline.wear.machine import Machine, products
+from pipeline.fleet.wear.beside import beside, gaps, steps
+from pipeline.fleet.wear.machine import Machine, products
 
 STATED = 0.01
 """Day-to-day scatter of a stiffness where campaigns do not tell it [1]."""

@@ -13,7 +13,7 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
-from pipeline.wear.machine import Machine, products
+from pipeline.fleet.wear.machine import Machine, products
 
 _NOTHING = 1e-6
 """Part of the information on a column that is none, once the levels are estimated along [1]."""

@@ -13,9 +13,9 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
-from pipeline.wear.beside import Beside, beside
-from pipeline.wear.machine import Machine
-from pipeline.wear.scatter import Scatter
+from pipeline.fleet.wear.beside import Beside, beside
+from pipeline.fleet.wear.machine import Machine
+from pipeline.fleet.wear.scatter import Scatter
 
 
 @dataclass(frozen=True, eq=False)

@@ -6,8 +6,8 @@ from collections.abc import Iterator
 from pathlib import Path
 
 from pipeline.answer.archive import finished
-from pipeline.answer.experience import CAMPAIGNS, ROBOTS, Expected, Experience, experience
 from pipeline.base.errors import UsageError
+from pipeline.fleet.experience import CAMPAIGNS, ROBOTS, Expected, Experience, experience
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 

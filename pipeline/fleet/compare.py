@@ -16,8 +16,8 @@ from pipeline.app.outcome import Outcome
 from pipeline.base import files, parquet
 from pipeline.base.arrays import Array
 from pipeline.base.errors import CannotWrite, UsageError
+from pipeline.fleet.overview import NOT_EXPLAINED, NOT_STOOD_FOR, SAME_READINGS, comparison
 from pipeline.report import words
-from pipeline.report.overview import NOT_EXPLAINED, NOT_STOOD_FOR, SAME_READINGS, comparison
 from pipeline.report.record import Report
 from pipeline.report.render import page as as_page
 from pipeline.report.text import as_text

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from pipeline.answer.contract import Answer, Cause, Stiffness
@@ -17,7 +18,6 @@ from pipeline.answer.history import (
     trends,
     trusted,
 )
-from pipeline.answer.worn import Robot
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import (
     MISSING,
@@ -28,6 +28,8 @@ from pipeline.base.quantities import (
     scaled,
 )
 from pipeline.diagnosis.average import LIKELY
+from pipeline.fleet.sentences import alarm, changed_of, joints_table, of, robots_tables
+from pipeline.fleet.worn import Robot
 from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.record import (
@@ -42,7 +44,10 @@ from pipeline.report.record import (
     section_of,
     unlabelled,
 )
-from pipeline.report.wear import alarm, changed_of, joints_table, robots_tables
+from pipeline.report.render import page
+
+if TYPE_CHECKING:
+    from pipeline.report.svg import Drawing
 
 # --- all campaigns -------------------------------------------------------------------------
 
@@ -349,3 +354,21 @@ def _judged(change: Change) -> str:
     if change.sigmas is None:
         return ""
     return "differs" if change.sure else "agrees"
+
+
+def render_overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> bytes:
+    """The page over all campaigns, from their answers and from what robots' campaigns say."""
+    report = overview(answers, wear)
+    drawings = {figure.name: draw_robot(figure.name, answers, wear) for figure in report.figures}
+    return page(report, {name: drawing.inline for name, drawing in drawings.items()}).encode()
+
+
+def draw_robot(name: str, answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Drawing:
+    """Draw the history of one robot: `history-0` is that of the first of `robots`."""
+    # matplotlib imports for half a second
+    from pipeline.report.figures.stiffness import draw_history
+    from pipeline.report.svg import drawn
+
+    machine, own = list(robots(answers).items())[int(name.rpartition("-")[2])]
+    changed = changed_of(own, of(machine, wear))
+    return drawn(name, lambda canvas: draw_history(canvas, own, changed))

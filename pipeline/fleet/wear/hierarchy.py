@@ -15,8 +15,8 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Locked
-from pipeline.wear.machine import Machine, products
-from pipeline.wear.scatter import Scatter
+from pipeline.fleet.wear.machine import Machine, products
+from pipeline.fleet.wear.scatter import Scatter
 
 FEWEST = 3
 """Robots of a type from which they say how specimens differ; below it is guessed."""
