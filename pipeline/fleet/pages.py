@@ -13,8 +13,7 @@ from filelock import FileLock
 from pipeline.answer.archive import Finished, earlier, finished, mark, read, shown
 from pipeline.answer.contract import Answer
 from pipeline.answer.history import previous
-from pipeline.app import preferences
-from pipeline.base import files
+from pipeline.base import files, preferences
 from pipeline.base.errors import CannotWrite
 from pipeline.base.shown import printable
 from pipeline.fleet import tables as fleet

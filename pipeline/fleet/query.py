@@ -17,10 +17,9 @@ from typing import Any
 
 import pyarrow as pa
 
-from pipeline.app import preferences
-from pipeline.app.processes import say
-from pipeline.base import files
+from pipeline.base import files, preferences
 from pipeline.base.errors import CannotWrite, UsageError, listed
+from pipeline.base.processes import say
 from pipeline.base.shown import in_json, printable
 from pipeline.fleet import tables as fleet
 from pipeline.tables import harmless

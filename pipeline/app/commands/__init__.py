@@ -74,19 +74,19 @@ COMMANDS = {
         "List the causes of misfit that the diagnosis knows.",
     ),
     "serve": Command(
-        "pipeline.app.commands.service:serve",
+        "pipeline.service.command:serve",
         "Process campaigns as they arrive, with Prefect's dashboard.",
     ),
     "watch": Command(
-        "pipeline.app.commands.service:watch",
+        "pipeline.service.command:watch",
         "Process campaigns as they arrive, without Prefect.",
     ),
     "deploy": Command(
-        "pipeline.app.commands.service:deploy",
+        "pipeline.service.command:deploy",
         "Schedule the scan for new campaigns on a Prefect server.",
     ),
     "doctor": Command(
-        "pipeline.app.commands.service:doctor",
+        "pipeline.service.command:doctor",
         "Check this machine: what is missing, and how to install it.",
     ),
 }

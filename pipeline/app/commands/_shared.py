@@ -95,12 +95,14 @@ On = Annotated[
 
 def executor(jobs: int | None, on: str | None) -> Executor | None:
     """Where many things are worked on, as these options say; None where they say nothing."""
-    from pipeline.base.cluster import Cluster
     from pipeline.base.executor import Processes
 
     if jobs and on:
         raise UsageError("--jobs is for this machine and --on for a cluster: give one of them")
-    return Cluster(on) if on else Processes(jobs) if jobs else None
+    if on:
+        cluster: Executor = opened("pipeline.service.cluster:Cluster")(on)
+        return cluster
+    return Processes(jobs) if jobs else None
 
 
 Steps = Annotated[

@@ -412,7 +412,9 @@ def run(
             "several of Prefect's workers"
         )
     codes = []
-    for outcome in shell.run_all(root, campaigns or [], engine or "prefect", force, several):
+    for outcome in shell.run_all(
+        root, campaigns or [], engine or shell.usual_engine(), force, several
+    ):
         codes += [outcome.exit_code, MISFIT if strict and outcome.misfit else 0]
         show(outcome, as_json)
     raise typer.Exit(worst(codes))

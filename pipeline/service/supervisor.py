@@ -21,12 +21,13 @@ from pathlib import Path
 
 from filelock import FileLock, Timeout
 
-from pipeline.app import notify, service
-from pipeline.app.preferences import Preferences, Service
-from pipeline.app.processes import PARENT, PYTHON, REPORTS_URL, ROOT
 from pipeline.base import files
 from pipeline.base.environment import NOBODYS
 from pipeline.base.errors import UsageError
+from pipeline.base.preferences import Preferences, Service
+from pipeline.base.processes import PARENT, PYTHON, REPORTS_URL, ROOT
+from pipeline.service import notify
+from pipeline.service import server as service
 from pipeline.store.campaign import dump
 
 _LOOK_S = 1.0
@@ -148,14 +149,14 @@ def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
         urls = settled(root, port)
         server = _Child(
             "Prefect's server",
-            [*PYTHON, "pipeline.app.gate", str(root.absolute() / "reports"), str(port)],
+            [*PYTHON, "pipeline.service.gate", str(root.absolute() / "reports"), str(port)],
             root / service.HOME / "server.log",
             lambda: service.works(urls["api"]),
             before=lambda: _mended(root, schedule, tell),
         )
         schedule = _Child(
             "The schedule",
-            [*PYTHON, "pipeline.app.schedule", preferences.service.model_dump_json()],
+            [*PYTHON, "pipeline.service.schedule", preferences.service.model_dump_json()],
             root / service.HOME / "schedule.log",
             lambda: not _stuck(root, preferences.service, schedule.since, urls["api"]),
             shown=True,

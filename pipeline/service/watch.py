@@ -19,13 +19,14 @@ from typing import Any, Protocol
 from filelock import FileLock, Timeout
 from pydantic import ValidationError
 
-from pipeline.app import notify, service, sync
-from pipeline.app.guard import Guard
 from pipeline.app.outcome import Outcome, failed
-from pipeline.app.preferences import Notify, Preferences
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError
+from pipeline.base.preferences import Notify, Preferences
 from pipeline.base.strict import Strict
+from pipeline.service import notify, sync
+from pipeline.service import server as service
+from pipeline.service.guard import Guard
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import Campaign, dump, recalled
 

@@ -12,11 +12,13 @@ from dataclasses import dataclass
 from datetime import datetime
 from pathlib import Path
 
-from pipeline.app import preferences, service, watch
-from pipeline.app.preferences import Preferences
-from pipeline.app.processes import alive
-from pipeline.app.storage import Store
+from pipeline.base import preferences
 from pipeline.base.errors import InputError
+from pipeline.base.preferences import Preferences
+from pipeline.base.processes import alive
+from pipeline.service import server as service
+from pipeline.service import watch
+from pipeline.service.storage import Store
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import recalled
 

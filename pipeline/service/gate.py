@@ -1,6 +1,6 @@
 """What this machine shows of itself: Prefect's server and the reports, to its own browser alone.
 
-`python -m pipeline.app.gate REPORTS PORT` serves Prefect's page and API at PORT and the folder
+`python -m pipeline.service.gate REPORTS PORT` serves Prefect's page and API at PORT and the folder
 REPORTS one port further. A page of another origin is turned away at the door, and so is a request
 for a host of another name, which is how a foreign page gets around the rule of origins.
 """
@@ -20,8 +20,8 @@ from starlette.routing import Mount
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from pipeline.app.processes import PARENT, follow
-from pipeline.app.service import HERE
+from pipeline.base.processes import PARENT, follow
+from pipeline.service.server import HERE
 
 _OWN_SITE = (b"same-origin", b"none")
 """What a browser says of a request from our own page, or from its address bar."""

@@ -20,10 +20,10 @@ from types import TracebackType
 from typing import Any
 
 from pipeline.app.outcome import Outcome, failed
-from pipeline.app.preferences import Service
-from pipeline.app.processes import PYTHON
 from pipeline.base.errors import Unfinished
 from pipeline.base.executor import gone
+from pipeline.base.preferences import Service
+from pipeline.base.processes import PYTHON
 from pipeline.store.campaign import Campaign
 
 _TAKES = 8
@@ -102,7 +102,7 @@ class Guard:
         memory = int(self.limits.memory_gib * 2**30)
         words = [self.root, self.engine, theirs.fileno(), os.getpid(), memory]
         process = subprocess.Popen(
-            [*PYTHON, "pipeline.app.worker", *map(str, words)],
+            [*PYTHON, "pipeline.service.worker", *map(str, words)],
             stdin=subprocess.DEVNULL,
             pass_fds=[theirs.fileno()],
             start_new_session=True,  # Ctrl-C is for the service, which ends its workers

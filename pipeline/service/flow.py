@@ -32,16 +32,17 @@ from prefect.types.entrypoint import EntrypointType
 
 from pipeline.answer.archive import read
 from pipeline.answer.contract import Answer
-from pipeline.app import service, watch
-from pipeline.app.guard import Guard
 from pipeline.app.outcome import Outcome, failed, shown
-from pipeline.app.preferences import Service, load
-from pipeline.app.processes import PARENT, REPORTS_URL, ROOT, follow, say
 from pipeline.app.progress import Tell, told
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, UsageError
+from pipeline.base.preferences import Service, load
+from pipeline.base.processes import PARENT, REPORTS_URL, ROOT, follow, say
 from pipeline.base.shown import printable
 from pipeline.run import run
+from pipeline.service import server as service
+from pipeline.service import watch
+from pipeline.service.guard import Guard
 from pipeline.store.campaign import Campaign, every, find
 
 TAG = "campaign"

@@ -14,7 +14,7 @@ from pipeline.base.errors import UsageError
 from pipeline.base.toml import given
 
 if TYPE_CHECKING:
-    from pipeline.app.preferences import Preferences
+    from pipeline.base.preferences import Preferences
 
 
 def serve(
@@ -28,11 +28,12 @@ def serve(
 ) -> None:
     """Process campaigns as they arrive, with Prefect's dashboard."""
     if unit:
-        from pipeline.app.unit import unit as of_systemd
+        from pipeline.service.unit import unit as of_systemd
 
         typer.echo(of_systemd(root), nl=False)
         return
-    from pipeline.app import processes, supervisor
+    from pipeline.base import processes
+    from pipeline.service import supervisor
 
     wanted = _preferred(root, interval_s=interval, cron=cron, port=port)
     every = f"at {wanted.service.cron}" if wanted.service.cron else _every(wanted)
@@ -46,8 +47,9 @@ def watch(
     root: Root = Path(),
 ) -> None:
     """Process campaigns as they arrive, without Prefect."""
-    from pipeline.app import processes, supervisor
-    from pipeline.app import watch as watching
+    from pipeline.base import processes
+    from pipeline.service import supervisor
+    from pipeline.service import watch as watching
 
     wanted = _preferred(root, interval_s=interval)
     processes.stop_on_sigterm()
@@ -65,12 +67,13 @@ def deploy(
     root: Root = Path(),
 ) -> None:
     """Schedule the scan for new campaigns on a team's Prefect server: docs/teams.md."""
-    from pipeline.app import processes, service
+    from pipeline.base import processes
+    from pipeline.service import server as service
 
     wanted = _preferred(root, interval_s=interval, cron=cron)
     service.join(root)
     with elsewhere():
-        from pipeline.app import flow  # after Prefect's settings are made
+        from pipeline.service import flow  # after Prefect's settings are made
 
         flow.deploy(pool, wanted.service)
     place = f"cd {NOBODYS} && {processes.ROOT}={root.resolve()}"  # as elsewhere() has it
@@ -82,7 +85,7 @@ def doctor(as_json: AsJson = False, root: Root = Path()) -> None:
     import json
     from dataclasses import asdict
 
-    from pipeline.app import doctor as examination
+    from pipeline.service import doctor as examination
 
     sound = True
     for finding in examination.examine(root):
@@ -95,7 +98,7 @@ def doctor(as_json: AsJson = False, root: Root = Path()) -> None:
 
 def _preferred(root: Path, **said: Any) -> Preferences:
     """What pipeline.toml says, and the command line otherwise."""
-    from pipeline.app import preferences
+    from pipeline.base import preferences
 
     if not root.is_dir():
         raise UsageError(f"there is no folder {root}: correct --root")

@@ -11,9 +11,9 @@ from dataclasses import asdict
 from multiprocessing.connection import Connection
 from pathlib import Path
 
-from pipeline.app.guard import PAGES
 from pipeline.app.outcome import Compute, Outcome, guarded, outcome
-from pipeline.app.processes import follow
+from pipeline.base.processes import follow
+from pipeline.service.guard import PAGES
 from pipeline.store.campaign import Campaign
 
 
@@ -47,7 +47,7 @@ def _at_most(memory: int) -> None:
 
 def _engine(engine: str) -> Compute:
     if engine == "prefect":
-        from pipeline.app.flow import within
+        from pipeline.service.flow import within
 
         return within
     from pipeline.run import run

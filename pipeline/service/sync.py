@@ -17,11 +17,11 @@ from typing import Any
 from pydantic import TypeAdapter
 
 from pipeline.app.outcome import Outcome, failed
-from pipeline.app.preferences import Storage
-from pipeline.app.storage import Store
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError
+from pipeline.base.preferences import Storage
 from pipeline.base.shown import printable
+from pipeline.service.storage import Store
 from pipeline.store.campaign import MOST_ENTRIES, dump, recalled, unfit
 
 _NOTE = "storage.json"

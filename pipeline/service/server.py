@@ -22,9 +22,9 @@ from typing import Any, TypeVar
 
 from pydantic import ValidationError
 
-from pipeline.app.processes import REPORTS_URL
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, UsageError
+from pipeline.base.processes import REPORTS_URL
 from pipeline.base.strict import Strict
 from pipeline.store.campaign import recalled
 

@@ -22,5 +22,5 @@ def unit(root: Path) -> str:
     for path in paths.values():
         if any(sign in path for sign in " \t\n\"'\\%$"):
             raise UsageError(f"systemd cannot run what lies in {path}: move it to a plain path")
-    template = (resources.files("pipeline.app") / "pipeline.service.jinja").read_text("utf-8")
+    template = (resources.files(__package__) / "pipeline.service.jinja").read_text("utf-8")
     return jinja2.Template(template).render(user=getpass.getuser(), **paths)

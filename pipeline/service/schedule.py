@@ -1,12 +1,12 @@
-"""`python -m pipeline.app.schedule SERVICE`: scans when it is time, until told to stop."""
+"""`python -m pipeline.service.schedule SERVICE`: scans when it is time, until told to stop."""
 
 from __future__ import annotations
 
 import os
 import sys
 
-from pipeline.app.preferences import Service
-from pipeline.app.processes import PARENT, follow
+from pipeline.base.preferences import Service
+from pipeline.base.processes import PARENT, follow
 
 
 def main(wanted: str) -> None:
@@ -16,7 +16,7 @@ def main(wanted: str) -> None:
         wanted: preferences.Service, as JSON.
     """
     follow(int(os.environ[PARENT]))
-    from pipeline.app import flow
+    from pipeline.service import flow
 
     flow.serve(Service.model_validate_json(wanted))
 
