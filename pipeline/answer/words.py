@@ -5,7 +5,7 @@ Facts come as types (`Facts`, `Finding`, `Reason`); no sentence made here is eve
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -152,6 +152,12 @@ def _told(facts: Facts) -> str:
             ),
         ]
     )
+
+
+def told_of(facts: Facts, asked: Collection[Finding]) -> list[str]:
+    """Those of some findings that hold, in sentences."""
+    held = [row.finding for row in findings(facts) if row.finding in asked]
+    return [capital(_FINDINGS[one](facts)) for one in held]
 
 
 def _impossible(facts: Facts) -> str:
@@ -359,7 +365,7 @@ def _sized(cause: Cause) -> str:
         if isinstance(cause.effect, Table):
             factor, letter = _ENTRIES[unit]
             stands = with_std(factor * (cause.effect.nominal + one.value), factor * one.std)
-            stated = plain(factor * cause.effect.nominal)
+            stated = f"{factor * cause.effect.nominal:.7g}"
             sizes.append(f"{one.parameter.name} = {stands} {letter}, not {stated} {letter}")
             continue
         factor, letter = _THOUSANDTHS.get(unit, (1.0, unit))
