@@ -10,6 +10,7 @@ the robot does in proportion to the pull does not pass for a bad reading.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -19,7 +20,7 @@ from scipy import special
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.faults.fault import Fault, Screening
-from pipeline.faults.mistake import Mistake, apart, length, outlying
+from pipeline.faults.mistake import Mistake, apart, left_out, length, lines_of, outlying
 from pipeline.machine import instrument
 from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
@@ -216,17 +217,16 @@ def outliers(asked: Screening) -> list[Mistake]:
     told = shifted.told(held, suspects, free, seen=not fits)
     p, size = held.p(), np.linalg.norm(held.size, axis=1)
     least_m = smallest(reduced.placed, float(np.sqrt(held.variance)))
-    return [
-        bad_reading(
-            _row(case, reduced, shifted.readings, int(held.which[k])),
-            "all other readings",
-            float(size[k]),
-            float(np.sqrt(held.drop[k] / held.variance)),
-            float(p[k]),
-        )
-        for k in np.argsort(-held.drop, kind="stable")
-        if told[k] and size[k] > least_m
-    ]
+    found = []
+    for k in np.argsort(-held.drop, kind="stable"):
+        if told[k] and size[k] > least_m:
+            one = int(held.which[k])
+            alike = [one, *suspects.rivals(held, one).tolist()]
+            row, *rivals = (_row(case, reduced, shifted.readings, j) for j in alike)
+            sigmas = float(np.sqrt(held.drop[k] / held.variance))
+            known = float(size[k]), sigmas, float(p[k]), rivals
+            found.append(bad_reading(row, "all other readings", *known))
+    return found
 
 
 def _fits(held: Held, pulls: Base, least: float) -> bool:
@@ -330,6 +330,7 @@ def bad_reading(
     size: float,
     sigmas: float,
     p: float | None = None,
+    rivals: Sequence[pd.Series] = (),
 ) -> Mistake:
     """The finding of a single reading that contradicts others.
 
@@ -340,18 +341,23 @@ def bad_reading(
         sigmas: The same in standard deviations.
         p: That chance puts any reading so far off; a sum, which may exceed 1. None where chance
             plays no part.
+        rivals: Readings that may be it instead.
     """
-    where = f"{row['group']}/{row['target']}"
+    rows = pd.DataFrame([row, *rivals])
+    names = (rows["group"].astype(str) + "/" + rows["target"].astype(str)).tolist()
+    at = lines_of(rows)
+    each = [f"{name} ({place})" for name, place in zip(names, at, strict=True)]
+    one = f"the reading {each[0]}" if len(rows) == 1 else f"one of {', '.join(each)}"
+    doubt = "" if len(rows) == 1 else ", and nothing tells which of them it is"
     return outlying(
-        where,
-        f"the reading {where} ({row['file']}:{row['line']}) is {length(size)} off "
-        f"from where {others} put it, {apart(sigmas)}",
-        f"recomputed without {where}",
+        names[0],
+        f"{one} is {length(size)} off from where {others} put it, {apart(sigmas)}{doubt}",
+        f"recomputed without {' and '.join(names)}",
         before=sigmas,
         size=size,
         p_value=p,
-        correct=partial(without, file=str(row["file"]), line=int(row["line"])),
-        at=(f"{row['file']}:{row['line']}",),
+        correct=partial(left_out, at=at),
+        at=at,
     )
 
 
@@ -378,12 +384,6 @@ def _row(case: Case, reduced: Reduced, readings: Readings, best: int) -> pd.Seri
         return rows[(rows["state"] == "loaded") & (rows["repeat"] == repeat)].iloc[0]
     rows = rows[rows["state"] == "unloaded"].sort_values("time", kind="stable")
     return rows.iloc[readings.nth[best]]
-
-
-def without(case: Case, file: str, line: int) -> Case:
-    """The campaign without one reading."""
-    rows = case.readings
-    return replace(case, readings=rows[(rows["file"] != file) | (rows["line"] != line)])
 
 
 FAULT = Fault(
