@@ -14,8 +14,9 @@ from campaign_exports import polar as seen
 
 from pipeline.app import shell
 from pipeline.base import toml
+from pipeline.intake.known import settled
 from pipeline.readers import Hints
-from pipeline.readers.known import Body, settled
+from pipeline.readers.known import Body
 from pipeline.reduction.ingest import ingest
 from pipeline.store.campaign import in_memory
 
