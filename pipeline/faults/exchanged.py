@@ -121,6 +121,15 @@ def misplaced(case: Case) -> frozenset[int]:
     return frozenset(most.index[most].tolist())
 
 
+def elsewhere(case: Case, groups: Sequence[str]) -> list[bool]:
+    """Whether each of some groups is elsewhere than the robot's table has its pose."""
+    laid = _lay(case)
+    if laid is None:
+        return [False] * len(groups)
+    away = dict(zip(laid.name, laid.own > (STANDS_OUT * laid.usual) ** 2, strict=True))
+    return [bool(away.get(name, False)) for name in groups]
+
+
 # --- where the groups are -------------------------------------------------------------------------
 
 
