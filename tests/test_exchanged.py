@@ -377,6 +377,22 @@ def test_two_columns_of_the_joint_log_are_put_back(seed):
     same(found.correct(case(made)), case(files(seed)))
 
 
+@pytest.mark.parametrize("targets", [1, 3])
+def test_pulls_of_two_poses_that_are_all_there_is(targets):
+    """The base reflectors lay them on the table, however few."""
+    tool = {"load_point": (0.15, 0.0, 0.25), "P1": (0.2, 0.05, 0.12)}
+    more = {"P2": (-0.12, 0.19, 0.10), "P3": (-0.10, -0.18, 0.22)} if targets > 1 else {}
+    plan = Plan(name="two", seed=4, tool=tool | more, poses={"count": 2})
+    right = dict(simulate(plan).files)
+    made = regrouped(right, {"pose01_rep1_loaded": "pose02_rep1_loaded"})
+
+    (found,) = exchanged(case(made))
+
+    assert found.where == "pose01_rep1_loaded/pose02_rep1_loaded"
+    same(found.correct(case(made)), case(right))
+    assert exchanged(case(right)) == []
+
+
 def test_a_bad_reading_tells_of_no_force():
     """One target in two pulls is off as if the forces were exchanged: neither row of them is."""
     given = case(files(0))
