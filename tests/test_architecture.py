@@ -201,6 +201,7 @@ OUTBUILDINGS = {
         "reduction.settings": "it writes campaign.toml",
         "reduction.limits": "whether a robot can stand where a log says",
     },
+    "page": {"app.commands._shared": _COMMAND},
     "programs": {
         "app.commands._shared": _COMMAND,
         "store.campaign": _PLACES,

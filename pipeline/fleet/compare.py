@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any
@@ -11,12 +11,14 @@ import numpy as np
 
 from pipeline.answer.archive import Finished, finished, with_digest
 from pipeline.answer.contract import Answer, Data, Stiffness, Which
-from pipeline.answer.history import chance, changes, together, trusted
+from pipeline.answer.history import chance, changes, of_one_day, together, trusted
 from pipeline.app.outcome import Outcome
 from pipeline.base import files, parquet
 from pipeline.base.arrays import Array
 from pipeline.base.errors import CannotWrite, UsageError
+from pipeline.fleet import tables as fleet
 from pipeline.fleet.overview import NOT_EXPLAINED, NOT_STOOD_FOR, SAME_READINGS, comparison
+from pipeline.fleet.sentences import of
 from pipeline.report import words
 from pipeline.report.record import Report
 from pipeline.report.render import page as as_page
@@ -100,21 +102,23 @@ def compared(root: Path, first: str, second: str) -> tuple[Report, dict[str, Any
     a, b = _side(root, first), _side(root, second)
     why = _not_tested(a, b)
     independent = why is None
+    daily = _from_day_to_day(root, a, b)
     report = comparison(
         (first, second),
         a.stiffness,
         b.stiffness,
-        (a.cov, b.cov) if independent else None,
+        (_any_day(a, daily), _any_day(b, daily)) if independent else None,
         why or "",
         (a.model, b.model),
         (a.answer.machine, b.answer.machine),
+        daily,
     )
-    found = changes(a.stiffness, b.stiffness, independent)
+    found = changes(a.stiffness, b.stiffness, independent, daily)
     content = {
         "before": first,
         "after": second,
         "stiffness": [asdict(change) for change in found],
-        **_all_together(a, b, independent),
+        **_all_together(a, b, independent, daily),
     }
     return report, content
 
@@ -130,12 +134,29 @@ def _not_tested(a: _Side, b: _Side) -> str | None:
     return NOT_STOOD_FOR.format(" and ".join(other)) if other else None
 
 
-def _all_together(a: _Side, b: _Side, independent: bool) -> dict[str, float | int | None]:
+def _from_day_to_day(root: Path, a: _Side, b: _Side) -> dict[str, float]:
+    """By what stiffnesses of one robot differ between these two days [1], by name, if known."""
+    wear = of(a.answer.machine, fleet.wear(root))
+    same = a.answer.machine == b.answer.machine and not of_one_day(a.answer, b.answer)
+    if not same or wear is None or not wear.followed:
+        return {}
+    return {joint.name: joint.scatter / 100 for joint in wear.joints}
+
+
+def _any_day(side: _Side, daily: Mapping[str, float]) -> Array:
+    """Covariance of the compliances as they are on any day [SI], shape (n, n)."""
+    x = [(joint.compliance or 0.0) * daily.get(joint.name, 0.0) for joint in side.stiffness]
+    return np.asarray(side.cov + np.diag(np.square(x)))
+
+
+def _all_together(
+    a: _Side, b: _Side, independent: bool, daily: Mapping[str, float]
+) -> dict[str, float | int | None]:
     """The test of all joints together; nothing where two share errors or have other joints."""
     same = [joint.name for joint in a.stiffness] == [joint.name for joint in b.stiffness]
     if not (independent and same):
         return {"chi2": None, "dof": 0, "p_value": None}
-    chi2, dof = together(a.stiffness, b.stiffness, a.cov, b.cov)
+    chi2, dof = together(a.stiffness, b.stiffness, _any_day(a, daily), _any_day(b, daily))
     return {"chi2": chi2, "dof": dof, "p_value": chance(chi2, dof)}
 
 

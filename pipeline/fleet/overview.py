@@ -8,6 +8,7 @@ from urllib.parse import quote
 
 from pipeline.answer.contract import Answer, Cause, Stiffness
 from pipeline.answer.history import (
+    NO_SCATTER,
     Change,
     Trend,
     chance,
@@ -17,6 +18,7 @@ from pipeline.answer.history import (
     together,
     trends,
     trusted,
+    within_a_day,
 )
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import (
@@ -65,20 +67,28 @@ def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
         name: [_called(own).get(one, one) for one in changed_of(own, followed.get(name))]
         for name, own in by_robot.items()
     }
+    alarmed = {name: [j.called for j in one.changed] for name, one in followed.items()}
+    unsaid = {
+        name: [one for one in names if one not in alarmed.get(name, ())]
+        for name, names in changed.items()
+    }
+    counts = _standing_in_a_hall(by_robot)
     places = {name: place for place, name in enumerate(by_robot)}
     last = {name: own[-1] for name, own in by_robot.items()}
+    tables = robots_tables(wear, places, last, unsaid)
     sections = [
-        section_of("robots", "Robots", robots_tables(wear, places, last) if followed else []),
+        section_of("robots", "Robots", tables if followed else []),
         section_of("campaigns", "Campaigns", [_campaigns(ordered(answers))]),
         *(
             section_of(f"robot-{place}", name, _robot(place, name, own, followed.get(name)))
             for place, (name, own) in enumerate(by_robot.items())
         ),
     ]
-    raised = {name: alarm(one) for name, one in followed.items() if one.alarm}
-    compared = {name: names for name, names in changed.items() if name not in followed}
-    several = _several(by_robot)
+    raised = {name: alarm(one) for name, one in followed.items() if one.alarm and name in counts}
+    compared = {name: unsaid[name] for name in counts}
+    several = _several(counts)
     verdict, tone = _of_all(bool(raised) or any(compared.values()), several)
+    virtual = sum(one.simulated for one in answers)
     return Report(
         kicker="Joint stiffness",
         heading="All campaigns",
@@ -86,7 +96,8 @@ def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
         verdict=verdict,
         tone=tone,
         first=unlabelled(
-            f"{_counted(len(answers), 'campaign')} on {_counted(len(by_robot), 'robot')}.",
+            f"{_counted(len(answers), 'campaign')} on {_counted(len(by_robot), 'robot')}"
+            f"{_virtual(virtual, len(answers))}.",
             *map(": ".join, raised.items()),
             *_change_sentences(compared, several, bool(raised)),
             *_not_compared(by_robot),
@@ -94,6 +105,22 @@ def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
         sections=present(sections),
         elsewhere="Details are on the page of each campaign.",
     )
+
+
+def _standing_in_a_hall(
+    by_robot: Mapping[str, Sequence[Answer]],
+) -> Mapping[str, Sequence[Answer]]:
+    """Robots of which something was measured; where nothing was, those that were simulated."""
+    real = {name: own for name, own in by_robot.items() if not own[0].simulated}
+    return real or by_robot
+
+
+def _virtual(simulated: int, of: int) -> str:
+    if not simulated:
+        return ""
+    if simulated == of:
+        return ", all simulated"
+    return f", {simulated} of them simulated and kept apart from what was measured"
 
 
 def _of_all(changed: bool, several: bool) -> tuple[str, str]:
@@ -169,7 +196,11 @@ def _robot(
 ) -> Sequence[Block | None]:
     if wear is not None:
         says = [Text(alarm(wear), "finding")] if wear.alarm else []
-        names = changed_of(answers, wear)
+        names, called = changed_of(answers, wear), _called(answers)
+        says += [
+            Text(f"{called[one]} differs between campaigns of one day, for certain.", "finding")
+            for one in within_a_day(answers)
+        ]
         return (*says, joints_table(place, wear), _history_figure(place, name, answers, names))
     if len(answers) < 2:
         return (Text(f"One campaign so far, {answers[0].campaign}."),)
@@ -251,6 +282,10 @@ NOT_STOOD_FOR = (
     "changed: what its model leaves out may look like a change."
 )
 """Why two lists of stiffnesses are shown beside each other and not tested."""
+_DAILY = (
+    "The robot's campaigns tell what its stiffnesses differ by from day to day; that much counts "
+    "as no difference, as in its wear."
+)
 OTHER_ROBOTS = "They are of different robots, {} and {}: what differs is no change of one."
 
 
@@ -265,6 +300,7 @@ def comparison(
     not_tested: str = SAME_READINGS,
     models: tuple[str, str] = ("", ""),
     robots: tuple[str, str] = ("", ""),
+    scatter: Mapping[str, float] = NO_SCATTER,
 ) -> Report:
     """Two campaigns, or two models of one, joint by joint.
 
@@ -277,8 +313,10 @@ def comparison(
         not_tested: Why nothing is tested, where nothing is.
         models: Which model's the values of each are, in words.
         robots: Whose they are, where that is not the same.
+        scatter: What the robot's stiffnesses differ by from day to day [1], by name, where the
+            two are of different days and its campaigns tell it.
     """
-    found = changes(before, after, independent=covariances is not None)
+    found = changes(before, after, covariances is not None, scatter)
     called = {joint.name: joint.called for joint in after}
     surely = [called[c.name] for c in found if c.sure]
     if covariances is None:
@@ -291,7 +329,8 @@ def comparison(
         verdict, tone = "They agree", "good"
         told = "No stiffness differs by more than chance explains."
     apart = [OTHER_ROBOTS.format(*robots)] if robots[0] != robots[1] else []
-    sentences = (told, *apart, *_together(before, after, covariances))
+    daily = [_DAILY] if scatter and covariances is not None else []
+    sentences = (told, *apart, *daily, *_together(before, after, covariances))
     title = f"{names[0]} beside {names[1]}"
     each = zip(names, models, strict=True)
     titles = [f"{name}: {model}" if model else name for name, model in each]

@@ -15,13 +15,16 @@ from pipeline.machine.robot import load
 def learnt(root: Path, robot: str) -> Experience:
     """Of all finished campaigns, for the causes that a robot can have.
 
+    Simulated ones teach nothing: somebody chose their causes.
+
     Raises:
         InputError: There is no such robot.
         UsageError: No campaign is finished.
     """
-    answers = [one.answer for one in finished(root)]
-    if not answers:
+    everyone = [one.answer for one in finished(root)]
+    if not everyone:
         raise UsageError("no campaign is finished: run `pipeline run` first")
+    answers = [one for one in everyone if not one.simulated]
     return experience(answers, {effect.name for effect in catalogue(load(robot))})
 
 

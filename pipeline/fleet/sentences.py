@@ -6,7 +6,7 @@ from collections.abc import Mapping, Sequence
 from urllib.parse import quote
 
 from pipeline.answer.contract import Answer
-from pipeline.answer.history import trends
+from pipeline.answer.history import trends, within_a_day
 from pipeline.base.errors import listed
 from pipeline.base.quantities import MISSING, bracketed, p_value, plain, with_std
 from pipeline.fleet.worn import Joint, Robot
@@ -36,9 +36,13 @@ def of(machine: str, wear: Sequence[Robot]) -> Robot | None:
 
 
 def changed_of(answers: Sequence[Answer], wear: Robot | None) -> list[str]:
-    """Names of the stiffnesses of one robot that have changed."""
+    """Names of the stiffnesses of one robot that have changed.
+
+    Wear is told by days; what differs between campaigns of one day is asked as `compare` does.
+    """
     if wear is not None and wear.followed:
-        return [joint.name for joint in wear.changed]
+        worn = [joint.name for joint in wear.changed]
+        return list(dict.fromkeys([*worn, *within_a_day(answers)]))
     return [trend.name for trend in trends(answers) if trend.sure]
 
 
@@ -95,7 +99,10 @@ def _standing(robot: Robot) -> str:
 
 
 def robots_tables(
-    wear: Sequence[Robot], places: Mapping[str, int], last: Mapping[str, Answer]
+    wear: Sequence[Robot],
+    places: Mapping[str, int],
+    last: Mapping[str, Answer],
+    changed: Mapping[str, Sequence[str]],
 ) -> list[Table | None]:
     """One table for each type, those first that need something done.
 
@@ -103,20 +110,28 @@ def robots_tables(
         wear: All robots.
         places: Number of each robot's section on the page, by machine.
         last: The newest answer of each, whether or not it counts.
+        changed: What has changed of each, as it is called.
     """
     types = dict.fromkeys(one.robot for one in wear)
     return [
-        _of_type(robot, [one for one in wear if one.robot == robot], places, last)
+        _of_type(robot, [one for one in wear if one.robot == robot], places, last, changed)
         for robot in types
     ]
 
 
 def _of_type(
-    robot: str, own: Sequence[Robot], places: Mapping[str, int], last: Mapping[str, Answer]
+    robot: str,
+    own: Sequence[Robot],
+    places: Mapping[str, int],
+    last: Mapping[str, Answer],
+    changed: Mapping[str, Sequence[str]],
 ) -> Table | None:
+    def urgency(one: Robot) -> int:
+        return _urgency(one, changed.get(one.machine, ()))
+
     columns: list[Cells[Robot]] = [
         (Column("Robot"), lambda one: _section(one, places)),
-        (Column("To do"), lambda one: Entry(_to_do(one), float(_urgency(one)))),
+        (Column("To do"), lambda one: Entry(_to_do(one, changed), float(urgency(one)))),
         said("Alarm since", lambda one: one.alarm and one.alarm.raised),
         (Column("Last campaign"), lambda one: _page(one.campaign)),
         said("Measured", lambda one: one.last.isoformat()),
@@ -124,7 +139,7 @@ def _of_type(
         *(_a_joint(k, joint.axis or joint.name) for k, joint in enumerate(own[0].joints)),
         number("Chance of such change", lambda one: one.p_value, _chance),
     ]
-    ranked = sorted(own, key=lambda one: (_urgency(one), one.p_value or 1.0, one.machine))
+    ranked = sorted(own, key=lambda one: (urgency(one), one.p_value or 1.0, one.machine))
     note = (
         "E1, A1: change of the stiffness in percent a year ± standard uncertainty; negative is "
         "softer, "
@@ -162,16 +177,20 @@ def _chance(p: float | None) -> str:
     return MISSING if p is None else p_value(p)
 
 
-def _urgency(one: Robot) -> int:
+def _urgency(one: Robot, changed: Sequence[str]) -> int:
     """Rank of what is to be done, 0 first."""
     if one.alarm is not None:
         return 0 if one.alarm.confirmed else 1
+    if changed:
+        return 1
     return 3 if one.followed else 2
 
 
-def _to_do(one: Robot) -> str:
+def _to_do(one: Robot, changed: Mapping[str, Sequence[str]]) -> str:
     if one.alarm is None:
-        return "nothing" if one.followed else "measure: too few campaigns"
+        if names := changed.get(one.machine):
+            return f"see what happened to {', '.join(names)} between two campaigns"
+        return "nothing" if one.followed else "measure: too few days"
     names = ", ".join(joint.axis or joint.name for joint in one.changed) or "all joints"
     return f"inspect {names}" if one.alarm.confirmed else f"measure again: {names}"
 

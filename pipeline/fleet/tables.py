@@ -255,8 +255,8 @@ def _bring_up_to_date(
             answer = archive.read(campaign)
         except UsageError:  # of an earlier version, as the page over all campaigns says
             continue
-        entries[name] = _Entry(mark, answer.robot)
-        new.setdefault((answer.robot, _part(name)), []).append(_rows(campaign, answer))
+        entries[name] = _Entry(mark, answer.kind)
+        new.setdefault((answer.kind, _part(name)), []).append(_rows(campaign, answer))
     for (robot, part), rows in new.items():
         _write(place, robot, part, rows, stale)
     for robot in sorted({robot for robot, _ in new}):

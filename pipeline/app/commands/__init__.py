@@ -73,6 +73,10 @@ COMMANDS = {
         "pipeline.app.commands.robot:effects",
         "List the causes of misfit that the diagnosis knows.",
     ),
+    "page": Command(
+        "pipeline.page.command:page",
+        "Bring a campaign from its files to the report in a browser.",
+    ),
     "serve": Command(
         "pipeline.service.command:serve",
         "Process campaigns as they arrive, with Prefect's dashboard.",

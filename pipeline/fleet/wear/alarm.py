@@ -97,13 +97,15 @@ class _Tried:
 
 
 def looks(machine: Machine, scatter: Scatter) -> tuple[Look, ...]:
-    """One at each day with a campaign since the last repair, from the second campaign on."""
+    """One at each day with a campaign since the last repair, from the second day on."""
     t, W = machine.t, machine.weights(scatter.variance)
     begin = int(np.argmax(machine.present.all(axis=1))) if machine.present[-1].all() else len(t)
     out, before = [], float(t[begin - 1]) if begin >= FEWEST else 0.0
     for k in range(max(FEWEST, begin + 1), len(t) + 1):
         if k < len(t) and t[k] == t[k - 1]:
             continue  # one look at all campaigns of a day
+        if t[k - 1] == t[0]:
+            continue  # of one day: no time in which anything could have worn
         allowed = A_YEAR * min(float(t[k - 1]) - before, 1.0)
         out.append(_look(machine, scatter, W, k, allowed))
         before = float(t[k - 1])
