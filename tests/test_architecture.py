@@ -192,7 +192,6 @@ OUTBUILDINGS = {
         "diagnosis.average": "from which probability on a cause counts as likely",
         "report": _PAGES,
     },
-    "page": {"app.commands._shared": _COMMAND},
     "intake": {
         "app.commands._shared": _COMMAND,
         "app.outcome": _COMMAND,
@@ -202,6 +201,7 @@ OUTBUILDINGS = {
         "reduction.settings": "it writes campaign.toml",
         "reduction.limits": "whether a robot can stand where a log says",
     },
+    "page": {"app.commands._shared": _COMMAND},
     "programs": {
         "app.commands._shared": _COMMAND,
         "store.campaign": _PLACES,

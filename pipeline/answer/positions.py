@@ -20,7 +20,7 @@ from pipeline.answer.contract import (
     Reason,
     Which,
 )
-from pipeline.answer.geometry import KNOWN, table_combinations, table_entries
+from pipeline.answer.geometry import KNOWN, QUANTILE, table_combinations, table_entries
 from pipeline.answer.inputs import (
     identity_entry,
     input_entries,
@@ -49,9 +49,6 @@ from pipeline.machine.effect import in_place
 from pipeline.machine.robot import Joint, Robot
 from pipeline.machine.robot.axes import alone
 from pipeline.store.campaign import Raw, versions
-
-_QUANTILE = 1.959964
-"""Of 95 % intervals: there are thousands of readings."""
 
 UNLISTED = "unlisted_law"
 
@@ -252,7 +249,7 @@ def _stiffness(
 
 def _interval(x: float, std: float) -> tuple[float | None, float | None]:
     """95 % limits of a stiffness by those of its compliance; None where that may be zero."""
-    low, high = x - _QUANTILE * std, x + _QUANTILE * std
+    low, high = x - QUANTILE * std, x + QUANTILE * std
     return (1 / high if high > 0 else None, 1 / low if low > 0 else None)
 
 
@@ -352,7 +349,7 @@ def _cause(law: NamedLaw, robot: Robot) -> contract.Cause:
                 value=law.amplitude,
                 std=law.std,
                 unit="m" if slides else "rad",
-                ci95=(law.amplitude - _QUANTILE * law.std, law.amplitude + _QUANTILE * law.std),
+                ci95=(law.amplitude - QUANTILE * law.std, law.amplitude + QUANTILE * law.std),
             ),
         ),
         p_value=law.p,
