@@ -19,7 +19,6 @@ from conftest import without_pages
 from made_programs import Kuka
 from test_programs import off, unstamped
 
-from pipeline.app.corrected import Given, program, write
 from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
@@ -29,6 +28,7 @@ from pipeline.prediction import compensate
 from pipeline.prediction import model as handover
 from pipeline.prediction.model import Model
 from pipeline.prediction.urdf import urdf
+from pipeline.programs.corrected import Given, program, write
 from pipeline.run import run, tool
 from pipeline.simulate import parse, simulate
 from pipeline.store.campaign import find, in_memory

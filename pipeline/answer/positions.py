@@ -82,6 +82,7 @@ def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Ans
         campaign=campaign,
         name=raw.settings.name,
         robot=raw.robot.name,
+        simulated=raw.settings.simulated,
         measured=measured_on(raw.settings, None),
         verdict_sentence=tuple(line.text for line in lines),
         first_screen=lines,
