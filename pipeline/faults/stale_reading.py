@@ -22,7 +22,7 @@ from pipeline.base.arrays import Array
 from pipeline.faults.exchanged import elsewhere
 from pipeline.faults.exchanged_pulls import copied
 from pipeline.faults.fault import Fault, Screening
-from pipeline.faults.mistake import Mistake, left_out, outlying
+from pipeline.faults.mistake import Mistake, as_it_is, left_out, outlying
 from pipeline.reduction.case import Case
 from pipeline.reduction.digits import rounding
 from pipeline.reduction.measured import STILL_M
@@ -47,7 +47,7 @@ def stale(case: Case) -> list[Mistake]:
             "computed without this pull, whose direction is unknown",
             before=0.0,
             unit="mm",
-            correct=lambda case: case,
+            correct=as_it_is,
             at=(f"{one.file}:{one.line}",),
         )
         for one in case.stale

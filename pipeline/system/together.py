@@ -35,9 +35,6 @@ beside a large one may be its shadow."""
 _MOST = 0.5
 """Part of a base's degrees of freedom that suspects may take [1]; beyond it nothing is the rule."""
 
-_SETTLED = 2.0
-"""Variance over the least from which the rows may scatter less beside more suspects [1]."""
-
 _PART = 0.01
 """Part of the suspects that is at work beforehand [1]: the largest but one of `family.MISTAKES`."""
 
@@ -83,13 +80,20 @@ class Suspects(Locked):
         wider = base.more(self.rows(base, held)) if len(held) else base
         return wider, wider.beside(self.D).rows(self.blocks)
 
-    def rivals(self, held: Held, one: int) -> Ints:
-        """Who would do nearly as well in the place of one that is held, beside all others."""
-        found = self.beside(held.given, held.which[held.which != one])[1]
-        told = found.drop / held.variance
-        told = np.where(found.rank > 0, told - cost(told, found.rank), -np.inf)
-        near = np.flatnonzero(told > told[one] - DECIDES)
-        return np.setdiff1d(near, held.which)
+    def rivals(self, held: Held) -> list[Ints]:
+        """For each that is held who would do nearly as well in its place, beside all others.
+
+        And who is nobody beside it: else both may be at work.
+        """
+        left = self.beside(held.given, held.which)[1].drop < DECIDES * held.variance
+        out = []
+        for one in held.which:
+            found = self.beside(held.given, held.which[held.which != one])[1]
+            told = found.drop / held.variance
+            told = np.where(found.rank > 0, told - cost(told, found.rank), -np.inf)
+            near = np.flatnonzero(left & (told > told[one] - DECIDES))
+            out.append(np.setdiff1d(near, held.which))
+        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,8 +170,8 @@ def together(base: Base, suspects: Suspects, least: float) -> Held:
         least: Variance below which the rows do not scatter.
     """
     wide = _end(base, suspects, least, np.inf)
-    if wide.variance < _SETTLED * least:
-        return wide
+    if not len(_joining(suspects.beside(base, wide.which)[1], suspects.blocks, least)):
+        return wide  # nobody stands out of the stated scatter either
     return min((wide, _end(base, suspects, least, least)), key=lambda one: one.loss(least))
 
 
