@@ -51,6 +51,8 @@ class Bounds:
         worst_pose: Where the model leaves most.
         worst_target: Its target.
         worst_mm: What it leaves there, rms.
+        unit_m: What stands for the noise where none is stated, or where what no model of a machine
+            holds belongs to it, too [m].
     """
 
     tracker: float = 1.0
@@ -62,6 +64,7 @@ class Bounds:
     worst_pose: int = 0
     worst_target: str = ""
     worst_mm: float = 0.0
+    unit_m: float = UNSTATED_M
 
     @property
     def faulty(self) -> bool:
