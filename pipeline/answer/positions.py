@@ -113,6 +113,7 @@ def answer(said: Positions) -> Answer:
         campaign=said.campaign,
         name=raw.settings.name,
         robot=raw.robot.name,
+        simulated=raw.settings.simulated,
         measured=measured_on(raw.settings, None),
         verdict_sentence=tuple(line.text for line in lines),
         first_screen=lines,
@@ -468,7 +469,8 @@ def _wrong(said: Positions) -> Iterator[str]:
 
 def _erring(found: Study, robot: Robot) -> str | None:
     """The joint that moves the targets most from pose to pose beyond all laws, if unusually."""
-    joints, Z = found.final.scatter.joints, found.final.linear.Z
+    n = robot.n
+    joints, Z = found.final.scatter.joints[:n], found.final.linear.Z[..., :n]
     usual = np.where(robot.prismatic, START[True], START[False])
     positions = Z.reshape(len(Z), -1, 6, Z.shape[2])[:, :, :3]
     moves = np.mean(np.sum(positions**2, axis=2), axis=(0, 1)) * joints**2

@@ -5,7 +5,7 @@ Facts come as types (`Facts`, `Finding`, `Reason`); no sentence made here is eve
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -151,6 +151,12 @@ def _told(facts: Facts) -> str:
             ),
         ]
     )
+
+
+def told_of(facts: Facts, asked: Collection[Finding]) -> list[str]:
+    """Those of some findings that hold, in sentences."""
+    held = [row.finding for row in findings(facts) if row.finding in asked]
+    return [capital(_FINDINGS[one](facts)) for one in held]
 
 
 def _impossible(facts: Facts) -> str:
@@ -358,7 +364,7 @@ def _sized(cause: Cause) -> str:
         if isinstance(cause.effect, Table):
             factor, letter = _ENTRIES[unit]
             stands = with_std(factor * (cause.effect.nominal + one.value), factor * one.std)
-            stated = plain(factor * cause.effect.nominal)
+            stated = f"{factor * cause.effect.nominal:.7g}"
             sizes.append(f"{one.parameter.name} = {stands} {letter}, not {stated} {letter}")
             continue
         factor, letter = _THOUSANDTHS.get(unit, (1.0, unit))
@@ -449,9 +455,12 @@ def _scattered(facts: Facts) -> str:
 
 def _look_first(facts: Facts) -> str:
     bounds = facts.bounds
+    left = f"{plain(1e3 * bounds.worst_m, 2)} mm"
+    if bounds.turn_rad is not None:
+        left = f"{plain(1e3 * bounds.turn_rad, 2)} mrad"
     return (
         f"Look first at {bounds.worst_target} of pose {bounds.worst_pose}, where the model leaves "
-        f"{plain(bounds.worst_mm, 2)} mm."
+        f"{left}."
     )
 
 
@@ -603,7 +612,7 @@ _AGAIN = "; then run the campaign once more. Until then"
 
 _CORRECT: Mapping[str, str] = {
     "outlier": (
-        "Check that reading against the measurement record and correct the file, or measure it "
+        "Check {one} against the measurement record and correct the file, or measure {it} "
         f"again{_AGAIN}"
     ),
     "exchanged": (
@@ -622,7 +631,9 @@ def correct(facts: Facts) -> str:
         return f"Measure that pose again, all its states in one go{_AGAIN}"
     kinds = {one.name for one in facts.mistakes}
     if len(kinds) == 1 and kinds <= _CORRECT.keys():
-        return _CORRECT[kinds.pop()]
+        several = len(facts.mistakes) > 1 or len(facts.mistakes[0].at) > 1
+        number = ("those readings", "them") if several else ("that reading", "it")
+        return _CORRECT[kinds.pop()].replace("{one}", number[0]).replace("{it}", number[1])
     return f"Check that against the measurement record and correct the file{_AGAIN}"
 
 

@@ -142,7 +142,7 @@ def bounds_of(found: Study) -> Bounds:
         left=_left(off, readings.at),
         worst_pose=int(readings.pose[pose]),
         worst_target=str(readings.targets[target]),
-        worst_mm=1e3 * float(off[pose, target]),
+        worst_m=float(off[pose, target]),
         unit_m=unit_m,
     )
 
