@@ -22,6 +22,9 @@ from pipeline.machine.robot.axes import alone
 
 UNLISTED = "unlisted_law"
 
+_QUANTILE = 1.959964
+"""Of 95 % intervals: there are thousands of readings."""
+
 
 def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> Facts:
     """All that the verdict depends on.
@@ -52,7 +55,7 @@ def _cause(law: NamedLaw, robot: Robot) -> Cause:
     slides = bool(robot.prismatic[law.joint - 1])
     unit = "m" if slides else "rad"
     parameter = Parameter("amplitude", unit, START[slides])
-    height = Amplitude.symmetric(parameter, law.amplitude, law.std)
+    height = Amplitude.symmetric(parameter, law.amplitude, law.std, _QUANTILE)
     gain = Gain(
         np.array([law.gain.before]),
         np.array([law.gain.after]),

@@ -26,8 +26,11 @@ from pipeline.geometry.worth import Parting, distances, partings
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.weight import weighs
 
-_ROUNDS = 6
+_ROUNDS = 10
 """Estimates without the readings that are off; each but the last changes which these are."""
+
+_MOST_OFF = 0.5
+"""Part of the readings that may be off [1]; beyond it nothing is the rule."""
 
 _GROSS = 20.0
 """Residuals of the nominal table beyond so many medians are blunders before any estimate."""
@@ -145,13 +148,14 @@ def study(
         nominal, table, springs = (
             data.again(_with_frames(one, of)) for one in (nominal, table, springs)
         )
-    data, springs, late = _without_blunders(every, data, springs)
-    if late.which.any():
+    data, springs, late = _without_blunders(every, data, springs, gross)
+    if not np.array_equal(late.which, gross):
         nominal, table = data.again(nominal), data.again(table)
     parts = partings(data.readings, rng)
     whole = with_laws(data, springs, parts, rng)
     before = data
-    data, found, late = _without_blunders(every, data, whole.found)  # curves show what springs hide
+    # curves show what springs hide
+    data, found, late = _without_blunders(every, data, whole.found, late.which)
     if data is not before:
         nominal, table, springs = (data.again(one) for one in (nominal, table, springs))
         whole, parts = replace(whole, found=found), partings(data.readings, rng)
@@ -236,32 +240,25 @@ def _gross(data: Data, begun: Mechanism) -> Bools:
 
 
 def _without_blunders(
-    every: Data, data: Data, found: Identified
+    every: Data, data: Data, found: Identified, held: Bools
 ) -> tuple[Data, Identified, blunders.Off]:
     """What is left without the readings that are off, the estimate from it, and these.
-
-    All readings are asked each time, those included that were left out before.
 
     Args:
         every: All readings.
         data: Those of them that the estimate is from.
         found: The estimate.
+        held: Readings that are out already, shape (m, t).
     """
-    seen: list[bytes] = []
-    off = blunders.off(found, every.readings, every.weights)
+    off = blunders.off(found, every.readings, every.weights, held)
     for _ in range(_ROUNDS):
-        left = every.without(off.which)
-        if len(left.readings) == len(data.readings) and np.array_equal(
-            left.readings.at, data.readings.at, equal_nan=True
-        ):
+        if np.array_equal(off.which, held) or off.which.sum() > _MOST_OFF * off.which.size:
             break
-        data, found = left, left.again(found)
-        seen.append(off.which.tobytes())
-        new = blunders.off(found, every.readings, every.weights)
-        if new.which.tobytes() in seen:
-            break
-        off = new
-    return data, found, off
+        held = off.which
+        data = every.without(held)
+        found = data.again(found)
+        off = blunders.off(found, every.readings, every.weights, held)
+    return data, found, off._replace(which=held)
 
 
 def _listed(readings: Readings, off: blunders.Off) -> Iterator[Bad]:
