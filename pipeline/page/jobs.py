@@ -43,7 +43,8 @@ class Said:
     @property
     def accepted(self) -> bool:
         """Whether it did what it was asked, perhaps with rows left out."""
-        return self.code in (0, InputError.exit_code) and "error" not in self.content
+        known = bool(self.content) and "error" not in self.content
+        return known and self.code in (0, InputError.exit_code)
 
 
 async def begun(*words: str | Path) -> asyncio.subprocess.Process:
@@ -133,7 +134,16 @@ class Runs:
         there = self.of.get(name)
         if there is not None and there.said is None:
             return there
-        words: Sequence[str | Path] = ("run", name, "--root", root, "--engine", "local", "--json")
+        words: Sequence[str | Path] = (
+            "run",
+            "--root",
+            root,
+            "--engine",
+            "local",
+            "--json",
+            "--",
+            name,
+        )
         self.of[name] = run = Run(await begun(*words), time.monotonic())
         task = asyncio.create_task(run.follow())
         self._tasks.add(task)

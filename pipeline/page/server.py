@@ -220,7 +220,7 @@ async def look(state: State, request: Request) -> Response:
         said: dict[str, Any] = {"dialect": "robot file"}
     else:
         if key not in state.looked:
-            state.looked[key] = await state.look("inspect", path, "--json")
+            state.looked[key] = await state.look("inspect", "--json", "--", path)
         found = state.looked[key]
         said = dict(found.content) or {"error": {"message": " ".join(found.words[-1:])}}
     body = _PAGES.get_template("_file.html.jinja").render(
@@ -258,7 +258,7 @@ async def set_up(state: State, request: Request) -> Response:
     old = desk.text()
     if old is not None:
         (desk.folder / TOML).rename(desk.folder / f".{TOML}.before")
-    said = await state.look("init", desk.name, "--root", state.root)
+    said = await state.look("init", "--root", state.root, "--", desk.name)
     new = desk.text()
     if new is None:
         if old is not None:
@@ -352,7 +352,7 @@ async def check(state: State, request: Request) -> Response:
     digest = await asyncio.to_thread(desk.digest)
     state.checked[desk.name] = (
         digest,
-        await state.look("check", desk.name, "--root", state.root, "--json"),
+        await state.look("check", "--root", state.root, "--json", "--", desk.name),
     )
     return _told(go=f"/c/{quote(desk.name, safe='')}/check")
 
@@ -438,7 +438,7 @@ async def correct(state: State, request: Request) -> Response:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
         path.write_bytes(data)
-        said = await state.look("compensate", desk.name, path, "--root", state.root, *options)
+        said = await state.look("compensate", "--root", state.root, *options, "--", desk.name, path)
     if said.code:
         return _told("\n".join(said.words[-12:]) or f"it ended with {said.code}")
     old, new = (one.decode("utf-8", "replace").splitlines() for one in (data, said.output))

@@ -231,6 +231,15 @@ def test_from_files_to_fields_and_back(client, tmp_path):
     assert "changed elsewhere" in old.json()["problem"]
 
 
+def test_a_name_is_no_option(client, tmp_path):
+    """A campaign may be called as an option of the commands is written."""
+    drop(client, DEMO / "campaign.toml", name="--help")
+
+    client.post("/c/--help/check")
+
+    assert "the file is missing" in client.get("/c/--help/check").text
+
+
 def test_a_campaign_of_the_terminal_opens(client, tmp_path):
     """Whatever was begun elsewhere goes on here, with what it waits for."""
     shutil.copytree(DEMO, tmp_path / "data" / "raw" / "kr500_demo")
