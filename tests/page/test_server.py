@@ -237,7 +237,7 @@ def test_a_name_is_no_option(client, tmp_path):
 
     client.post("/c/--help/check")
 
-    assert "the file is missing" in client.get("/c/--help/check").text
+    assert "export is missing" in client.get("/c/--help/check").text
 
 
 def test_a_campaign_of_the_terminal_opens(client, tmp_path):
