@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.answer import contract
-from pipeline.answer.contract import About, Answer, Line, NoiseFrom, Reason, Which
+from pipeline.answer.contract import About, Answer, Line, NoiseFrom, Reason
 from pipeline.answer.diagnosis import cause_entry, mistake_entry, placed
 from pipeline.answer.geometry import KNOWN, table_combinations, table_entries
 from pipeline.answer.inputs import (
@@ -31,6 +31,7 @@ from pipeline.answer.words import (
     clear,
     correct,
     law_told,
+    listed,
     mistaken,
     why,
     wrong,
@@ -41,7 +42,7 @@ from pipeline.base.linear import rms
 from pipeline.base.quantities import p_value, percent, plain
 from pipeline.base.tails import chi2_beyond
 from pipeline.diagnosis.average import Springs
-from pipeline.diagnosis.facts import Facts
+from pipeline.diagnosis.facts import Cause, Facts
 from pipeline.diagnosis.positions import facts_of
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import Mistake
@@ -105,8 +106,7 @@ def answer(said: Positions) -> Answer:
     raw, found, row = said.raw, said.found, said.row
     last, springs = found.stages[-1], _stage(found, Step.SPRINGS)
     lines = tuple(_first_screen(said))
-    shown = last if row.model == Which.EXTENDED else springs
-    values, payloads = _values(shown), payload_entries(shown.found)
+    values, payloads = _values(last), payload_entries(last.found)
     rejected = rejected_entries(said.rejected)
     return Answer(
         format=1,
@@ -127,7 +127,7 @@ def answer(said: Positions) -> Answer:
                 contract.Weighed(
                     weight=1.0,
                     causes=tuple(
-                        contract.Believed(**placed(one.effect), in_catalogue=False)
+                        contract.Believed(**placed(one.effect), in_catalogue=one.effect.law is None)
                         for one in said.facts.causes
                     ),
                 ),
@@ -146,10 +146,10 @@ def answer(said: Positions) -> Answer:
         instrument=instrument_entry(raw.settings),
         robot_unit=unit_entry(raw.settings),
         identity=identity_entry(
-            raw.settings, None, np.arange(len(shown.found.readings)), np.zeros((0, 3))
+            raw.settings, None, np.arange(len(last.found.readings)), np.zeros((0, 3))
         ),
-        geometry=letter_entries(shown.found),
-        geometry_combinations=letter_combinations(shown.found),
+        geometry=letter_entries(last.found),
+        geometry_combinations=letter_combinations(last.found),
         position_steps=tuple(_step(one) for one in found.stages),
         model=contract.Forward(equilibrium=contract.Equilibrium.UNDEFORMED),
         assumptions=(*raw.robot.assumptions, *_ASSUMED),
@@ -403,8 +403,8 @@ def _to_do(said: Positions) -> str:
         return f"{correct(said.facts)} enter none of these values into a controller."
     if not said.row.reason.holds_for_its_readings:
         return "Use none of these values; find out first what the model misses, and run again."
-    beside = " A controller's table has no entry for the laws." if said.facts.causes else ""
-    those = "DH parameters, springs and laws together" if beside else _ALONE
+    beside = " A controller's table has no entry for the causes." if said.facts.causes else ""
+    those = "DH parameters, springs and causes together" if beside else _ALONE
     return (
         f"Use {those}: predict the positions of targets at other joint values with `pipeline "
         f"predict {said.campaign} poses.csv`.{beside}"
@@ -451,9 +451,7 @@ def _wrong(said: Positions) -> Iterator[str]:
     if not said.row.reason.holds_for_its_readings:
         yield wrong(facts, 0)
     elif facts.causes:
-        count = len(facts.causes)
-        of = "a law" if count == 1 else f"the largest of {count} laws"
-        yield f"{capital(law_told(facts.causes[0]))}: {of} outside the catalogue."
+        yield from _named(facts.causes)
     yield from _instrument(found)
     erring = _erring(found, said.raw.robot)
     if erring:
@@ -465,6 +463,17 @@ def _wrong(said: Positions) -> Iterator[str]:
     if left_out:
         rows = "1 row of the files was" if left_out == 1 else f"{left_out} rows of the files were"
         yield f"{rows} left out; see Rejected rows for file and line of each."
+
+
+def _named(causes: Sequence[Cause]) -> Iterator[str]:
+    """What of the catalogue acts, and the largest law outside of it."""
+    listed_ = [one.effect.called for one in causes if one.effect.law is None]
+    laws = [one for one in causes if one.effect.law is not None]
+    if listed_:
+        yield f"Beside the joint springs {'act' if len(listed_) > 1 else 'acts'} {listed(listed_)}."
+    if laws:
+        of = "a law" if len(laws) == 1 else f"the largest of {len(laws)} laws"
+        yield f"{capital(law_told(laws[0]))}: {of} outside the catalogue."
 
 
 def _erring(found: Study, robot: Robot) -> str | None:
