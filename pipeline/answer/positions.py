@@ -374,7 +374,7 @@ def _first_screen(said: Positions) -> Iterator[Line]:
     lines = (
         (About.VERDICT, _verdict(said)),
         (About.TO_DO, _to_do(said)),
-        (About.MODEL, _model(said.found, said.row)),
+        (About.MODEL, _model(said)),
         (About.NUMBERS, _numbers(said, stiffness)),
         (About.TOLERANCE, _NOT_JUDGED),
         (About.WRONG, " ".join(_wrong(said))),
@@ -423,20 +423,23 @@ def _numbers(said: Positions, stiffness: Sequence[contract.Stiffness]) -> str:
     return "None: the values below do not explain the readings."
 
 
-def _model(found: Study, row: Row) -> str:
+def _model(said: Positions) -> str:
     """What the model holds, and what each part of it is worth."""
-    steps = list(pairwise(found.stages))
-    said = [
+    steps = list(pairwise(said.found.stages))
+    each = [
         f"{now.step.value} {percent(1 - now.mean(Parting.BETWEEN) / before.mean(Parting.BETWEEN))}"
         for before, now in steps
         if now.found is not before.found
     ]
-    parts = "table, springs under the arm's weight"
-    whose = f"{parts} and laws of the joints" if found.laws else parts.replace(", ", " and ")
-    data = "the corrected data" if row.data == contract.Data.CORRECTED else "the data as given"
+    parts = ["table", "springs under the arm's weight"]
+    listed_, laws = (_those(said.facts.causes, law) for law in (False, True))
+    parts += ["causes of the catalogue"] if listed_ else []
+    whose = listed([*parts, *(["laws of the joints"] if laws else [])])
+    corrected = said.row.data == contract.Data.CORRECTED
+    data = "the corrected data" if corrected else "the data as given"
     return (
         f"{capital(whose)}, from {data}. Each part reduces the cross-validation error "
-        f"of the model before it: {', '.join(said)}."
+        f"of the model before it: {', '.join(each)}."
     )
 
 
@@ -467,13 +470,18 @@ def _wrong(said: Positions) -> Iterator[str]:
 
 def _named(causes: Sequence[Cause]) -> Iterator[str]:
     """What of the catalogue acts, and the largest law outside of it."""
-    listed_ = [one.effect.called for one in causes if one.effect.law is None]
-    laws = [one for one in causes if one.effect.law is not None]
-    if listed_:
-        yield f"Beside the joint springs {'act' if len(listed_) > 1 else 'acts'} {listed(listed_)}."
+    known, laws = (_those(causes, law) for law in (False, True))
+    if known:
+        those = listed([one.effect.called for one in known])
+        yield f"Beside the joint springs {'act' if len(known) > 1 else 'acts'} {those}."
     if laws:
         of = "a law" if len(laws) == 1 else f"the largest of {len(laws)} laws"
         yield f"{capital(law_told(laws[0]))}: {of} outside the catalogue."
+
+
+def _those(causes: Sequence[Cause], law: bool) -> list[Cause]:
+    """The causes that are laws nobody listed, or those that are not."""
+    return [one for one in causes if (one.effect.law is not None) == law]
 
 
 def _erring(found: Study, robot: Robot) -> str | None:
