@@ -12,7 +12,7 @@ import pandas as pd
 from pipeline.answer import contract
 from pipeline.answer.contract import About, Answer, Line, NoiseFrom, Reason
 from pipeline.answer.diagnosis import cause_entry, mistake_entry, placed
-from pipeline.answer.geometry import KNOWN, table_combinations, table_entries
+from pipeline.answer.geometry import KNOWN, QUANTILE, table_combinations, table_entries
 from pipeline.answer.inputs import (
     identity_entry,
     input_entries,
@@ -55,9 +55,6 @@ from pipeline.machine.effect import in_place
 from pipeline.machine.robot import Joint, Robot
 from pipeline.machine.robot.axes import alone
 from pipeline.store.campaign import Raw, versions
-
-_QUANTILE = 1.959964
-"""Of 95 % intervals: there are thousands of readings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +249,7 @@ def stiffness_entries(found: Identified) -> tuple[contract.Stiffness, ...]:
     x, cov = found.solution.x[part], found.solution.cov[part, part]
     std = np.sqrt(np.diag(cov))
     known = std**2 < KNOWN * found.known.std[part] ** 2
-    springs = Springs(x, cov, x - _QUANTILE * std, x + _QUANTILE * std, known)
+    springs = Springs(x, cov, x - QUANTILE * std, x + QUANTILE * std, known)
     return tuple(
         told(one, _about(joint, float(x[k]), bool(known[k])))
         for k, joint in enumerate(robot.joints)
