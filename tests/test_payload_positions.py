@@ -196,7 +196,10 @@ def test_springs_and_payload_are_those_of_a_dense_least_squares(one):
 
 
 def test_a_prediction_knows_what_it_shares_with_the_springs(one):
-    """Its uncertainty is that of the dense estimate, springs and payload together."""
+    """Its uncertainty is that of the dense estimate, springs, payload and frame together.
+
+    F_b is where the instrument saw it: what is uncertain is where the target is read.
+    """
     machine, found = one
     y, cov = dense(machine, found)
     model = standing("made", found)
@@ -204,11 +207,17 @@ def test_a_prediction_knows_what_it_shares_with_the_springs(one):
     nothing = np.zeros((6, 3)), carried, np.full(6, np.nan)
     told = predict(model, q, *nothing)
 
-    steps = np.concatenate([1e-9 * np.ones(6), 1e-6 * np.ones(3), 1e-4 * np.ones(4)])
+    def seen(x, at, k):
+        return Rotation.from_rotvec(x[13:16]).as_matrix() @ target(at, k, x[:13]) + x[16:19]
+
+    steps = np.concatenate(
+        [1e-9 * np.ones(6), 1e-6 * np.ones(3), 1e-4 * np.ones(4), 1e-7 * np.ones(6)]
+    )
+    back = Rotation.from_rotvec(y[13:16]).as_matrix().T
     for one_q, carries, std in zip(q, carried, told.std[:, 0, :3], strict=True):
-        J = slopes(lambda x, at=one_q, k=carries: target(at, k, x), y[:13], steps)
+        J = back @ slopes(lambda x, at=one_q, k=carries: seen(x, at, k), y, steps)
         Z = slopes(lambda at, k=carries: target(at, k, y[:13]), one_q, np.full(6, 1e-6))
-        var = np.diag(J @ cov[:13, :13] @ J.T + Z @ np.diag(found.scatter.joints**2) @ Z.T)
+        var = np.diag(J @ cov @ J.T + Z @ np.diag(found.scatter.joints**2) @ Z.T)
         assert std == pytest.approx(np.sqrt(var), rel=0.03)
     again = loads(dumps(model), "positions.npz")
     assert predict(again, q, *nothing).std == pytest.approx(told.std, rel=1e-3)

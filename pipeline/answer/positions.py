@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.answer import contract
-from pipeline.answer.contract import About, Answer, Line, NoiseFrom, Reason, Which
+from pipeline.answer.contract import About, Answer, Line, NoiseFrom, Reason
 from pipeline.answer.diagnosis import cause_entry, mistake_entry, placed
 from pipeline.answer.geometry import KNOWN, QUANTILE, table_combinations, table_entries
 from pipeline.answer.inputs import (
@@ -31,6 +31,7 @@ from pipeline.answer.words import (
     clear,
     correct,
     law_told,
+    listed,
     mistaken,
     why,
     wrong,
@@ -41,7 +42,7 @@ from pipeline.base.linear import rms
 from pipeline.base.quantities import p_value, percent, plain
 from pipeline.base.tails import chi2_beyond
 from pipeline.diagnosis.average import Springs
-from pipeline.diagnosis.facts import Facts
+from pipeline.diagnosis.facts import Cause, Facts
 from pipeline.diagnosis.positions import facts_of
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import Mistake
@@ -102,8 +103,7 @@ def answer(said: Positions) -> Answer:
     raw, found, row = said.raw, said.found, said.row
     last, springs = found.stages[-1], _stage(found, Step.SPRINGS)
     lines = tuple(_first_screen(said))
-    shown = last if row.model == Which.EXTENDED else springs
-    values, payloads = _values(shown), payload_entries(shown.found)
+    values, payloads = _values(last), payload_entries(last.found)
     rejected = rejected_entries(said.rejected)
     return Answer(
         format=1,
@@ -124,7 +124,7 @@ def answer(said: Positions) -> Answer:
                 contract.Weighed(
                     weight=1.0,
                     causes=tuple(
-                        contract.Believed(**placed(one.effect), in_catalogue=False)
+                        contract.Believed(**placed(one.effect), in_catalogue=one.effect.law is None)
                         for one in said.facts.causes
                     ),
                 ),
@@ -143,10 +143,10 @@ def answer(said: Positions) -> Answer:
         instrument=instrument_entry(raw.settings),
         robot_unit=unit_entry(raw.settings),
         identity=identity_entry(
-            raw.settings, None, np.arange(len(shown.found.readings)), np.zeros((0, 3))
+            raw.settings, None, np.arange(len(last.found.readings)), np.zeros((0, 3))
         ),
-        geometry=letter_entries(shown.found),
-        geometry_combinations=letter_combinations(shown.found),
+        geometry=letter_entries(last.found),
+        geometry_combinations=letter_combinations(last.found),
         position_steps=tuple(_step(one) for one in found.stages),
         model=contract.Forward(equilibrium=contract.Equilibrium.UNDEFORMED),
         assumptions=(*raw.robot.assumptions, *_ASSUMED),
@@ -371,7 +371,7 @@ def _first_screen(said: Positions) -> Iterator[Line]:
     lines = (
         (About.VERDICT, _verdict(said)),
         (About.TO_DO, _to_do(said)),
-        (About.MODEL, _model(said.found, said.row)),
+        (About.MODEL, _model(said)),
         (About.NUMBERS, _numbers(said, stiffness)),
         (About.TOLERANCE, _NOT_JUDGED),
         (About.WRONG, " ".join(_wrong(said))),
@@ -400,8 +400,8 @@ def _to_do(said: Positions) -> str:
         return f"{correct(said.facts)} enter none of these values into a controller."
     if not said.row.reason.holds_for_its_readings:
         return "Use none of these values; find out first what the model misses, and run again."
-    beside = " A controller's table has no entry for the laws." if said.facts.causes else ""
-    those = "DH parameters, springs and laws together" if beside else _ALONE
+    beside = " A controller's table has no entry for the causes." if said.facts.causes else ""
+    those = "DH parameters, springs and causes together" if beside else _ALONE
     return (
         f"Use {those}: predict the positions of targets at other joint values with `pipeline "
         f"predict {said.campaign} poses.csv`.{beside}"
@@ -420,20 +420,23 @@ def _numbers(said: Positions, stiffness: Sequence[contract.Stiffness]) -> str:
     return "None: the values below do not explain the readings."
 
 
-def _model(found: Study, row: Row) -> str:
+def _model(said: Positions) -> str:
     """What the model holds, and what each part of it is worth."""
-    steps = list(pairwise(found.stages))
-    said = [
+    steps = list(pairwise(said.found.stages))
+    each = [
         f"{now.step.value} {percent(1 - now.mean(Parting.BETWEEN) / before.mean(Parting.BETWEEN))}"
         for before, now in steps
         if now.found is not before.found
     ]
-    parts = "table, springs under the arm's weight"
-    whose = f"{parts} and laws of the joints" if found.laws else parts.replace(", ", " and ")
-    data = "the corrected data" if row.data == contract.Data.CORRECTED else "the data as given"
+    parts = ["table", "springs under the arm's weight"]
+    listed_, laws = (_those(said.facts.causes, law) for law in (False, True))
+    parts += ["causes of the catalogue"] if listed_ else []
+    whose = listed([*parts, *(["laws of the joints"] if laws else [])])
+    corrected = said.row.data == contract.Data.CORRECTED
+    data = "the corrected data" if corrected else "the data as given"
     return (
         f"{capital(whose)}, from {data}. Each part reduces the cross-validation error "
-        f"of the model before it: {', '.join(said)}."
+        f"of the model before it: {', '.join(each)}."
     )
 
 
@@ -448,9 +451,7 @@ def _wrong(said: Positions) -> Iterator[str]:
     if not said.row.reason.holds_for_its_readings:
         yield wrong(facts, 0)
     elif facts.causes:
-        count = len(facts.causes)
-        of = "a law" if count == 1 else f"the largest of {count} laws"
-        yield f"{capital(law_told(facts.causes[0]))}: {of} outside the catalogue."
+        yield from _named(facts.causes)
     yield from _instrument(found)
     erring = _erring(found, said.raw.robot)
     if erring:
@@ -462,6 +463,22 @@ def _wrong(said: Positions) -> Iterator[str]:
     if left_out:
         rows = "1 row of the files was" if left_out == 1 else f"{left_out} rows of the files were"
         yield f"{rows} left out; see Rejected rows for file and line of each."
+
+
+def _named(causes: Sequence[Cause]) -> Iterator[str]:
+    """What of the catalogue acts, and the largest law outside of it."""
+    known, laws = (_those(causes, law) for law in (False, True))
+    if known:
+        those = listed([one.effect.called for one in known])
+        yield f"Beside the joint springs {'act' if len(known) > 1 else 'acts'} {those}."
+    if laws:
+        of = "a law" if len(laws) == 1 else f"the largest of {len(laws)} laws"
+        yield f"{capital(law_told(laws[0]))}: {of} outside the catalogue."
+
+
+def _those(causes: Sequence[Cause], law: bool) -> list[Cause]:
+    """The causes that are laws nobody listed, or those that are not."""
+    return [one for one in causes if (one.effect.law is not None) == law]
 
 
 def _erring(found: Study, robot: Robot) -> str | None:

@@ -211,7 +211,7 @@ def _off(found: Study) -> pd.DataFrame:
     """Table VECTORS of all poses: off the table as delivered, and what the whole model leaves."""
     final, first = found.final, found.stages[0].found
     readings, m, t = final.readings, len(final.readings), len(final.readings.targets)
-    place = final.mechanism.targets(final.mechanism.stands(final.linear.inputs))[0]
+    place = final.linear.at
     off, left = (one.left.reshape(m, t, 6)[:, :, :3].reshape(-1, 3) for one in (first, final))
     seen = np.isfinite(readings.at).all(axis=2).ravel()
     parts = {

@@ -118,7 +118,7 @@ def _curves(found: Identified) -> pd.DataFrame:
     """The curves of the joints with their uncertainties, and how many poses stand there."""
     mechanism, at = found.mechanism, layout(found.mechanism).knots.start
     parts = []
-    for curve in mechanism.curves:
+    for curve in mechanism.curves[: len(found.wanted.curves)]:
         q = np.linspace(curve.first, curve.knots[-1], _ACROSS)
         part = slice(at, at + curve.count)
         rows = curve.rows(q)
@@ -147,7 +147,7 @@ def _curve_readings(found: Identified) -> pd.DataFrame:
     shifts = np.tile([True] * 3 + [False] * 3, len(found.readings.targets))
     left, parts = found.left[:, shifts], []
     start = 0
-    for curve in found.mechanism.curves:
+    for curve in found.mechanism.curves[: len(found.wanted.curves)]:
         knots = found.mechanism.knots[start : (start := start + curve.count)]
         Z, q = found.linear.Z[:, shifts, curve.joint], found.readings.q[:, curve.joint]
         square = np.sum(Z**2, axis=1)

@@ -10,12 +10,15 @@ from pipeline.base.quantities import plain
 from pipeline.diagnosis.bounds import UNSTATED_M, Bounds
 from pipeline.diagnosis.facts import Amplitude, Cause, Facts, Gain, Standing
 from pipeline.faults.mistake import Mistake
+from pipeline.geometry.causes import Cause as Listed
 from pipeline.geometry.mechanism import placed
 from pipeline.geometry.named import NamedLaw
 from pipeline.geometry.scatter import START
 from pipeline.geometry.study import Study
+from pipeline.geometry.worth import Gain as Worth
 from pipeline.geometry.worth import Parting
 from pipeline.machine.effect import Effect
+from pipeline.machine.effects import catalogue
 from pipeline.machine.law import Law
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.axes import alone
@@ -35,7 +38,10 @@ def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> 
         mistakes: In the data.
     """
     first, last = (found.stages[k].mean(Parting.BETWEEN) for k in (0, -1))
-    causes = tuple(_cause(law, robot) for law in found.laws)
+    causes = (
+        *(_listed(one, robot) for one in found.causes),
+        *(_cause(law, robot) for law in found.laws),
+    )
     table_m = float(np.sqrt(max(first**2 - last**2, 0.0)))
     return Facts(
         detected=bool(causes),
@@ -47,6 +53,56 @@ def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> 
     )
 
 
+# --- causes of the catalogue ----------------------------------------------------------------------
+
+
+def _listed(one: Listed, robot: Robot) -> Cause:
+    """A cause that the catalogue has, with its parameters as positions show them."""
+    known = (e for e in catalogue(robot) if (e.name, e.where, e.form) == _key(one))
+    by_name = (e for e in catalogue(robot) if (e.name, e.where) == _key(one)[:2])
+    there = next(known, None) or next(by_name, None)
+    effect = there or Effect(
+        name=one.name,
+        where=one.where,
+        noun=_NOUNS.get(one.name, one.name.replace("_", " ")),
+        place="joint" if isinstance(one.where, int) else one.name.split("_")[0],
+        parameters=(),
+        signature=_NOUNS.get(one.name, ""),
+        needs="pulls of known force in the same poses",
+        source="",
+        form=one.form,
+    )
+    typical = {p.name: p.typical for p in effect.parameters}
+    amplitudes = tuple(
+        Amplitude.symmetric(
+            Parameter(p.name, p.unit, typical.get(p.name, max(abs(p.value), p.std))),
+            p.value,
+            p.std,
+            _QUANTILE,
+        )
+        for p in one.amounts
+    )
+    return Cause(effect, 1.0, amplitudes, one.p, gain=_gain(one.gain))
+
+
+def _key(one: Listed) -> tuple[str, int | str | None, str]:
+    return one.name, one.where, one.form
+
+
+_NOUNS = {
+    "rail_shape": "a rail that is not straight",
+    "rail_scale": "a rack whose pitch is not as stated",
+    "compensator": "balancer of the arm",
+    "gravity_sag": "sag under the arm's own weight",
+}
+"""What positions alone know, as a noun."""
+
+
+def _gain(one: Worth) -> Gain:
+    before, after = np.array([one.before]), np.array([one.after])
+    return Gain(before, after, one.reduction, one.ci95, (), "positions")
+
+
 # --- laws -----------------------------------------------------------------------------------------
 
 
@@ -56,15 +112,8 @@ def _cause(law: NamedLaw, robot: Robot) -> Cause:
     unit = "m" if slides else "rad"
     parameter = Parameter("amplitude", unit, START[slides])
     height = Amplitude.symmetric(parameter, law.amplitude, law.std, _QUANTILE)
-    gain = Gain(
-        np.array([law.gain.before]),
-        np.array([law.gain.after]),
-        law.gain.reduction,
-        law.gain.ci95,
-        (),
-        "positions",
-    )
-    return Cause(_effect(law, robot, parameter), 1.0, (height,), law.p, gain=gain, height=height)
+    effect = _effect(law, robot, parameter)
+    return Cause(effect, 1.0, (height,), law.p, gain=_gain(law.gain), height=height)
 
 
 def _effect(law: NamedLaw, robot: Robot, parameter: Parameter) -> Effect:

@@ -10,6 +10,7 @@ from pipeline.geometry.mechanism import Mechanism
 from pipeline.geometry.readings import Readings
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.letters import letters
+from pipeline.machine.robot.weight import link_moments
 
 _ROUNDS = 30
 """Of weighing anew, until what is far off counts nothing."""
@@ -58,6 +59,7 @@ def begin(robot: Robot, readings: Readings, tool: dict[str, Array]) -> Mechanism
         frames=frames,
         compliance=np.zeros(robot.n),
         payload=np.zeros((len(readings.payloads), 4)),
+        moments=link_moments(robot),
     )
 
 

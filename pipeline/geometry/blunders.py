@@ -21,7 +21,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.estimate import Rows, rows, solved
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.leftout import distances
-from pipeline.geometry.mechanism import Weights, linearised
+from pipeline.geometry.mechanism import Linear, Weights, linearised
 from pipeline.geometry.readings import Readings
 from pipeline.system import alarms
 from pipeline.system.together import chance
@@ -89,8 +89,9 @@ class _Asked(Locked):
     def of(cls, found: Identified, readings: Readings, weights: Weights, without: Bools) -> _Asked:
         at = np.where(without[..., None], np.nan, readings.at)
         readings = replace(readings, at=at)
-        white = rows(linearised(readings, found.mechanism, weights), found.mechanism, found.scatter)
-        drop, rank = _each(white, _columns(white.W, readings), found)
+        here = linearised(readings, found.mechanism, weights)
+        white = rows(here, found.mechanism, found.scatter)
+        drop, rank = _each(white, _columns(white.W, here, readings.six), found)
         return cls(drop, rank, int(readings.read.sum()) - white.D.shape[2])
 
     @property
@@ -119,10 +120,12 @@ def _farthest(asked: _Asked) -> Bools:
     return far & (np.arange(far.shape[1]) == best[:, None])
 
 
-def _columns(W: Array, readings: Readings) -> Array:
+def _columns(W: Array, here: Linear, six: Bools) -> Array:
     """Whitened columns of the coordinates that were read, (m, r, t, 3), or 6 where any is 6D."""
-    each = (W * readings.read[:, None, :]).reshape(*W.shape[:2], -1, 6)
-    return each if readings.six.any() else each[..., :3]
+    every = np.zeros((*W.shape[:2], here.read.shape[1]))
+    every[..., here.used] = W
+    each = (every * here.read[:, None, :]).reshape(*W.shape[:2], -1, 6)
+    return each if six.any() else each[..., :3]
 
 
 def _each(white: Rows, D: Array, found: Identified) -> tuple[Array, Ints]:

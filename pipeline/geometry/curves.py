@@ -18,14 +18,20 @@ from scipy import sparse
 from pipeline.base.arrays import Array, Ints, Locked
 
 SPACING = {True: 0.025, False: float(np.deg2rad(2.5))}
-"""Knots of a sliding joint [m] and of another [rad]: half the shortest length."""
+"""Knots of a sliding joint [m] and of another [rad] at least: half the shortest length."""
+
+_TO_A_LENGTH = 4
+"""Knots that are enough to a length l: what a curve does between them is 1e-2 of its size."""
 
 LENGTHS = {
     True: (0.05, 0.1, 0.2, 0.4),
-    False: tuple(np.deg2rad((5.0, 10.0, 20.0, 40.0)).tolist()),
+    False: tuple(np.deg2rad((5.0, 10.0, 20.0, 40.0, 80.0)).tolist()),
 }
 """Lengths l that are tried, the likeliest of which is taken: a gear of a robot has some ten to
 forty errors per turn of its joint."""
+
+BED = (0.5, 1.0, 2.0, 4.0)
+"""The same of the bed of a rail [m]: it is laid in pieces of some metres."""
 
 _NUGGET = 1e-9
 """Part of the variance that no neighbour knows of, against rounding."""
@@ -36,12 +42,13 @@ class Curve(Locked):
     """Knots of one joint.
 
     Attributes:
-        joint: From 0.
+        joint: Whose value it is of, from 0.
         first: Joint value of the first knot [m] or [rad].
         spacing: Between knots.
         count: Number of knots.
         length: l, in the same unit.
-        size: s, the standard deviation of the curve before any data, in the same unit.
+        size: s, the standard deviation of the curve before any data [m] or [rad].
+        screw: What it moves: a joint from 0, or beyond them one of six motions of the rail's bed.
     """
 
     joint: int
@@ -50,6 +57,7 @@ class Curve(Locked):
     count: int
     length: float
     size: float
+    screw: int
 
     @property
     def knots(self) -> Array:
@@ -96,8 +104,11 @@ def matern(distance: Array, length: float) -> Array:
     return np.asarray((1 + a) * np.exp(-a))
 
 
-def over(joint: int, q: Array, slides: bool, length: float, size: float) -> Curve:
-    """A curve over the joint values that were taken, (m,)."""
-    spacing = SPACING[slides]
+def over(
+    joint: int, q: Array, slides: bool, length: float, size: float, screw: int | None = None
+) -> Curve:
+    """A curve over the values of a joint that were taken, (m,), of its own motion or a screw's."""
+    spacing = max(SPACING[slides], length / _TO_A_LENGTH)
     first = float(q.min()) - spacing
-    return Curve(joint, first, spacing, int(np.ceil((q.max() - first) / spacing)) + 2, length, size)
+    count = int(np.ceil((q.max() - first) / spacing)) + 2
+    return Curve(joint, first, spacing, count, length, size, joint if screw is None else screw)

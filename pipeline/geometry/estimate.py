@@ -9,9 +9,10 @@ curves' knots. The scale of the priors (how rough a table is, how large a curve)
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from itertools import pairwise
 
 import numpy as np
 from scipy import sparse
@@ -21,6 +22,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.curves import Curve
 from pipeline.geometry.mechanism import Linear, Mechanism, Payloads, layout
 from pipeline.geometry.scatter import Scatter
+from pipeline.geometry.yielding import sizes, usual
 
 ROUGH = {False: 1e-3, True: 1e-3}
 """How far a length [m] and an angle [rad] of a table are off as delivered, where its file does not
@@ -36,8 +38,9 @@ _LOOSE = 1e3
 HELD = 1e-12
 """Standard deviation of what is not estimated."""
 
-_WAVE = 1e-3
-"""Amplitude of a law before any data [m] or [rad]."""
+_WAVE = 3e-4
+"""Amplitude of a law before any data [m] or [rad]: an arc minute, as data sheets of reducers state
+their transmission error."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,6 +52,8 @@ class Prior(Locked):
         std: Shape (dense,).
         turns: Which letters are angles, shape (k,).
         free: Letters that are off by far more than the rest of the table, shape (k,).
+        most: How rough those of groups are at most, shape (dense,).
+        groups: Parameters that are rough alike, if they are there at all: elements and laws.
         stated: Roughness of lengths and of angles that the robot file states; NaN where not.
     """
 
@@ -56,6 +61,8 @@ class Prior(Locked):
     std: Array
     turns: Bools
     free: Bools
+    most: Array
+    groups: tuple[slice, ...]
     stated: tuple[float, float]
 
     def roughness(self, turns: bool) -> float:
@@ -74,13 +81,27 @@ def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads)
     mean[where.compliance] = robot.nominal_compliance
     std[where.compliance] = robot.nominal_compliance
     std[where.payload] = np.maximum(payloads.std.ravel(), HELD)
-    std[where.laws] = _WAVE
-    return Prior(mean, std, turns, np.zeros(len(turns), dtype=bool), stated)
+    std[where.yields], std[where.laws] = sizes(mechanism.elements), _WAVE
+    if mechanism.unknown:
+        mean[where.moments], std[where.moments] = (one.ravel() for one in usual(robot))
+    free = np.zeros(len(turns), dtype=bool)
+    return Prior(mean, std, turns, free, std.copy(), tuple(_groups(mechanism)), stated)
+
+
+def _groups(mechanism: Mechanism) -> Iterator[slice]:
+    """Where the parameters of each element and of each law stand."""
+    where = layout(mechanism)
+    for start, counts in (
+        (where.yields.start, [len(one.parameters) for one in mechanism.elements]),
+        (where.laws.start, [law.amplitudes for law in mechanism.laws]),
+    ):
+        ends = np.cumsum([start, *counts]).tolist()
+        yield from (slice(a, b) for a, b in pairwise(ends))
 
 
 @dataclass(frozen=True, eq=False)
 class Rows(Locked):
-    """Whitened rows, and the sums that every solution needs.
+    """Whitened rows that were read at any pose, and the sums that every solution needs.
 
     All rows of a pose lie between the same two knots of each of c curves.
 
@@ -151,10 +172,11 @@ class Rows(Locked):
 
 def rows(about: Linear, mechanism: Mechanism, scatter: Scatter) -> Rows:
     """Whitened rows about a mechanism."""
-    W = scatter.whitening(about)
-    K, at = between_knots(mechanism.curves, about.inputs.q, W @ about.Z)
+    W, used = scatter.whitening(about), about.used
+    K, at = between_knots(mechanism.curves, about.inputs.q, W @ about.Z[:, used])
     knots = sum(curve.count for curve in mechanism.curves)
-    here = Rows(W @ about.D, K, at, knots, np.einsum("mij,mj->mi", W, about.y), W)
+    y = np.einsum("mij,mj->mi", W, about.y[:, used])
+    here = Rows(W @ about.D[:, used], K, at, knots, y, W)
     return replace(here, y=here.y + here.along(mechanism.at(layout(mechanism))))
 
 
@@ -164,14 +186,14 @@ def between_knots(curves: Sequence[Curve], q: Array, Z: Array) -> tuple[Array, I
     Args:
         curves: c of them.
         q: Joint values [m] or [rad], shape (m, n).
-        Z: Derivatives by the joints, shape (m, r, n).
+        Z: Derivatives by joints and bed, shape (m, r, n + 6).
     """
     K = np.empty((*Z.shape[:2], 2 * len(curves)))
     at, before = np.empty((len(q), 2 * len(curves)), dtype=np.int64), 0
     for k, curve in enumerate(curves):
         knot, one, two = curve.between(q[:, curve.joint])
-        K[:, :, 2 * k] = Z[:, :, curve.joint] * one[:, None]
-        K[:, :, 2 * k + 1] = Z[:, :, curve.joint] * two[:, None]
+        K[:, :, 2 * k] = Z[:, :, curve.screw] * one[:, None]
+        K[:, :, 2 * k + 1] = Z[:, :, curve.screw] * two[:, None]
         at[:, 2 * k], at[:, 2 * k + 1] = before + knot, before + knot + 1
         before += curve.count
     return K, at
@@ -271,7 +293,24 @@ def rougher(known: Prior, found: Solution) -> Prior:
         rest = second[~far]
         size = np.sqrt(rest.mean()) if len(rest) else middle
         std[mine], free[mine] = np.where(far, np.sqrt(second), max(size, 1e-6)), far
+    for one in known.groups:
+        scale = _scale(found.x[one], np.diag(found.cov)[one], std[one])
+        std[one] = np.minimum(std[one] * scale, known.most[one])
     return replace(known, std=std, free=free)
+
+
+def _scale(x: Array, var: Array, std: Array) -> float:
+    """By how much parameters are rougher than thought (MacKay's fixed point)."""
+    if std[0] <= HELD:
+        return 1.0
+    known = float(np.sum(1 - np.minimum(var / std**2, 1.0)))
+    if known < _UNSEEN:
+        return 1.0
+    return float(np.clip(np.sqrt(np.sum((x / std) ** 2) / known), 0.1, 10.0))
+
+
+_UNSEEN = 1e-3
+"""Parameters that are known so little better than before say nothing of how rough they are."""
 
 
 _MEDIAN = 0.4549

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -27,12 +27,23 @@ from pipeline.geometry.laws import Law
 from pipeline.geometry.mechanism import Linear, Mechanism, Weights, layout, linearised
 from pipeline.geometry.readings import Readings
 from pipeline.geometry.scatter import Scatter
+from pipeline.geometry.yielding import sizes, usual, yielding
+from pipeline.machine.robot import Robot
 
-_ROUNDS = 3
-"""Linearisations; tables are off by some milliradians, so that two leave nanometres."""
+_FEWEST, _SETTLED, _MOST = 3, 8, 14
+"""Linearisations: at least, with sizes estimated anew, at most. A weight and the spring that it
+turns are a product, which takes more of them than a table that is off by milliradians."""
 
-_STEPS = 4
-"""Steps of scatter and sizes between two linearisations."""
+_STRAIGHT = 0.02
+_MOST_OF_THEM = 0.98
+"""How far so many of the readings may stand from where the last linearisation has them, in their
+noise; where a torque is about zero, steps of its sign come and go."""
+
+_STILL = 2e-3
+"""How far a compliance may come from the last linearisation, over its nominal size."""
+
+_STEPS, _LATER = 4, 2
+"""Steps of scatter and sizes before the second linearisation, and between later ones."""
 
 _SIZE = {True: 1e-4, False: 2e-4}
 """Of a curve before any data: sliding [m], turning [rad]."""
@@ -47,12 +58,18 @@ class Wanted:
         springs: Compliances under the arm's weight.
         laws: Laws of joints.
         curves: Joints with a curve of their own, from 0, and its length.
+        yields: What yields beside the joints under the arm's weight.
+        moments: Masses and first moments of the links, which no table states.
+        bed: Length of the curves by which the rail is not straight [m]; None where it is.
     """
 
     table: bool = True
     springs: bool = True
     laws: tuple[Law, ...] = ()
     curves: tuple[tuple[int, float], ...] = ()
+    yields: bool = False
+    moments: bool = False
+    bed: float | None = None
 
 
 @dataclass(frozen=True, eq=False)
@@ -85,7 +102,7 @@ class Identified(Locked):
     def left(self) -> Array:
         """Readings minus mechanism [m], [rad], shape (m, 6 t), F_b."""
         e = self.rows.y - self.rows.along(self.solution.x)
-        return linear.solve(self.rows.W, e)
+        return self.linear.spread(linear.solve(self.rows.W, e))
 
 
 def identify(
@@ -109,22 +126,28 @@ def identify(
         known: Priors of an earlier estimate, to begin with.
     """
     mechanism = _equipped(begun, readings, wanted)
-    usual = prior(mechanism, stated, weights.payloads)
-    known = _only(_scaled(usual, mechanism, known), mechanism, wanted)
-    for _ in range(_ROUNDS):
-        here = linearised(readings, mechanism, weights)
-        for _ in range(_STEPS):
+    before = prior(mechanism, stated, weights.payloads)
+    known = _only(_scaled(before, mechanism, known), mechanism, wanted)
+    here = linearised(readings, mechanism, weights)
+    for turn in range(_MOST):
+        for _ in range(_STEPS if turn == 0 else _LATER if turn < _SETTLED else 0):
             whitened = rows(here, mechanism, scatter)
             found = solved(whitened, mechanism, known)
             scatter = again(whitened, here, found, scatter)
             known = _only(rougher(known, found), mechanism, wanted)
             mechanism = larger(mechanism, found)
-        mechanism = mechanism.moved(found.x, layout(mechanism))
-    here = linearised(readings, mechanism, weights)
-    whitened = rows(here, mechanism, scatter)
-    found = solved(whitened, mechanism, known)
-    mechanism = mechanism.moved(found.x, layout(mechanism))
-    return Identified(mechanism, readings, weights, known, scatter, here, whitened, found, wanted)
+        whitened = rows(here, mechanism, scatter)
+        found = solved(whitened, mechanism, known)
+        moved = mechanism.moved(found.x, layout(mechanism))
+        then = linearised(readings, moved, weights)
+        off = np.einsum("mij,mj->mi", whitened.W, then.y[:, then.used]) - whitened.y
+        far = np.quantile(np.abs(off + whitened.along(found.x)), _MOST_OF_THEM)
+        turned = np.abs(moved.compliance - mechanism.compliance) / begun.table.nominal_compliance
+        still = far < _STRAIGHT and turned.max() < _STILL
+        if turn + 1 == _MOST or (still and turn + 1 >= _FEWEST):
+            break
+        mechanism, here = moved, then
+    return Identified(moved, readings, weights, known, scatter, here, whitened, found, wanted)
 
 
 def _scaled(new: Prior, mechanism: Mechanism, earlier: Prior | None) -> Prior:
@@ -133,6 +156,10 @@ def _scaled(new: Prior, mechanism: Mechanism, earlier: Prior | None) -> Prior:
         return new
     std = new.std.copy()
     std[layout(mechanism).letters] = earlier.std[: len(new.turns)]
+    if len(earlier.groups) <= len(new.groups):
+        for now, then in zip(new.groups, earlier.groups, strict=False):
+            if now.stop - now.start == then.stop - then.start:
+                std[now] = earlier.std[then]
     return replace(new, std=std, free=earlier.free)
 
 
@@ -148,17 +175,28 @@ def _only(known: Prior, mechanism: Mechanism, wanted: Wanted) -> Prior:
 
 
 def _equipped(begun: Mechanism, readings: Readings, wanted: Wanted) -> Mechanism:
-    """A mechanism with the laws and curves that are wanted, at zero where they are new."""
-    slides = begun.table.prismatic
+    """A mechanism with what is wanted, at zero where it is new."""
+    size = {one.screw: one.size for one in begun.curves}
     fresh = tuple(
-        curve.over(j, readings.q[:, j], bool(slides[j]), length, _SIZE[bool(slides[j])])
-        for j, length in wanted.curves
+        replace(one, size=size.get(one.screw, one.size))
+        for one in _curves(begun.table, readings, wanted)
     )
     amplitudes = np.zeros(sum(law.amplitudes for law in wanted.laws))
     if begun.laws == wanted.laws[: len(begun.laws)]:
         amplitudes = padded(begun.amplitudes, len(amplitudes))
+    elements = begun.elements
+    if wanted.yields != bool(elements):
+        elements = yielding(begun.table) if wanted.yields else ()
+    kept = len(elements) == len(begun.elements)
+    moments = begun.moments
+    if wanted.moments and not begun.unknown:
+        moments = usual(begun.table)[0]
     return replace(
         begun,
+        elements=elements,
+        yields=begun.yields if kept else np.zeros(len(sizes(elements))),
+        moments=moments,
+        unknown=wanted.moments,
         laws=wanted.laws,
         amplitudes=amplitudes,
         curves=fresh,
@@ -166,28 +204,38 @@ def _equipped(begun: Mechanism, readings: Readings, wanted: Wanted) -> Mechanism
     )
 
 
-def likeliest_length(found: Identified, joints: Sequence[int], lengths: Sequence[float]) -> float:
-    """The length of the curves of some joints under which the readings are likeliest.
+def _curves(robot: Robot, readings: Readings, wanted: Wanted) -> Iterator[curve.Curve]:
+    """Curves of joints, then those of the bed."""
+    for j, length in wanted.curves:
+        slides = bool(robot.prismatic[j])
+        yield curve.over(j, readings.q[:, j], slides, length, _SIZE[slides])
+    if wanted.bed is not None:
+        for k in range(6):
+            size, screw = _SIZE[k < 3], robot.n + k
+            yield curve.over(0, readings.q[:, 0], True, wanted.bed, size, screw)
 
-    The scatter and all sizes are estimated anew for each length, about the same linearisation.
+
+def likeliest(found: Identified, choices: Sequence[Wanted]) -> Wanted:
+    """What is wanted under which the readings are likeliest, the first choices first.
+
+    The scatter and all sizes are estimated anew for each, about the same linearisation.
     """
-    best, length_of = -np.inf, lengths[0]
-    known, scatter = found.known, found.scatter
-    for length in lengths:
-        wanted = tuple((j, length) for j in joints)
-        mechanism = _equipped(found.mechanism, found.readings, Wanted(curves=wanted))
-        mechanism = replace(
-            mechanism, laws=found.mechanism.laws, amplitudes=found.mechanism.amplitudes
-        )
+    best, taken = -np.inf, choices[0]
+    for wanted in choices:
+        mechanism, scatter = _equipped(found.mechanism, found.readings, wanted), found.scatter
+        here = found.linear
+        if found.mechanism.curves or wanted.bed is not None:
+            here = linearised(found.readings, mechanism, found.weights)
+        known = found.known
         for _ in range(_STEPS):
-            whitened = rows(found.linear, mechanism, scatter)
+            whitened = rows(here, mechanism, scatter)
             solution = solved(whitened, mechanism, known)
-            scatter = again(whitened, found.linear, solution, scatter)
+            scatter = again(whitened, here, solution, scatter)
             mechanism = larger(mechanism, solution)
-        whitened = rows(found.linear, mechanism, scatter)
+        whitened = rows(here, mechanism, scatter)
         solution = solved(whitened, mechanism, known)
         evidence = solution.evidence + float(linear.log_det(whitened.W).sum())
         if evidence < best:
             break
-        best, length_of = evidence, length
-    return length_of
+        best, taken = evidence, wanted
+    return taken

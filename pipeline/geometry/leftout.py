@@ -9,12 +9,13 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.spatial import cKDTree
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.geometry.estimate import padded, precision, values
 from pipeline.geometry.identify import Identified
-from pipeline.geometry.mechanism import layout
+from pipeline.geometry.mechanism import frame_of
 from pipeline.geometry.readings import Readings
 
 PARTS = 10
@@ -37,13 +38,13 @@ def by_space(readings: Readings, rng: np.random.Generator, parts: int = PARTS) -
     q = readings.q / np.maximum(readings.q.std(axis=0), 1e-9)
     middle = q[rng.choice(len(q), parts, replace=False)]
     for _ in range(_ROUNDS):
-        part = np.argmin(((q[:, None] - middle) ** 2).sum(axis=2), axis=1)
+        part = cKDTree(middle).query(q)[1]
         middle = np.stack([q[part == k].mean(axis=0) if (part == k).any() else middle[k]
                            for k in range(parts)])  # fmt: skip
     return np.asarray(part, dtype=np.int64)
 
 
-def errors(found: Identified, part: Ints, without: Sequence[slice] = ()) -> Array:
+def errors(found: Identified, part: Ints, without: Sequence[slice | Ints] = ()) -> Array:
     """Reading minus prediction of each pose, by an estimate without its part, (m, 6 t), F_b.
 
     Where a whole series is left out, its frame is fitted to its own readings.
@@ -56,28 +57,23 @@ def errors(found: Identified, part: Ints, without: Sequence[slice] = ()) -> Arra
     rows, mechanism = found.rows, found.mechanism
     P, _ = precision(mechanism, found.known)
     for one in without:
-        P[one, one] += _NOT**-2 * np.eye(one.stop - one.start)
+        diagonal = np.arange(len(P))[one]
+        P[diagonal, diagonal] += _NOT**-2
     mean = padded(found.known.mean, len(P))
-    out = np.empty(rows.y.shape)
+    out = np.empty(found.linear.y.shape)
     for k in np.unique(part):
         mine = part == k
         own = rows.of(mine)
         alone = np.setdiff1d(found.readings.series[mine], found.readings.series[~mine])
         fixed = P.copy()
         for series in alone:
-            fixed[_frame(found, series), _frame(found, series)] += _NOT**-2 * np.eye(6)
+            fixed[frame_of(mechanism, series), frame_of(mechanism, series)] += _NOT**-2 * np.eye(6)
         e = own.y - own.along(values(rows.N - own.N, rows.b - own.b, fixed, mean))
         for series in alone:
-            e = _aligned(own.D[:, :, _frame(found, series)], e,
+            e = _aligned(own.D[:, :, frame_of(mechanism, series)], e,
                          found.readings.series[mine] == series)  # fmt: skip
-        out[mine] = linear.solve(own.W, e)
+        out[mine] = found.linear.spread(linear.solve(own.W, e))
     return out
-
-
-def _frame(found: Identified, series: int) -> slice:
-    """Where turn and shift of a series' frame stand."""
-    first = layout(found.mechanism).frames.start + 6 * int(series)
-    return slice(first, first + 6)
 
 
 def _aligned(D: Array, e: Array, mine: Bools) -> Array:

@@ -13,7 +13,9 @@ that no model holds (repeatability, transmission), alike for all readings of the
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from itertools import pairwise
+from typing import NamedTuple
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -22,9 +24,12 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.curves import Curve
 from pipeline.geometry.laws import Inputs, Law
 from pipeline.geometry.readings import Readings
+from pipeline.geometry.yielding import Virtual, carried_by, carried_on
+from pipeline.machine.effect import Elastic
 from pipeline.machine.robot import Configuration, Robot, configure
+from pipeline.machine.robot.configuration import rotation_about, translation_along
 from pipeline.machine.robot.letters import Letter, changed, letters, twists
-from pipeline.machine.robot.weight import gravity_torque, payload_torques
+from pipeline.machine.robot.weight import by_moments, carried, payload_torques, work
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +104,10 @@ class Mechanism(Locked):
         frames: F_b in the frame of the instrument, for each series, shape (s, 4, 4).
         compliance: Of each joint [m/N] or [rad/(N m)], 0 where none is estimated, shape (n,).
         payload: How far mass [kg] and centre [m] of each payload are from what is stated, (p, 4).
+        moments: Mass [kg] and first moment in its frame [kg m] of each link, shape (n, 4).
+        unknown: The moments are estimated.
+        elements: What yields beside the joints.
+        yields: Parameters of the elements, one after the other.
         laws: Laws of the joints.
         amplitudes: Of all laws, one after the other.
         curves: Curves of the joints.
@@ -110,7 +119,11 @@ class Mechanism(Locked):
     tool: Array
     frames: Array
     compliance: Array
-    payload: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    payload: Array
+    moments: Array
+    unknown: bool = False
+    elements: tuple[Elastic, ...] = ()
+    yields: Array = field(default_factory=lambda: np.zeros(0))
     laws: tuple[Law, ...] = ()
     amplitudes: Array = field(default_factory=lambda: np.zeros(0))
     curves: tuple[Curve, ...] = ()
@@ -126,29 +139,70 @@ class Mechanism(Locked):
         """The robot with its table corrected."""
         return changed(self.table, self.letters, self.values)
 
-    def inputs(
-        self, q: Array, weights: Weights, temperature: Array, time: Array, series: Array
-    ) -> Inputs:
-        """What laws may be of, on the corrected robot."""
+    def stand(
+        self,
+        q: Array,
+        weights: Weights,
+        temperature: Array,
+        time: Array,
+        series: Array,
+        force: Array | None = None,
+    ) -> Stand:
+        """The robot where it really is at m poses, under its weight and a force.
+
+        Args:
+            q: Joint values of the controller [m] or [rad], shape (m, n).
+            weights: What pulls at the arm.
+            temperature: Of the air [degC], shape (m,).
+            time: Place of each pose in its series, shape (m,).
+            series: Number of its series, shape (m,).
+            force: On the first target [N], F_b, shape (m, 3).
+        """
         robot = self.robot
+        bare = configure(robot, q)
         mass, centre = weights.at_poses(self.payload)
-        tau = gravity_torque(robot, configure(robot, q), weights.gravity, mass, centre)
-        return Inputs(q, tau, temperature, time, series)
+        held = carried(bare, weights.gravity, self.moments, mass, centre)
+        inputs = Inputs(q, work(bare.twists, held), temperature, time, series)
+        if force is not None and force.any():
+            at = bare.points(self.tool[:1, :3, 3])[:, 0]
+            held = held + np.concatenate([np.cross(at, force), force], axis=1)[:, None]
+        tau = work(bare.twists, held)
+        here = configure(robot, q + self.turned(replace(inputs, tau=tau), inputs))
+        yields = Virtual(self.elements, here)
+        bed = bed_screws(here) if any(curve.screw >= robot.n for curve in self.curves) else None
+        screws, carrier = yields.screws, yields.carrier
+        amounts = yields.under(held) * self.yields[yields.parameter]
+        if bed is not None:
+            screws = np.concatenate([screws, bed], axis=1)
+            carrier = np.append(carrier, np.ones(6, dtype=np.int64))
+            amounts = np.concatenate([amounts, self._bed(q)], axis=1)
+        at = here.points(self.tool[:, :3, 3])
+        turn = np.einsum("mij,tjk->mtik", here.flange_axes, self.tool[:, :3, :3])
+        at, turn = carried_on(screws, carrier, amounts, at, turn)
+        return Stand(inputs, tau, held, here, yields, bed, at, turn)
 
-    def hung(self, here: Configuration, weights: Weights) -> Array:
-        """How far the joints turn by a unit of each payload's mass and centre, (m, n, 4 p)."""
-        mass, centre = weights.at_poses(self.payload)
-        torques = payload_torques(here, weights.gravity, mass, centre)
-        return weights.by_payload(self.compliance[:, None] * torques)
+    def turned(self, loaded: Inputs, inputs: Inputs) -> Array:
+        """How far each joint stands from its encoder [m] or [rad], shape (m, n).
 
-    def turned(self, inputs: Inputs) -> Array:
-        """How far each joint stands from its encoder [m] or [rad], shape (m, n)."""
-        out = inputs.tau * self.compliance
+        Args:
+            loaded: With all torques, of which springs are.
+            inputs: With those of weight, of which laws are.
+        """
+        out = loaded.tau * self.compliance
         for law, part in zip(self.laws, self._parts(), strict=True):
             out[:, law.joint - 1] += law.basis(inputs) @ part
         for curve, knots in zip(self.curves, self._knots(), strict=True):
-            out[:, curve.joint] += curve.value(inputs.q[:, curve.joint], knots)
+            if curve.screw < out.shape[1]:
+                out[:, curve.screw] += curve.value(inputs.q[:, curve.joint], knots)
         return np.asarray(out)
+
+    def _bed(self, q: Array) -> Array:
+        """How far the bed is from straight at the carriage, shape (m, 6)."""
+        out = np.zeros((len(q), 6))
+        for curve, knots in zip(self.curves, self._knots(), strict=True):
+            if curve.screw >= self.table.n:
+                out[:, curve.screw - self.table.n] += curve.value(q[:, curve.joint], knots)
+        return out
 
     def _parts(self) -> list[Array]:
         ends = np.cumsum([law.amplitudes for law in self.laws])[:-1]
@@ -157,16 +211,6 @@ class Mechanism(Locked):
     def _knots(self) -> list[Array]:
         ends = np.cumsum([curve.count for curve in self.curves])[:-1]
         return np.split(self.knots, ends) if self.curves else []
-
-    def stands(self, inputs: Inputs, robot: Robot | None = None) -> Configuration:
-        """The robot where it really is at m poses."""
-        return configure(robot or self.robot, inputs.q + self.turned(inputs))
-
-    def targets(self, here: Configuration) -> tuple[Array, Array]:
-        """Places (m, t, 3) [m] and orientations (m, t, 3, 3) of the targets, F_b."""
-        at = here.points(self.tool[:, :3, 3])
-        turn = np.einsum("mij,tjk->mtik", here.flange_axes, self.tool[:, :3, :3])
-        return at, turn
 
     def moved(self, step: Array, layout: Layout) -> Mechanism:
         """The mechanism with parameters at `step`: table, springs and laws anew, frames moved on.
@@ -190,6 +234,8 @@ class Mechanism(Locked):
             frames=frames,
             compliance=step[layout.compliance],
             payload=step[layout.payload].reshape(-1, 4),
+            yields=step[layout.yields],
+            moments=step[layout.moments].reshape(-1, 4) if self.unknown else self.moments,
             amplitudes=step[layout.laws],
             knots=step[layout.knots],
         )
@@ -198,7 +244,9 @@ class Mechanism(Locked):
         """Parameters about which it is linear: those of tool and frames are zero."""
         out = np.zeros(layout.size)
         out[layout.letters], out[layout.compliance] = self.values, self.compliance
-        out[layout.payload] = self.payload.ravel()
+        out[layout.payload], out[layout.yields] = self.payload.ravel(), self.yields
+        if self.unknown:
+            out[layout.moments] = self.moments.ravel()
         out[layout.laws], out[layout.knots] = self.amplitudes, self.knots
         return out
 
@@ -221,6 +269,8 @@ class Layout:
         frames: Six of each series: turn and shift in F_b.
         compliance: One of each joint.
         payload: Four of each payload: mass and centre.
+        yields: Of the elements.
+        moments: Four of each link: mass and first moment, where they are not known.
         laws: Amplitudes.
         knots: Of the curves.
     """
@@ -230,6 +280,8 @@ class Layout:
     frames: slice
     compliance: slice
     payload: slice
+    yields: slice
+    moments: slice
     laws: slice
     knots: slice
 
@@ -252,6 +304,8 @@ def layout(mechanism: Mechanism) -> Layout:
         6 * len(mechanism.frames),
         len(mechanism.compliance),
         mechanism.payload.size,
+        len(mechanism.yields),
+        mechanism.moments.size if mechanism.unknown else 0,
         len(mechanism.amplitudes),
         sum(curve.count for curve in mechanism.curves),
     )
@@ -266,9 +320,10 @@ class Linear(Locked):
     Attributes:
         y: Reading minus mechanism [m], [rad], shape (m, 6 t); zero where not read.
         D: Derivatives by all parameters but the knots, shape (m, 6 t, dense).
-        Z: Derivatives by the joints, shape (m, 6 t, n).
+        Z: Derivatives by the joints, and by the bed where it is not straight, (m, 6 t, n or n + 6).
         read: Which rows were read, shape (m, 6 t).
         inputs: What the laws are of.
+        at: Places of the targets by the mechanism [m], F_b, shape (m, t, 3).
     """
 
     y: Array
@@ -276,17 +331,52 @@ class Linear(Locked):
     Z: Array
     read: Bools
     inputs: Inputs
+    at: Array
+
+    @cached_property
+    def used(self) -> Ints:
+        """Rows that were read at any pose, shape (r,)."""
+        return np.flatnonzero(self.read.any(axis=0))
+
+    def spread(self, left: Array) -> Array:
+        """Numbers of these rows (m, r) among zeros for all others, shape (m, 6 t)."""
+        out = np.zeros((len(left), self.read.shape[1]))
+        out[:, self.used] = left
+        return out
+
+
+class Stand(NamedTuple):
+    """A robot where it really is at m poses.
+
+    Attributes:
+        inputs: What laws are of.
+        tau: Torque of weight and force on the joints, shape (m, n).
+        held: Wrench of all that each joint carries, shape (m, n, 6).
+        here: Frames, without what yields beside the joints.
+        yields: Virtual joints.
+        bed: Screws by which the bed is not straight, shape (m, 6, 6); None where it is.
+        at: Places of the targets [m], F_b, shape (m, t, 3).
+        turn: Their orientations, shape (m, t, 3, 3).
+    """
+
+    inputs: Inputs
+    tau: Array
+    held: Array
+    here: Configuration
+    yields: Virtual
+    bed: Array | None
+    at: Array
+    turn: Array
 
 
 def placed(readings: Readings, mechanism: Mechanism, weights: Weights) -> tuple[Array, Array]:
     """Where a mechanism has the targets and where they were read [m], F_b, both (m, t, 3)."""
-    here = mechanism.stands(_inputs(readings, mechanism, weights))
-    return mechanism.targets(here)[0], _seen(readings, mechanism)
+    return _stand(readings, mechanism, weights).at, _seen(readings, mechanism)
 
 
-def _inputs(readings: Readings, mechanism: Mechanism, weights: Weights) -> Inputs:
+def _stand(readings: Readings, mechanism: Mechanism, weights: Weights) -> Stand:
     when = within(readings), readings.series.astype(float)
-    return mechanism.inputs(readings.q, weights, readings.temperature, *when)
+    return mechanism.stand(readings.q, weights, readings.temperature, *when)
 
 
 def _seen(readings: Readings, mechanism: Mechanism) -> Array:
@@ -297,29 +387,65 @@ def _seen(readings: Readings, mechanism: Mechanism) -> Array:
 
 def linearised(readings: Readings, mechanism: Mechanism, weights: Weights) -> Linear:
     """Readings about a mechanism."""
-    robot, where = mechanism.robot, layout(mechanism)
-    inputs = _inputs(readings, mechanism, weights)
-    here = mechanism.stands(inputs, robot)
-    at, turn = mechanism.targets(here)
+    stand = _stand(readings, mechanism, weights)
+    at, turn = stand.at, stand.turn
     own, seen_at = mechanism.frames[readings.series], _seen(readings, mechanism)
     seen_turn = np.einsum("mji,mtjk->mtik", own[:, :3, :3], readings.turn)
     off = np.einsum("mtij,mtkj->mtik", seen_turn, turn).reshape(-1, 3, 3)
     turned = Rotation.from_matrix(off).as_rotvec().reshape(at.shape)
     y = np.concatenate([seen_at - at, turned], axis=2).reshape(len(readings), -1)
     read = readings.read
-    D = np.zeros((*read.shape, where.dense))
-    D[..., where.letters] = reach(twists(here, mechanism.letters), at)
-    D[..., where.tool] = _of_tool(at, turn, readings)
-    D[..., where.frames] = _of_frames(at, readings)
-    Z = reach(here.twists, at)
-    D[..., where.compliance] = Z * inputs.tau[:, None, :]
-    D[..., where.payload] = Z @ mechanism.hung(here, weights)
-    if mechanism.laws:
-        each = [(law.joint - 1, law.basis(inputs)) for law in mechanism.laws]
-        waves = [Z[..., j, None] * basis[:, None, :] for j, basis in each]
-        D[..., where.laws] = np.concatenate(waves, axis=2)
+    D, Z = derivatives(mechanism, stand, weights)
+    of = by_frame(at)
+    for series in range(len(readings.names)):
+        mine = readings.series == series
+        D[mine, :, frame_of(mechanism, series)] = of[mine]
     D[~read], Z[~read], y[~read] = 0.0, 0.0, 0.0
-    return Linear(y, D, Z, read, inputs)
+    return Linear(y, D, Z, read, stand.inputs, at)
+
+
+def derivatives(mechanism: Mechanism, stand: Stand, weights: Weights) -> tuple[Array, Array]:
+    """How targets move by all parameters but frames and knots, and by joints and bed.
+
+    Returns:
+        Shapes (m, 6 t, dense), zero for frames, and (m, 6 t, n) or, where the bed is not straight,
+        (m, 6 t, n + 6).
+    """
+    where, here, at = layout(mechanism), stand.here, stand.at
+    D = np.zeros((len(at), 6 * at.shape[1], where.dense))
+    D[..., where.letters] = reach(twists(here, mechanism.letters), at)
+    D[..., where.tool] = _of_tool(at, stand.turn)
+    Z, yielding = reach(here.twists, at), reach(stand.yields.screws, at)
+    D[..., where.compliance] = Z * stand.tau[:, None, :]
+    mass, centre = weights.at_poses(mechanism.payload)
+    if len(mechanism.payload):
+        torques = payload_torques(here, weights.gravity, mass, centre)
+        hung = weights.by_payload(mechanism.compliance[:, None] * torques)
+        D[..., where.payload] = Z @ hung
+    each = yielding * stand.yields.under(stand.held)[:, None]
+    D[..., where.yields] = each @ np.eye(len(mechanism.yields))[stand.yields.parameter]
+    if mechanism.unknown:
+        unit = by_moments(here, weights.gravity)
+        joints = np.arange(1, mechanism.table.n + 1)
+        own = mechanism.compliance[:, None] * carried_by(here.twists, joints, unit)
+        more = mechanism.yields[stand.yields.parameter][:, None] * stand.yields.by_moments(unit)
+        D[..., where.moments] = Z @ own + yielding @ more
+    if mechanism.laws:
+        waves = [
+            Z[..., law.joint - 1, None] * law.basis(stand.inputs)[:, None, :]
+            for law in mechanism.laws
+        ]
+        D[..., where.laws] = np.concatenate(waves, axis=2)
+    if stand.bed is not None:
+        Z = np.concatenate([Z, reach(stand.bed, at)], axis=2)
+    return D, Z
+
+
+def bed_screws(here: Configuration) -> Array:
+    """Shifts along and turns about x, y, z of F_b at the carriage, shape (m, 6, 6)."""
+    origin, axes = here.origin[:, 0], np.broadcast_to(np.eye(3), (len(here.q), 3, 3))
+    shifts = [translation_along(axes[:, k]) for k in range(3)]
+    return np.stack([*shifts, *(rotation_about(origin, axes[:, k]) for k in range(3))], axis=1)
 
 
 def within(readings: Readings) -> Array:
@@ -337,27 +463,31 @@ def reach(screws: Array, at: Array) -> Array:
     shift = np.cross(omega, at[:, :, None, :]) + v
     turn = np.broadcast_to(omega, shift.shape)
     both = np.concatenate([shift, turn], axis=3)  # m, t, k, 6
-    return np.asarray(np.swapaxes(both, 2, 3).reshape(len(at), -1, screws.shape[1]))
+    return np.asarray(np.swapaxes(both, 2, 3).reshape(len(at), 6 * at.shape[1], screws.shape[1]))
 
 
-def _of_tool(at: Array, turn: Array, readings: Readings) -> Array:
+def _of_tool(at: Array, turn: Array) -> Array:
     """Derivatives by turn and shift of each target in its own frame, (m, 6 t, 6 t)."""
     m, t = at.shape[:2]
     out = np.zeros((m, t, 6, t, 6))
     for k in range(t):
         out[:, k, :3, k, 3:] = turn[:, k]
-        if readings.six[k]:
-            out[:, k, 3:, k, :3] = turn[:, k]
+        out[:, k, 3:, k, :3] = turn[:, k]
     return out.reshape(m, 6 * t, 6 * t)
 
 
-def _of_frames(at: Array, readings: Readings) -> Array:
-    """Derivatives by turn and shift of F_b in each series, (m, 6 t, 6 s)."""
+def by_frame(at: Array) -> Array:
+    """Derivatives by turn and shift of the frame of a pose's series, (m, 6 t, 6)."""
     m, t = at.shape[:2]
-    out = np.zeros((m, t, 6, len(readings.names), 6))
-    mine = np.arange(m)
+    out = np.zeros((m, t, 6, 6))
     for axis, e in enumerate(np.eye(3)):
-        out[mine, :, :3, readings.series, axis] = np.cross(e, at)
-        out[mine, :, 3:, readings.series, axis] = e
-        out[mine, :, axis, readings.series, 3 + axis] = 1.0
-    return out.reshape(m, 6 * t, -1)
+        out[:, :, :3, axis] = np.cross(e, at)
+        out[:, :, 3 + axis, axis] = 1.0
+        out[:, :, axis, 3 + axis] = 1.0
+    return out.reshape(m, 6 * t, 6)
+
+
+def frame_of(mechanism: Mechanism, series: int) -> slice:
+    """Where turn and shift of a series' frame stand among the parameters."""
+    first = layout(mechanism).frames.start + 6 * series
+    return slice(first, first + 6)

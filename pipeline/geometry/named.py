@@ -10,12 +10,14 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry import curves, search
-from pipeline.geometry.identify import Identified, Wanted, identify, likeliest_length
+from pipeline.geometry.causes import Cause, Listed, causes, chances
+from pipeline.geometry.identify import Identified, Wanted, identify, likeliest
 from pipeline.geometry.laws import Kind, Law, Variable
 from pipeline.geometry.mechanism import Mechanism, Weights, layout
 from pipeline.geometry.readings import Readings
 from pipeline.geometry.scatter import Scatter
 from pipeline.geometry.worth import NO_GAIN, Gain, Judge, Parting
+from pipeline.machine.effects._anatomy import rail
 from pipeline.system import alarms
 
 _HALF = 0.5
@@ -84,16 +86,15 @@ class Data:
     def identify(
         self, begun: Mechanism, wanted: Wanted, earlier: Identified | None = None
     ) -> Identified:
-        """An estimate, with the priors of an earlier one."""
+        """An estimate, with the priors of an earlier one; scales of what that had beside."""
         known = None if earlier is None else earlier.known
+        if earlier is not None and known is not None and earlier.wanted.yields != wanted.yields:
+            known = replace(known, groups=())
         return identify(begun, self.readings, self.weights, wanted, self.noise, self.stated, known)
 
     def again(self, found: Identified) -> Identified:
         """The same model from these readings."""
-        wanted = replace(
-            found.wanted, curves=tuple((c.joint, c.length) for c in found.mechanism.curves)
-        )
-        return self.identify(found.mechanism, wanted, found)
+        return self.identify(found.mechanism, found.wanted, found)
 
     def without(self, bad: Bools) -> Data:
         """All readings but some (m, t), and the poses where one is left."""
@@ -109,26 +110,47 @@ class Whole:
 
     Attributes:
         found: The estimate.
-        laws: What is named of it.
+        laws: What is named of it that nobody listed.
+        causes: What is named of it that the catalogue has.
     """
 
     found: Identified
     laws: tuple[NamedLaw, ...]
+    causes: tuple[Cause, ...]
 
 
 def with_laws(
-    data: Data, springs: Identified, parts: dict[Parting, Ints], rng: np.random.Generator
+    data: Data,
+    base: Identified,
+    names: tuple[Listed, ...],
+    parts: dict[Parting, Ints],
+    rng: np.random.Generator,
 ) -> Whole:
-    """Search beside table and springs, then once more beside the curves that it found."""
-    signs = search.flips(data.readings, rng)
-    inputs, slides = springs.linear.inputs, springs.mechanism.table.prismatic
-    every = list(search.candidates(inputs, slides))
-    clues = search.clues(search.score(springs, signs), inputs, every, slides.tolist())
+    """Search beside the catalogue, then once more beside the curves that it found.
+
+    Args:
+        data: What is estimated from.
+        base: With all that the catalogue has.
+        names: What its laws are.
+        parts: What is left out together.
+        rng: Draws copies and intervals.
+    """
+    signs = search.flips(data.readings, rng, rail=rail(base.mechanism.table))
+    inputs, slides = base.linear.inputs, base.mechanism.table.prismatic
+    known = {_key(one.law) for one in names}
+    bed = base.wanted.bed is not None  # what a carriage does along the rail is the bed's
+    every = [law for law in search.candidates(inputs, slides) if _key(law) not in known]
+    every = [law for law in every if not (bed and law.joint == 1 and _own_angle(law))]
+    clues = search.clues(search.score(base, signs), inputs, every, slides.tolist())
+    clues = [clue for clue in clues if clue.law is not None or not (bed and clue.joint == 1)]
     judge = Judge(parts, rng)
-    found, p = _of_own_angles(data, springs, clues, judge)
+    found, p = _of_own_angles(data, base, clues, judge)
     others = [law for law in every if not _own_angle(law)]
     found, further = _of_all_else(data, found, others, signs, judge)
-    return Whole(found, _named(found, p | further, judge))
+    plain = [k for k, one in enumerate(names) if not one.name]
+    chance = chances(found, [_of_law(found.mechanism, k) for k in plain], signs)
+    p |= {_key(names[k].law): c for k, c in zip(plain, chance, strict=True)} | further
+    return Whole(found, _named(found, p, judge), causes(found, names, signs, judge))
 
 
 def _of_own_angles(
@@ -142,8 +164,13 @@ def _of_own_angles(
     if not bent:
         return springs, {}
     joints = sorted(bent)
-    length = likeliest_length(springs, joints, curves.LENGTHS[False])
-    wanted = Wanted(curves=tuple((j, length) for j in joints))
+    wanted = likeliest(
+        springs,
+        [
+            replace(springs.wanted, curves=tuple((j, length) for j in joints))
+            for length in curves.LENGTHS[False]
+        ],
+    )
     found = data.identify(springs.mechanism, wanted, springs)
     waves = [law for j in joints if (law := _one_wave(found, clues, j)) is not None]
     p = {_curve_of(j): chance for j, chance in bent.items()}
@@ -176,10 +203,8 @@ def _better(data: Data, bent: Identified, waves: Sequence[Law], judge: Judge) ->
     """Waves in the place of curves, where they predict what was left out as well."""
     found = bent
     for law in waves:
-        rest = tuple(
-            (c.joint, c.length) for c in found.mechanism.curves if c.joint != law.joint - 1
-        )
-        wanted = Wanted(laws=(*found.mechanism.laws, law), curves=rest)
+        rest = tuple(one for one in found.wanted.curves if one[0] != law.joint - 1)
+        wanted = replace(found.wanted, laws=(*found.mechanism.laws, law), curves=rest)
         trial = data.identify(found.mechanism, wanted, found)
         if judge.as_good(trial, found):
             found = trial
@@ -227,7 +252,7 @@ def _curve(mechanism: Mechanism, joint: int) -> tuple[curves.Curve, Array]:
     """A joint's curve and its knots."""
     at = 0
     for one in mechanism.curves:
-        if one.joint == joint:
+        if one.screw == joint:
             return one, mechanism.knots[at : at + one.count]
         at += one.count
     raise KeyError(joint)
@@ -244,6 +269,8 @@ def _named(found: Identified, p: dict[_Key, float], judge: Judge) -> tuple[Named
     """The laws that predict what was left out better."""
     out = []
     for law, key, part in _slices(found):
+        if p.get(key, 1.0) >= alarms.LAW:
+            continue
         near, carried = judge.gains(found, part, law.since is not None)
         if near.sure and carried.sure:
             out.append(replace(law, p=p[key], gain=near, carried=carried))
@@ -269,7 +296,7 @@ def _slices(found: Identified) -> Iterator[tuple[NamedLaw, _Key, slice]]:
         )
         yield one, _key(law), part
     at = where.knots.start
-    for curve in mechanism.curves:
+    for curve in mechanism.curves[: len(found.wanted.curves)]:
         part = slice(at, at + curve.count)
         q = inputs.q[:, curve.joint]
         turn = 1.0 if mechanism.table.prismatic[curve.joint] else 2 * np.pi

@@ -47,19 +47,19 @@ class Scatter(Locked):
     rotation: float
     stated: bool = False
 
-    def cov(self, Z: Array, read: Bools) -> Array:
+    def cov(self, Z: Array, read: Bools, turns: Bools) -> Array:
         """V of each pose, shape (m, r, r); 1 in the diagonal for rows that were not read."""
         V = (Z * self.joints**2) @ np.swapaxes(Z, 1, 2)
         rows = np.arange(Z.shape[1])
-        V[:, rows, rows] += np.where(read, self._noise(Z.shape[1]) ** 2, 1.0)
+        noise = np.where(turns, self.rotation, self.position)
+        V[:, rows, rows] += np.where(read, noise**2, 1.0)
         return np.asarray(V)
 
-    def _noise(self, rows: int) -> Array:
-        return np.tile(np.repeat([self.position, self.rotation], 3), rows // 6)
-
     def whitening(self, rows: Linear) -> Array:
-        """W with W V W' = 1 of each pose, shape (m, r, r)."""
-        return linear.whitening(self.cov(rows.Z, rows.read))
+        """W with W V W' = 1 of each pose over the rows that any pose has, shape (m, r, r)."""
+        used = rows.used
+        Z = rows.Z[:, used, : len(self.joints)]
+        return linear.whitening(self.cov(Z, rows.read[:, used], used % 6 >= 3))
 
     def better(self, rows: Linear, products: Array) -> Scatter:
         """The scatter that makes products of residuals (m, r, r) likeliest."""
@@ -96,21 +96,21 @@ class _Likelihood:
     """Half of minus twice the log likelihood of products, and its slope by log variances."""
 
     def __init__(self, rows: Linear, products: Array, n: int) -> None:
-        self.rows, self.products, self.n = rows, products, n
-        r = rows.Z.shape[1]
-        self.of_noise = np.tile(np.repeat([0, 1], 3), r // 6)
+        used = rows.used
+        self.products, self.n = products, n
+        self.Z, self.read, self.turns = rows.Z[:, used, :n], rows.read[:, used], used % 6 >= 3
 
     def __call__(self, logs: Array) -> tuple[float, Array]:
         s = np.exp(logs / 2)
         one = Scatter(s[: self.n], float(s[self.n]), float(s[self.n + 1]))
-        V = one.cov(self.rows.Z, self.rows.read)
+        V = one.cov(self.Z, self.read, self.turns)
         inverse = linear.regular_inverse(V)
         inner = inverse @ self.products
         f = 0.5 * (linear.log_det(V).sum() + np.trace(inner, axis1=1, axis2=2).sum())
         Q = inverse - inner @ inverse
         slope = np.empty(self.n + 2)
-        slope[: self.n] = 0.5 * np.einsum("mij,mij->j", Q @ self.rows.Z, self.rows.Z)
-        diagonal = np.where(self.rows.read, np.einsum("mii->mi", Q), 0.0).sum(axis=0)
+        slope[: self.n] = 0.5 * np.einsum("mij,mij->j", Q @ self.Z, self.Z)
+        diagonal = np.where(self.read, np.einsum("mii->mi", Q), 0.0).sum(axis=0)
         for k in range(2):
-            slope[self.n + k] = 0.5 * diagonal[self.of_noise == k].sum()
+            slope[self.n + k] = 0.5 * diagonal[self.turns == k].sum()
         return float(f), slope * s**2

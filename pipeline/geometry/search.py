@@ -7,7 +7,7 @@ the joint and e the whitened residual: a candidate g explains
 
 beside the columns D of all that is estimated in any case, with N their products. Thousands of
 candidates are tried, and the largest T of them all is held against the largest that arises where
-there is no law: residuals of blocks of poses, taken in the order of measurement, with their signs
+there is no law: residuals of blocks of poses, neighbours in time or on the rail, with their signs
 flipped, which keeps what neighbours share and destroys what depends on the robot.
 """
 
@@ -25,7 +25,7 @@ from pipeline.geometry import curves
 from pipeline.geometry.estimate import Rows
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.laws import Inputs, Law, Variable
-from pipeline.geometry.mechanism import layout
+from pipeline.geometry.mechanism import frame_of
 from pipeline.geometry.readings import Readings
 from pipeline.system import alarms
 
@@ -101,7 +101,7 @@ def score(found: Identified, signs: Array, copied: Array | None = None) -> Score
             when not given.
     """
     rows, cov = found.rows, found.solution.cov
-    Z = rows.W @ found.linear.Z
+    Z = rows.W @ found.linear.Z[:, found.linear.used, : found.mechanism.table.n]
     e = rows.y - rows.along(found.solution.x)
     left = e if copied is None else copied
     P, Q = (np.swapaxes(Z, 1, 2) @ one for one in (rows.D, rows.K))
@@ -134,17 +134,41 @@ def blocks(readings: Readings) -> Ints:
     return np.asarray(out, dtype=np.int64)
 
 
-def flips(readings: Readings, rng: np.random.Generator, count: int = FLIPS) -> Array:
-    """Signs of copies without a law, shape (count, m)."""
-    block = blocks(readings)
-    return np.asarray(rng.choice([-1.0, 1.0], (count, int(block.max()) + 1))[:, block])
+def flips(
+    readings: Readings, rng: np.random.Generator, count: int = FLIPS, rail: bool = False
+) -> Array:
+    """Signs of copies without a law, shape (count, m).
+
+    Blocks are neighbours in time and, of every second copy on a rail, stations: what poses of
+    either share stays in the copies. Parts of joint space would keep what a joint does there.
+    """
+    every, stops = [blocks(readings)], stations(readings)
+    if rail and len(np.unique(stops)) >= _BLOCK:
+        every.append(stops)
+    return np.stack([
+        rng.choice([-1.0, 1.0], int(block.max()) + 1)[block]
+        for block in (every[k % len(every)] for k in range(count))
+    ])  # fmt: skip
+
+
+def stations(readings: Readings) -> Ints:
+    """Where the carriage stood: places of the first joint more than `_APART_M` apart, (m,)."""
+    along = readings.q[:, 0]
+    order = np.argsort(along, kind="stable")
+    out = np.empty(len(along), dtype=np.int64)
+    out[order] = np.cumsum(np.append(0, np.diff(along[order]) > _APART_M))
+    return out
+
+
+_APART_M = 0.02
+"""A carriage that goes to a station anew comes nearer to where it stood."""
 
 
 def candidates(inputs: Inputs, prismatic: Bools) -> Iterator[Law]:
     """Every law that is tried, of every joint; the curves are tried beside them."""
     n = inputs.q.shape[1]
     for joint in range(1, n + 1):
-        for order in _ORDERS.tolist():
+        for order in _ORDERS[_shortest(inputs.q[:, joint - 1]) > _ORDERS].tolist():
             yield Law(joint, "periodic", "angle", joint, order)
         yield from _of_torque(inputs, joint)
         for other in range(1, n + 1):
@@ -153,6 +177,12 @@ def candidates(inputs: Inputs, prismatic: Bools) -> Iterator[Law]:
                     yield Law(joint, "coupling", "angle", other, order)
         yield from _of_surroundings(inputs, joint)
         yield from steps_in_time(inputs, joint)
+
+
+def _shortest(q: Array) -> float:
+    """Order of the shortest wave that the values of a joint can show: two of them to a wave."""
+    values = np.unique(np.round(q, 3))
+    return np.pi * (len(values) - 1) / max(float(np.ptp(values)), 1e-3)
 
 
 def steps_in_time(inputs: Inputs, joint: int) -> Iterator[Law]:
@@ -291,9 +321,8 @@ def _frame_moved(found: Identified, here: Score, pose: int, signs: Array) -> _Fr
     series = int(found.readings.series[pose])
     after = np.flatnonzero(found.readings.series == series)
     after = after[after >= pose]
-    first = layout(found.mechanism).frames.start + 6 * series
     rows = found.rows
-    F = rows.D[after][:, :, first : first + 6]
+    F = rows.D[after][:, :, frame_of(found.mechanism, series)]
     shared = np.zeros((len(here.cov), 6))
     dense = rows.D.shape[2]
     shared[:dense] = np.einsum("mrd,mrk->dk", rows.D[after], F)
@@ -363,12 +392,21 @@ def clues(
         T.append(curved(here, joint, inputs.q, slides)[None])
         of.append((None, joint + 1))
     each = np.concatenate(T)
-    p = _chance(_standard(each))
+    p = beyond_copies(each)
     found = [
         Clue(law, joint, float(t), float(chance))
         for (law, joint), t, chance in zip(of, each[:, 0], p, strict=True)
     ]
     return sorted(found, key=lambda clue: -clue.statistic)
+
+
+def beyond_copies(T: Array) -> Array:
+    """Chance of as much of any candidate in the copies, of each row of (k, 1 + copies)."""
+    told = T.any(axis=1)  # what the readings say nothing of is in no copy
+    out = np.ones(len(T))
+    if told.any():
+        out[told] = _chance(_standard(T[told]))
+    return out
 
 
 def _chance(z: Array) -> Array:

@@ -15,14 +15,17 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Bools, Locked
-from pipeline.geometry import blunders, leftout, search
+from pipeline.geometry import blunders, curves, leftout, search
 from pipeline.geometry.begin import begin
-from pipeline.geometry.identify import Identified, Wanted
+from pipeline.geometry.causes import Cause, Listed, listed
+from pipeline.geometry.identify import Identified, Wanted, likeliest
 from pipeline.geometry.mechanism import Mechanism, Weights, linearised
 from pipeline.geometry.named import Data, NamedLaw, with_laws
 from pipeline.geometry.readings import Readings
 from pipeline.geometry.scatter import start
 from pipeline.geometry.worth import Parting, distances, partings
+from pipeline.geometry.yielding import usual
+from pipeline.machine.effects._anatomy import rail
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.weight import weighs
 
@@ -67,6 +70,7 @@ class Step(StrEnum):
     TABLE = "nominal table"
     LETTERS = "geometric parameters"
     SPRINGS = "springs under the arm's weight"
+    CATALOGUE = "causes of the catalogue"
     LAWS = "laws"
 
 
@@ -95,7 +99,8 @@ class Study(Locked):
 
     Attributes:
         stages: From the nominal table to the whole model.
-        laws: Named, the largest first.
+        laws: That nobody listed, the largest first.
+        causes: Of the catalogue, the largest first.
         bad: Readings that were left out, with their distance from the model [m].
         moved: When the instrument moved; what was read afterwards is a series of its own.
         every: All readings, those included.
@@ -105,6 +110,7 @@ class Study(Locked):
     laws: tuple[NamedLaw, ...]
     bad: tuple[Bad, ...]
     moved: tuple[Moved, ...] = ()
+    causes: tuple[Cause, ...] = ()
     every: Data | None = None
 
     @property
@@ -137,36 +143,65 @@ def study(
     begun = begin(robot, readings, tool)
     gross = _gross(every, begun)
     data = every.without(gross)
-    nominal = data.identify(begun, Wanted(False, False))
-    table = data.identify(nominal.mechanism, Wanted(springs=False))
-    springs = table
-    if weighs(robot) or weights.any:
-        springs = data.identify(table.mechanism, Wanted(), table)
-    every, of, chances = _apart(every, data, springs, rng)
+    base, names = _base(data, begun)
+    every, of, chances = _apart(every, data, base, rng)
     if chances:
         data = every.without(gross)
-        nominal, table, springs = (
-            data.again(_with_frames(one, of)) for one in (nominal, table, springs)
-        )
-    data, springs, late = _without_blunders(every, data, springs, gross)
-    if not np.array_equal(late.which, gross):
-        nominal, table = data.again(nominal), data.again(table)
-    parts = partings(data.readings, rng)
-    whole = with_laws(data, springs, parts, rng)
+        base, begun = data.again(_with_frames(base, of)), _framed(begun, of)
+    data, base, late = _without_blunders(every, data, base, gross)
+    parts = partings(data.readings, rng, rail(robot))
+    whole = with_laws(data, base, names, parts, rng)
     before = data
-    # curves show what springs hide
+    # curves show what springs leave hidden
     data, found, late = _without_blunders(every, data, whole.found, late.which)
     if data is not before:
-        nominal, table, springs = (data.again(one) for one in (nominal, table, springs))
-        whole, parts = replace(whole, found=found), partings(data.readings, rng)
-    steps = ((Step.TABLE, nominal), (Step.LETTERS, table), (Step.SPRINGS, springs),
-             (Step.LAWS, whole.found))  # fmt: skip
+        whole, parts = replace(whole, found=found), partings(data.readings, rng, rail(robot))
+    plain = list(_plain(data, begun))
+    steps = [*zip((Step.TABLE, Step.LETTERS, Step.SPRINGS), plain, strict=True)]
+    if base.wanted != plain[-1].wanted:
+        steps.append((Step.CATALOGUE, base if data is before else data.again(base)))
+    steps.append((Step.LAWS, whole.found))
     stages = tuple(
         Stage(step, found, {k: distances(found, part) for k, part in parts.items()})
         for step, found in steps
     )
     bad = tuple(_listed(every.readings, late))
-    return Study(stages, whole.laws, bad, tuple(_moves(whole.found, chances)), every)
+    moved = tuple(_moves(whole.found, chances))
+    return Study(stages, whole.laws, bad, moved, whole.causes, every)
+
+
+def _heavy(data: Data, robot: Robot) -> bool:
+    return bool(weighs(robot) or data.weights.any or data.weights.gravity.any())
+
+
+def _base(data: Data, begun: Mechanism) -> tuple[Identified, tuple[Listed, ...]]:
+    """Table, springs and all that the catalogue has, each as large as the readings call for."""
+    robot = begun.table
+    heavy = _heavy(data, robot)
+    moments = heavy and not weighs(robot)
+    tried = replace(begun, moments=usual(robot)[0]) if moments else begun
+    tau = linearised(data.readings, tried, data.weights).inputs.tau
+    names = listed(robot, data.readings.q, tau)
+    wanted = Wanted(springs=heavy, yields=heavy, moments=moments,
+                    laws=tuple(one.law for one in names))  # fmt: skip
+    table = data.identify(begun, Wanted(springs=False))
+    if not rail(robot):
+        return data.identify(table.mechanism, wanted, table), names
+    middle = replace(wanted, bed=curves.BED[1])
+    found = data.identify(table.mechanism, middle, table)
+    best = likeliest(found, [replace(wanted, bed=length) for length in curves.BED])
+    return (found if best == middle else data.identify(found.mechanism, best, found)), names
+
+
+def _plain(data: Data, begun: Mechanism) -> Iterator[Identified]:
+    """The nominal table, the table as it is, and springs beside it, for comparison."""
+    robot = begun.table
+    yield (first := data.identify(begun, Wanted(False, False)))
+    yield (table := data.identify(first.mechanism, Wanted(springs=False)))
+    heavy = _heavy(data, robot)
+    yield (
+        data.identify(table.mechanism, Wanted(moments=not weighs(robot)), table) if heavy else table
+    )
 
 
 # --- the instrument -------------------------------------------------------------------------------
@@ -183,7 +218,9 @@ def _apart(
     of = list(range(len(data.readings.names)))
     chances: dict[str, float] = {}
     for _ in range(_MOST_MOVES):
-        moved = search.moved(found, search.flips(data.readings, rng))
+        moved = search.moved(
+            found, search.flips(data.readings, rng, rail=rail(found.mechanism.table))
+        )
         if moved is None:
             break
         first = _place(every.readings, data.readings, moved.pose)
@@ -208,8 +245,11 @@ _MOST_MOVES = 8
 
 def _with_frames(found: Identified, of: Sequence[int] | Array) -> Identified:
     """The estimate with a frame for every series, that of the series that it was before."""
-    mechanism = replace(found.mechanism, frames=found.mechanism.frames[list(of)])
-    return replace(found, mechanism=mechanism)
+    return replace(found, mechanism=_framed(found.mechanism, of))
+
+
+def _framed(mechanism: Mechanism, of: Sequence[int] | Array) -> Mechanism:
+    return replace(mechanism, frames=mechanism.frames[list(of)])
 
 
 def _moves(found: Identified, chances: dict[str, float]) -> Iterator[Moved]:

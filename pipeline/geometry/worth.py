@@ -12,7 +12,7 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.bootstrap import interval
 from pipeline.geometry import leftout, search
 from pipeline.geometry.identify import Identified
-from pipeline.geometry.mechanism import layout
+from pipeline.geometry.mechanism import frame_of
 from pipeline.geometry.readings import Readings
 
 
@@ -21,6 +21,7 @@ class Parting(StrEnum):
 
     BETWEEN = "every tenth pose"
     SPACE = "a tenth of joint space"
+    STATION = "a tenth of the stations"
     SERIES = "one series"
 
 
@@ -53,12 +54,14 @@ NO_GAIN = Gain(0.0, 0.0, (0.0, 0.0))
 """Of what was not asked about."""
 
 
-def partings(readings: Readings, rng: np.random.Generator) -> dict[Parting, Ints]:
-    """Which poses are left out together, (m,) each; series only where there are several."""
+def partings(readings: Readings, rng: np.random.Generator, rail: bool) -> dict[Parting, Ints]:
+    """Which poses are left out together, (m,) each; stations and series where there are several."""
     out = {
         Parting.BETWEEN: leftout.by_turns(readings),
         Parting.SPACE: leftout.by_space(readings, rng),
     }
+    if rail and len(np.unique(stops := search.stations(readings))) >= leftout.PARTS:
+        out[Parting.STATION] = stops % leftout.PARTS
     if len(np.unique(readings.series)) > 1:
         out[Parting.SERIES] = readings.series
     return out
@@ -71,10 +74,10 @@ def distances(found: Identified, part: Ints) -> Array:
     the robot, and a table that is wrong says it wrongly.
     """
     errors = leftout.errors(found, part)
-    where, off = layout(found.mechanism), errors.copy()
+    off = errors.copy()
     position = np.tile(np.arange(6) < 3, errors.shape[1] // 6)
     for series in range(len(found.readings.names)):
-        frame = slice(where.frames.start + 6 * series, where.frames.start + 6 * series + 6)
+        frame = frame_of(found.mechanism, series)
         seen = found.readings.read & position & (found.readings.series == series)[:, None]
         K = found.linear.D[..., frame][seen]
         if len(K) > K.shape[1]:
@@ -90,11 +93,12 @@ class Judge:
         self._rng = rng
         self._made: tuple[Identified | None, dict[Parting, Array]] = (None, {})
 
-    @property
-    def _far(self) -> Ints:
-        return self._parts.get(Parting.SERIES, self._parts[Parting.SPACE])
+    def far(self, once: bool = False) -> Parting:
+        """What is farthest from all others: a series, of what happened once a part of space."""
+        there = (Parting.SERIES, Parting.STATION) if not once else (Parting.STATION,)
+        return next((one for one in there if one in self._parts), Parting.SPACE)
 
-    def gains(self, found: Identified, part: slice, once: bool = False) -> tuple[Gain, Gain]:
+    def gains(self, found: Identified, part: slice | Ints, once: bool = False) -> tuple[Gain, Gain]:
         """At left-out neighbours in time, and at left-out series or parts of joint space.
 
         Args:
@@ -102,11 +106,7 @@ class Judge:
             part: Where the parameters stand.
             once: They tell what happened at one time, of which no other series knows.
         """
-        series = Parting.SERIES in self._parts and not once
-        near, far = (
-            self._gain(found, one, part)
-            for one in (Parting.BETWEEN, Parting.SERIES if series else Parting.SPACE)
-        )
+        near, far = (self._gain(found, one, part) for one in (Parting.BETWEEN, self.far(once)))
         return near, far
 
     def carries(self, found: Identified, part: slice, once: bool = False) -> bool:
@@ -115,12 +115,12 @@ class Judge:
 
     def as_good(self, one: Identified, other: Identified) -> bool:
         """The first predicts what was left out as well as the second, within chance."""
-        errors = [leftout.errors(found, self._far) for found in (other, one)]
+        errors = [leftout.errors(found, self._parts[self.far()]) for found in (other, one)]
         seen = np.tile(np.arange(6) < 3, errors[0].shape[1] // 6) & one.readings.read
         block = np.broadcast_to(search.blocks(one.readings)[:, None], seen.shape)[seen]
         return interval(errors[0][seen], errors[1][seen], block, self._rng)[1][1] >= 0
 
-    def _gain(self, found: Identified, parting: Parting, without: slice) -> Gain:
+    def _gain(self, found: Identified, parting: Parting, without: slice | Ints) -> Gain:
         if self._made[0] is not found:
             self._made = found, {}
         known, part = self._made[1], self._parts[parting]

@@ -15,11 +15,18 @@ from pipeline.geometry.curves import Curve
 from pipeline.geometry.estimate import between_knots
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.laws import Inputs, Law
-from pipeline.geometry.mechanism import Mechanism, Payloads, Weights, layout, reach
-from pipeline.machine.robot import Robot, configure
-from pipeline.machine.robot.configuration import torque
-from pipeline.machine.robot.letters import twists
+from pipeline.geometry.mechanism import (
+    Mechanism,
+    Payloads,
+    Weights,
+    by_frame,
+    derivatives,
+    frame_of,
+    layout,
+)
+from pipeline.geometry.yielding import yielding
 from pipeline.machine.robot.mdh import parse
+from pipeline.machine.robot.weight import link_moments
 
 LARGEST = 2**28
 """Bytes of a model: the covariance of two thousand knots has 2^25."""
@@ -41,6 +48,7 @@ class Standing(Locked):
         joints: Error of each joint at a pose that no model holds [m] or [rad], shape (n,).
         bodies: Payloads that campaign.toml knows.
         gravity: [m/s^2], F_b, shape (3,).
+        series: Whose frame says where F_b is: the one with most poses.
     """
 
     campaign: str
@@ -51,6 +59,7 @@ class Standing(Locked):
     joints: Array
     bodies: Payloads
     gravity: Array
+    series: int
 
     @property
     def payloads(self) -> tuple[str, ...]:
@@ -68,19 +77,28 @@ class Standing(Locked):
             there,
             values=np.zeros_like(there.values),
             compliance=there.table.nominal_compliance,
+            moments=link_moments(there.table),
+            unknown=False,
+            elements=(),
+            yields=np.zeros(0),
             laws=(),
             amplitudes=np.zeros(0),
             curves=(),
             knots=np.zeros(0),
         )
-        kept = slice(where.laws.start)
+        kept = slice(where.yields.start)
         return replace(self, mechanism=bare, cov=self.cov[kept, kept])
 
     def springs(self) -> Standing:
         """The table as delivered with the springs found, without letters and laws."""
         bare = self.nominal()
         return replace(
-            bare, mechanism=replace(bare.mechanism, compliance=self.mechanism.compliance)
+            bare,
+            mechanism=replace(
+                bare.mechanism,
+                compliance=self.mechanism.compliance,
+                moments=self.mechanism.moments,
+            ),
         )
 
 
@@ -109,8 +127,10 @@ def predict(
 ) -> Predicted:
     """Where the targets are at joint values, with the uncertainty of the true position.
 
-    Parameters, laws and the error of each joint that no model holds are in it; the noise of a
-    reading is not. Beyond where a curve was taught it has the size of the curve.
+    F_b is where the instrument saw it: a shift of the whole robot against its base, of which no
+    reading tells, is no error. Parameters, laws and the error of each joint that no model holds are
+    in it; the noise of a reading is not. Beyond where a curve was taught it has the size of the
+    curve.
 
     Args:
         model: Of a campaign.
@@ -119,66 +139,34 @@ def predict(
         payload: 0 for none, k + 1 for `payloads[k]`, shape (m,).
         temperature: Of the air [degC], NaN unknown, shape (m,).
     """
-    robot, parts = model.mechanism.robot, []
+    parts = []
     for start in range(0, len(q), _ROWS):
         rows = slice(start, start + _ROWS)
-        parts.append(_predict(model, robot, q[rows], force[rows], payload[rows], temperature[rows]))
+        parts.append(_predict(model, q[rows], force[rows], payload[rows], temperature[rows]))
     return Predicted(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
 def _predict(
-    model: Standing, robot: Robot, q: Array, force: Array, payload: Ints, temperature: Array
+    model: Standing, q: Array, force: Array, payload: Ints, temperature: Array
 ) -> tuple[Array, Array, Array]:
     mechanism = model.mechanism
     weights = model.weights(payload)
     never = np.full(len(q), np.nan)
-    inputs = mechanism.inputs(q, weights, temperature, never, never)
-    pulled = _torque(mechanism, robot, inputs, force)
-    here = mechanism.stands(replace(inputs, tau=inputs.tau + pulled), robot)
-    at, turn = mechanism.targets(here)
-    Z = reach(here.twists, at)
-    D = _dense(model, inputs, Z, reach(twists(here, mechanism.letters), at), turn, pulled)
-    D[..., layout(mechanism).payload] = Z @ mechanism.hung(here, weights)
+    stand = mechanism.stand(q, weights, temperature, never, never, force)
+    D, Z = derivatives(mechanism, stand, weights)
+    D[..., frame_of(mechanism, model.series)] = by_frame(stand.at)
     K, knots = between_knots(mechanism.curves, q, Z)
     cov = _spread(model.cov, D, K, knots)
-    loose = np.zeros_like(q) + model.joints**2
+    loose = np.zeros(Z[:, 0].shape)
+    loose[:, : q.shape[1]] = model.joints**2
     for curve in mechanism.curves:
-        loose[:, curve.joint] += curve.beyond(q[:, curve.joint])
+        loose[:, curve.screw] += curve.beyond(q[:, curve.joint])
     for law in mechanism.laws:
-        loose[:, law.joint - 1] += _unknown(law, mechanism, inputs)
+        loose[:, law.joint - 1] += _unknown(law, mechanism, stand.inputs)
     cov += (Z * loose[:, None, :]) @ np.swapaxes(Z, 1, 2)
-    m, t = at.shape[:2]
+    m, t = stand.at.shape[:2]
     each = cov.reshape(m, t, 6, t, 6)
-    return at, turn, np.stack([each[:, k, :, k] for k in range(t)], axis=1)
-
-
-def _torque(mechanism: Mechanism, robot: Robot, inputs: Inputs, force: Array) -> Array:
-    """Torque of a force at the first target on the joints, (m, n)."""
-    if not force.any():
-        return np.zeros_like(inputs.q)
-    here = configure(robot, inputs.q)
-    return np.asarray(torque(here.twists, mechanism.targets(here)[0][:, 0], force))
-
-
-def _dense(
-    model: Standing, inputs: Inputs, Z: Array, letters: Array, turn: Array, pulled: Array
-) -> Array:
-    """Derivatives by all parameters but the knots, (m, 6 t, dense); frames move nothing in F_b."""
-    mechanism, where = model.mechanism, layout(model.mechanism)
-    D = np.zeros((*Z.shape[:2], where.dense))
-    D[..., where.letters] = letters
-    m, t = turn.shape[:2]
-    tool = np.zeros((m, t, 6, t, 6))
-    for k in range(t):
-        tool[:, k, :3, k, 3:] = turn[:, k]
-        tool[:, k, 3:, k, :3] = turn[:, k]
-    D[..., where.tool] = tool.reshape(m, 6 * t, 6 * t)
-    D[..., where.compliance] = Z * (inputs.tau + pulled)[:, None, :]
-    at = where.laws.start
-    for law in mechanism.laws:
-        D[..., at : at + law.amplitudes] = Z[..., law.joint - 1, None] * law.basis(inputs)[:, None]
-        at += law.amplitudes
-    return D
+    return stand.at, stand.turn, np.stack([each[:, k, :, k] for k in range(t)], axis=1)
 
 
 def _spread(cov: Array, D: Array, K: Array, knots: Ints) -> Array:
@@ -215,6 +203,7 @@ def standing(campaign: str, found: Identified) -> Standing:
         joints=found.scatter.joints,
         bodies=found.weights.payloads,
         gravity=found.weights.gravity,
+        series=int(np.argmax(np.bincount(found.readings.series))),
     )
 
 
@@ -222,7 +211,7 @@ def dumps(model: Standing) -> bytes:
     """positions.npz: all of it."""
     there = model.mechanism
     said = {
-        "format": 1,
+        "format": 2,
         "campaign": model.campaign,
         "table": there.table.text,
         "name": there.table.name,
@@ -230,6 +219,9 @@ def dumps(model: Standing) -> bytes:
         "payloads": list(model.payloads),
         "laws": [vars(law) for law in there.laws],
         "curves": [vars(curve) for curve in there.curves],
+        "unknown": there.unknown,
+        "series": model.series,
+        "yields": bool(there.elements),
     }
     arrays: dict[str, Any] = {
         "said": np.frombuffer(json.dumps(said).encode(), dtype=np.uint8),
@@ -247,7 +239,8 @@ def dumps(model: Standing) -> bytes:
     return sink.getvalue()
 
 
-_ARRAYS = ("values", "tool", "frames", "compliance", "payload", "amplitudes", "knots")
+_ARRAYS = ("values", "tool", "frames", "compliance", "payload", "moments", "yields", "amplitudes",
+           "knots")  # fmt: skip
 
 
 def loads(data: bytes, name: str) -> Standing:
@@ -267,8 +260,11 @@ def loads(data: bytes, name: str) -> Standing:
 
 def _loaded(kept: dict[str, Any]) -> Standing:
     said = json.loads(kept["said"].tobytes())
+    table = parse(said["table"], said["name"])
     mechanism = Mechanism(
-        table=parse(said["table"], said["name"]),
+        table=table,
+        unknown=said["unknown"],
+        elements=yielding(table) if said["yields"] else (),
         laws=tuple(Law(**one) for one in said["laws"]),
         curves=tuple(Curve(**one) for one in said["curves"]),
         **{name: kept[name] for name in _ARRAYS},
@@ -286,4 +282,5 @@ def _loaded(kept: dict[str, Any]) -> Standing:
         joints=kept["joints"],
         bodies=Payloads(tuple(said["payloads"]), kept["mass"], kept["centre"], kept["stated"]),
         gravity=kept["gravity"],
+        series=said["series"],
     )

@@ -1,19 +1,72 @@
-"""What the arm's own weight, and a payload on its flange, do to its joints."""
+"""What the arm's own weight, and a payload on its flange, do to all that carries them.
+
+A link is its mass m and first moment m c in its frame: its weight has the wrench (moment about the
+origin of F_b, force) = ((m o + R m c) x g, m g), linear in both, and what a joint carries is the
+sum over the links behind it.
+"""
 
 from __future__ import annotations
-
-from collections.abc import Iterator
 
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.machine.robot.configuration import Configuration, torque
+from pipeline.machine.robot.configuration import Configuration, cross, torque
 from pipeline.machine.robot.mdh import Robot
 
 
 def weighs(robot: Robot) -> bool:
     """Whether the robot file says what its links weigh."""
     return any(joint.mass_kg for joint in robot.joints)
+
+
+def link_moments(robot: Robot) -> Array:
+    """Mass [kg] and first moment in the link's frame [kg m] of each link, shape (n, 4)."""
+    mass = np.array([joint.mass_kg or 0.0 for joint in robot.joints])
+    centre = np.array([joint.centre_of_mass_m or (0.0, 0.0, 0.0) for joint in robot.joints])
+    return np.column_stack([mass, mass[:, None] * centre])
+
+
+def carried(
+    here: Configuration, gravity: Array, moments: Array, mass: Array, centre: Array
+) -> Array:
+    """Wrench of the weight of all that each joint carries: moment [N m], force [N].
+
+    Args:
+        here: The robot at m joint vectors.
+        gravity: Acceleration in F_b [m/s^2], shape (3,).
+        moments: Mass [kg] and first moment [kg m] of each link, shape (n, 4).
+        mass: Of the payload at each pose [kg], 0 for none, shape (m,).
+        centre: Its centre in the flange frame [m], shape (m, 3).
+
+    Returns:
+        About the origin of F_b, shape (m, n, 6).
+    """
+    out = np.zeros((*here.q.shape, 6))
+    heavy = np.flatnonzero(moments.any(axis=1))
+    if len(heavy):
+        at = moments[heavy, :1] * here.origin[:, heavy]
+        at = at + np.einsum("mkij,kj->mki", here.axes[:, heavy], moments[heavy, 1:])
+        out[:, heavy, :3], out[:, heavy, 3:] = cross(at, gravity), moments[heavy, :1] * gravity
+    if mass.any():
+        at = here.flange_origin + np.einsum("mij,mj->mi", here.flange_axes, centre)
+        force = mass[:, None] * gravity
+        out[:, -1, :3] += cross(at, force)
+        out[:, -1, 3:] += force
+    return np.cumsum(out[:, ::-1], axis=1)[:, ::-1]
+
+
+def by_moments(here: Configuration, gravity: Array) -> Array:
+    """Wrench of the weight of each link by its mass and first moment, shape (m, n, 4, 6)."""
+    m, n = here.q.shape
+    out = np.zeros((m, n, 4, 6))
+    out[:, :, 0, :3], out[:, :, 0, 3:] = cross(here.origin, gravity), gravity
+    out[:, :, 1:, :3] = cross(np.swapaxes(here.axes, 2, 3), gravity)
+    return out
+
+
+def work(screws: Array, wrenches: Array) -> Array:
+    """What wrenches (m, v, 6) do along screws (m, v, 6): torque or force, shape (m, v)."""
+    return np.asarray(np.sum(screws * wrenches, axis=2))
 
 
 def gravity_torque(
@@ -33,11 +86,7 @@ def gravity_torque(
     Returns:
         Shape (m, n).
     """
-    tau = np.zeros_like(here.q)
-    for carried, at, weight in _weights(robot, here, mass, centre):
-        force = weight[:, None] * gravity
-        tau[:, :carried] += torque(here.twists[:, :carried], at, force)
-    return tau
+    return work(here.twists, carried(here, gravity, link_moments(robot), mass, centre))
 
 
 def payload_torques(here: Configuration, gravity: Array, mass: Array, centre: Array) -> Array:
@@ -60,18 +109,3 @@ def payload_torques(here: Configuration, gravity: Array, mass: Array, centre: Ar
     pull = np.cross(np.swapaxes(here.flange_axes, 1, 2), (mass[:, None] * gravity)[:, None, :])
     by_centre = np.einsum("mji,mki->mjk", here.twists[..., :3], pull)
     return np.concatenate([by_mass[..., None], by_centre], axis=2)
-
-
-def _weights(
-    robot: Robot, here: Configuration, mass: Array, centre: Array
-) -> Iterator[tuple[int, Array, Array]]:
-    """Joints that carry it, place (m, 3) and mass (m,) of each weight."""
-    m = len(here.q)
-    for number, joint in enumerate(robot.joints, 1):
-        if joint.mass_kg:
-            R, o = here.frame(number)
-            lever = np.array(joint.centre_of_mass_m or (0.0, 0.0, 0.0))
-            yield number, o + R @ lever, np.full(m, joint.mass_kg)
-    if mass.any():
-        at = here.flange_origin + np.einsum("mij,mj->mi", here.flange_axes, centre)
-        yield robot.n, at, mass

@@ -1,0 +1,254 @@
+"""What the catalogue says of positions: laws that it lists, and which of all causes are there.
+
+A cause is a group of parameters b of the estimate. Where the readings say N of it and what they say
+of it is b, the rest estimated beside,
+
+    T = b' N b,    N = C_b^-1 - P_b,
+
+with C_b the covariance after and P_b the precision before the readings. T is held against the
+largest of any cause in copies whose residuals have flipped signs (`search.flips`), and a cause is
+there if it then predicts poses that were left out better.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Ints
+from pipeline.geometry import search
+from pipeline.geometry.estimate import precision
+from pipeline.geometry.identify import Identified
+from pipeline.geometry.laws import Law
+from pipeline.geometry.mechanism import Mechanism, layout
+from pipeline.geometry.worth import NO_GAIN, Gain, Judge
+from pipeline.machine.effects._anatomy import arm, rail, turning
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.rating import relative
+from pipeline.system import alarms
+
+
+class Amount(NamedTuple):
+    """One parameter of a cause, SI, with its standard uncertainty."""
+
+    name: str
+    unit: str
+    value: float
+    std: float
+
+
+@dataclass(frozen=True)
+class Cause:
+    """What the catalogue knows and the readings call for.
+
+    Attributes:
+        name: A word of the list of causes.
+        where: Joint from 1, `upper_arm`, `forearm`, or None where it can act in one place only.
+        form: Which mathematical form.
+        amounts: Its parameters.
+        p: Chance of so much of any cause in readings without one.
+        gain: At left-out neighbours in time.
+        carried: At left-out series, stations or parts of joint space.
+    """
+
+    name: str
+    where: int | str | None
+    form: str
+    amounts: tuple[Amount, ...]
+    p: float = 1.0
+    gain: Gain = NO_GAIN
+    carried: Gain = NO_GAIN
+
+
+class Listed(NamedTuple):
+    """A law of a joint that the catalogue has; without a name one that any gear may have."""
+
+    name: str
+    law: Law
+
+
+_WAVES = (1.0, 2.0, 3.0)
+"""Periods per turn of a joint: an eccentric wheel, an oval one, three bolts. Of less than a period
+a wave is any curve, and says nothing of angles beyond."""
+
+_BALANCED = 0.2
+"""Payload over that of a KR 500 from which on arms have a balancer: by data sheets of KUKA (KR 90
+and up), ABB (IRB 6600 and up) and FANUC (M-900), some 100 kg."""
+
+
+def listed(robot: Robot, q: Array, tau: Array) -> tuple[Listed, ...]:
+    """Laws that are estimated in any case, each as large as the readings call for.
+
+    Args:
+        robot: The robot.
+        q: Joint values that were taken [m] or [rad], shape (m, n).
+        tau: Torque of its weight on each joint [N m], shape (m, n); zero where it is not known.
+    """
+    return tuple(_listed(robot, q, tau))
+
+
+def _listed(robot: Robot, q: Array, tau: Array) -> Iterator[Listed]:
+    if rail(robot) and np.ptp(q[:, 0]) > 0:
+        middle, half = float(q[:, 0].max() + q[:, 0].min()) / 2, float(np.ptp(q[:, 0])) / 2
+        yield Listed("rail_scale", Law(1, "smooth", "angle", 1, 1.0, middle, half))
+    joints = arm(robot)
+    shoulder = joints[0] if joints and relative(robot) >= _BALANCED and tau.any() else None
+    most = np.abs(tau).max(axis=0)
+    for joint in turning(robot):
+        if most[joint - 1] > _LOADED * most.max():
+            yield Listed("joint_lost_motion", Law(joint, "step", "torque", joint, 0.0))
+        for order in _WAVES:
+            name = "compensator" if joint == shoulder and order < _WAVES[-1] else ""
+            if name or order * np.ptp(q[:, joint - 1]) > 2 * np.pi:
+                yield Listed(name, Law(joint, "periodic", "angle", joint, order))
+
+
+_LOADED = 1e-3
+"""Part of the largest torque of the weight below which a joint carries none."""
+
+
+# --- groups of parameters -------------------------------------------------------------------------
+
+
+class _Group(NamedTuple):
+    cause: Cause
+    at: Ints
+
+
+def _groups(found: Identified, names: tuple[Listed, ...]) -> Iterator[_Group]:
+    """Every cause of the catalogue in the model, with the places of its parameters."""
+    mechanism, where = found.mechanism, layout(found.mechanism)
+    x, std = found.solution.x, np.sqrt(np.diag(found.solution.cov))
+    first = where.yields.start
+    for effect in mechanism.elements:
+        at = np.arange(first, first + len(effect.parameters))
+        first = int(at[-1]) + 1
+        amounts = tuple(
+            Amount(one.name, one.unit, float(x[k]), float(std[k]))
+            for one, k in zip(effect.parameters, at, strict=True)
+        )
+        yield _Group(Cause(effect.name, effect.where, effect.form, amounts), at)
+    yield from _of_laws(mechanism, names, where.laws.start, x, std)
+    yield from _of_bed(found)
+
+
+def _of_laws(
+    mechanism: Mechanism, names: tuple[Listed, ...], first: int, x: Array, std: Array
+) -> Iterator[_Group]:
+    """Laws of one name and joint together."""
+    parts: dict[tuple[str, int], list[int]] = {}
+    said: dict[tuple[str, int], list[Amount]] = {}
+    for name, law in names:
+        at = list(range(first, first + law.amplitudes))
+        first += law.amplitudes
+        if name:
+            key = name, law.joint
+            parts.setdefault(key, []).extend(at)
+            said.setdefault(key, []).extend(_amounts(name, law, x[at], std[at]))
+    for (name, joint), at in parts.items():
+        where = joint if name == "joint_lost_motion" else None
+        form = "two harmonics" if name == "compensator" else ""
+        yield _Group(Cause(name, where, form, tuple(said[name, joint])), np.array(at))
+
+
+def _amounts(name: str, law: Law, x: Array, std: Array) -> Iterator[Amount]:
+    if name == "rail_scale":
+        yield Amount("scale", "1", float(x[0]) / law.scale, float(std[0]) / law.scale)
+    elif name == "joint_lost_motion":
+        yield Amount(f"b_joint{law.joint}", "rad", 2 * float(x[0]), 2 * float(std[0]))
+    else:
+        for part, a, s in zip(("cos", "sin"), x, std, strict=True):
+            yield Amount(f"turn_{part}{law.order:g}", "rad", float(a), float(s))
+
+
+_MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
+
+
+def _of_bed(found: Identified) -> Iterator[_Group]:
+    """The six curves of a bed, by their rms over the poses about straight lines and means."""
+    mechanism, n = found.mechanism, found.mechanism.table.n
+    at, amounts, places = layout(mechanism).knots.start, [], []
+    q = found.readings.q[:, 0]
+    plain = np.stack([np.ones(len(q)), q], axis=1)
+    for curve in mechanism.curves:
+        part = np.arange(at, at + curve.count)
+        at += curve.count
+        if curve.screw < n:
+            continue
+        axis, rows = curve.screw - n, curve.rows(q).toarray()
+        free = plain if axis < 3 else plain[:, :1]  # a tilted line is a turned frame
+        rows = rows - free @ linear.least_squares(free, rows)
+        f, cov = rows @ found.solution.x[part], found.solution.cov[np.ix_(part, part)]
+        rms = linear.rms(f)
+        slope = rows.T @ f / len(f) / max(rms, 1e-300)
+        unit = "m" if axis < 3 else "rad"
+        amounts.append(
+            Amount(f"s_{_MOTIONS[axis]}", unit, rms, float(np.sqrt(slope @ cov @ slope)))
+        )
+        places.append(part)
+    if places:
+        yield _Group(Cause("rail_shape", None, "", tuple(amounts)), np.concatenate(places))
+
+
+# --- which are there ------------------------------------------------------------------------------
+
+
+def causes(
+    found: Identified, names: tuple[Listed, ...], signs: Array, judge: Judge
+) -> tuple[Cause, ...]:
+    """What of the catalogue the readings call for, the largest gain first.
+
+    Args:
+        found: The estimate.
+        names: What its first laws are.
+        signs: Of copies whose residuals have other signs, shape (copies, m).
+        judge: Of what was left out.
+    """
+    groups = list(_groups(found, names))
+    out = []
+    for group, p in zip(groups, chances(found, [one.at for one in groups], signs), strict=True):
+        if p < alarms.SUSPECT and _physical(group.cause):
+            near, far = judge.gains(found, group.at)
+            if near.sure:
+                out.append(replace(group.cause, p=p, gain=near, carried=far))
+    return tuple(sorted(out, key=lambda one: -one.gain.reduction))
+
+
+def chances(found: Identified, groups: Sequence[Ints | slice], signs: Array) -> list[float]:
+    """Chance of as much of any of some groups of parameters in the copies, of each group."""
+    if not groups:
+        return []
+    copies, every = search.score(found, signs).x, np.arange(len(found.solution.x))
+    P = precision(found.mechanism, found.known)[0]
+    T = np.stack([_explained(found, P, every[one], copies) for one in groups])
+    return list(search.beyond_copies(T).tolist())
+
+
+def _physical(cause: Cause) -> bool:
+    """Springs that are negative for certain are none."""
+    springs = [one for one in cause.amounts if one.name.startswith("c_")]
+    return not springs or any(one.value > 0 for one in springs)
+
+
+def _explained(found: Identified, P: Array, at: Ints, copies: Array) -> Array:
+    """T of the readings and of copies, shape (1 + copies,)."""
+    mean = np.zeros(len(P))
+    mean[: len(found.known.mean)] = found.known.mean
+    x = np.column_stack([found.solution.x - mean, copies])[at]
+    C, own = found.solution.cov[np.ix_(at, at)], P[np.ix_(at, at)]
+    scale = np.sqrt(np.diag(C))
+    inverse = linear.regular_inverse(C / scale / scale[:, None]) / scale / scale[:, None]
+    N = inverse - own
+    said = inverse @ x
+    if np.trace(N * C) < _SEEN * len(at):
+        return np.zeros(x.shape[1])
+    known, _ = linear.left(N, np.diag(inverse))
+    return np.asarray(np.einsum("ks,kl,ls->s", said, known, said))
+
+
+_SEEN = 1e-3
+"""Part of a cause's variance that the readings have to take away to say anything."""

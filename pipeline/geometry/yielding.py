@@ -1,0 +1,147 @@
+"""What gives way under the arm's own weight beside its joints: elastic effects of the catalogue.
+
+Virtual joint v of an effect with the screw s_v moves by its compliance times the effect's response
+to s_v . W, with W the wrench of all that its carrier carries: as under a pull, with the weight in
+the place of the pull.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from itertools import pairwise
+
+import numpy as np
+from scipy.spatial.transform import Rotation
+
+from pipeline.base.arrays import Array, Ints
+from pipeline.machine.effect import Elastic, Loaded, Pulls
+from pipeline.machine.effects import catalogue
+from pipeline.machine.effects._anatomy import turning
+from pipeline.machine.robot import Configuration, Robot
+from pipeline.machine.robot.weight import work
+
+_NAMES = {"rail_roll", "rail_pitch", "rail_yaw", "rail_lateral", "rail_vertical", "joint_tilt",
+          "link_bending"}  # fmt: skip
+"""Linear springs beside those of the joints."""
+
+_BEARINGS = 3
+"""The first turning joints carry the arm; moments across those of the wrist are smaller by tens."""
+
+
+def yielding(robot: Robot) -> tuple[Elastic, ...]:
+    """The effects that act on positions, in the first form of each."""
+    carry, out = turning(robot)[:_BEARINGS], dict[str, Elastic]()
+    for effect in catalogue(robot):
+        if not isinstance(effect, Elastic) or effect.name not in _NAMES:
+            continue
+        if effect.name != "joint_tilt" or effect.where in carry:
+            out.setdefault(effect.label, effect)
+    return tuple(out.values())
+
+
+def sizes(effects: Sequence[Elastic]) -> Array:
+    """What is usual of each parameter, shape (e,)."""
+    return np.array([one.typical for effect in effects for one in effect.parameters], dtype=float)
+
+
+class Virtual:
+    """The virtual joints of effects at m poses.
+
+    Attributes:
+        screws: Unit screws in F_b, shape (m, v, 6).
+        carrier: Joint from 1 that carries each, shape (v,).
+        parameter: Which parameter each has, shape (v,).
+    """
+
+    def __init__(self, effects: Sequence[Elastic], here: Configuration) -> None:
+        self._effects, self._loaded = effects, _loaded(here)
+        own = [effect.screws(self._loaded) for effect in effects]
+        self._ends = np.cumsum([0, *(screws.shape[1] for screws in own)]).tolist()
+        before = np.cumsum([0, *(len(effect.parameters) for effect in effects)]).tolist()
+        self.screws = np.concatenate([np.zeros((len(here.q), 0, 6)), *own], axis=1)
+        self.carrier = np.array([c for e in effects for c in e.carrier], dtype=np.int64).clip(1)
+        self.parameter = np.array(
+            [k + p for e, k in zip(effects, before, strict=False) for p in e.parameter_of],
+            dtype=np.int64,
+        )
+
+    def answers(self, tau: Array) -> Array:
+        """How far each moves per unit of its parameter under torques (m, v), shape (m, v)."""
+        parts = [
+            effect.response(self._loaded, tau[:, a:b])
+            for effect, (a, b) in zip(self._effects, pairwise(self._ends), strict=True)
+        ]
+        return np.concatenate([tau[:, :0], *parts], axis=1)
+
+    def under(self, wrenches: Array) -> Array:
+        """The same under what each joint carries, (m, n, 6)."""
+        return self.answers(work(self.screws, wrenches[:, self.carrier - 1]))
+
+    def by_moments(self, unit: Array) -> Array:
+        """The same by mass and first moment of each link, (m, n, 4, 6) -> (m, v, 4 n)."""
+        torques = carried_by(self.screws, self.carrier, unit)
+        each = [self.answers(torques[:, :, k]) for k in range(torques.shape[2])]
+        return np.stack(each, axis=2)
+
+
+def carried_by(screws: Array, carrier: Ints, unit: Array) -> Array:
+    """Torques about screws by mass and first moment of each link behind, (m, v, 4 n)."""
+    m, n = unit.shape[:2]
+    behind = np.arange(1, n + 1) >= carrier[:, None]
+    both = screws @ unit.reshape(m, 4 * n, 6).swapaxes(1, 2)
+    return np.asarray(both * np.repeat(behind, 4, axis=1))
+
+
+def _loaded(here: Configuration) -> Loaded:
+    """A robot on which nothing but its weight acts, at no particular point."""
+    m = len(here.q)
+    none = np.zeros((m, 3))
+    return Loaded(
+        Pulls.at(here.q, none), here, none, none, np.zeros((m, 0, 3)), np.array([], dtype=object)
+    )
+
+
+def carried_on(
+    screws: Array, carrier: Ints, amounts: Array, at: Array, turn: Array
+) -> tuple[Array, Array]:
+    """Targets (m, t, 3) and orientations (m, t, 3, 3) behind small motions of virtual joints.
+
+    Those of one carrier move together, the outer carriers first.
+    """
+    for one in np.unique(carrier)[::-1]:
+        mine = carrier == one
+        step = np.einsum("mvi,mv->mi", screws[:, mine], amounts[:, mine])
+        omega, v = step[:, :3], step[:, 3:]
+        R = Rotation.from_rotvec(omega).as_matrix()
+        shift = v + 0.5 * np.cross(omega, v)
+        at = np.einsum("mij,mtj->mti", R, at) + shift[:, None]
+        turn = np.einsum("mij,mtjk->mtik", R, turn)
+    return at, turn
+
+
+def usual(robot: Robot) -> tuple[Array, Array]:
+    """Masses [kg] and first moments [kg m] of links of which nobody states any, and how uncertain.
+
+    An arm of six axes weighs some five times what it carries, most of it in its first three links
+    (KUKA KR 500 and ABB IRB 6640, by their data sheets), each about amid its link.
+
+    Returns:
+        Mean and standard deviation, each of shape (n, 4).
+    """
+    turns = turning(robot)
+    share = np.zeros(robot.n)
+    share[np.array(turns) - 1] = _SHARE[: len(turns)]
+    mass = _ARM * (robot.payload_kg or _PAYLOAD_KG) * share
+    ends = np.array([*(step[:3, 3] for step in robot.placement[1:]), robot.flange[:3, 3]])
+    half = 0.5 * np.linalg.norm(ends, axis=1) + _WIDE_M
+    mean = np.column_stack([mass, 0.5 * mass[:, None] * ends])
+    std = np.column_stack([mass, *[mass * half] * 3])
+    return mean, np.maximum(std, 1e-3)
+
+
+_ARM = 5.0
+_SHARE = np.array([0.3, 0.28, 0.3, 0.05, 0.04, 0.03, 0.01])
+_PAYLOAD_KG = 200.0
+"""Where a robot file does not say: the middle of robots that machine."""
+_WIDE_M = 0.1
+"""How far the centre of a link lies beside the line between its axes, standard deviation."""
