@@ -2,10 +2,11 @@
 
 import pytest
 
-from pipeline.app import cli, removal
+from pipeline.app import cli
 from pipeline.app.commands import campaigns
 from pipeline.base.errors import InputError
 from pipeline.design import spec
+from pipeline.fleet import removal
 from pipeline.machine.robot import SHIPPED, load
 from pipeline.readers import logs
 

@@ -154,7 +154,7 @@ ROWS = {
     ),
     Finding.PREDICTS_NOTHING: (Facts(bounds=Bounds(left=0.26)), Verdict.UNEXPLAINED),
     Finding.BEYOND_NOISE: (
-        replace(FOUND, bounds=Bounds(force=11.0, worst_pose=3, worst_target="P1", worst_mm=0.4)),
+        replace(FOUND, bounds=Bounds(force=11.0, worst_pose=3, worst_target="P1", worst_m=4e-4)),
         Verdict.UNEXPLAINED,
     ),
     Finding.SCATTERED: (

@@ -9,17 +9,16 @@ import numpy as np
 import pytest
 from test_history import campaign, unit
 
-from pipeline.answer import worn
 from pipeline.base.quantities import typeset
-from pipeline.report.overview import comparison, overview
-from pipeline.report.render import render_overview
-from pipeline.report.wear import alarm, told
-from pipeline.wear.alarm import A_YEAR, Kind, looks
-from pipeline.wear.hierarchy import hierarchy
-from pipeline.wear.machine import Machine, Repair, Visit
-from pipeline.wear.scatter import scatter
-from pipeline.wear.standing import fleet
-from pipeline.wear.trend import trends
+from pipeline.fleet import worn
+from pipeline.fleet.overview import comparison, overview, render_overview
+from pipeline.fleet.sentences import alarm, told
+from pipeline.fleet.wear.alarm import A_YEAR, Kind, looks
+from pipeline.fleet.wear.hierarchy import hierarchy
+from pipeline.fleet.wear.machine import Machine, Repair, Visit
+from pipeline.fleet.wear.scatter import scatter
+from pipeline.fleet.wear.standing import fleet
+from pipeline.fleet.wear.trend import trends
 
 NEW = np.array([2e-7, 1.5e-7, 2.5e-7, 1.8e-6])
 

@@ -233,7 +233,7 @@ class _Point:
 def trends(answers: Sequence[Answer]) -> list[Trend]:
     """Whether the campaigns of one robot, in order, agree on each stiffness; those trusted count.
 
-    This is for campaigns that are too few, or undated, for `pipeline.wear`.
+    This is for campaigns that are too few, or undated, for `pipeline.fleet.wear`.
     """
     names = dict.fromkeys(joint.name for one in answers for joint in one.stiffness)
     counted = [one for one in answers if trusted(one)]

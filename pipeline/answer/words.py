@@ -456,9 +456,12 @@ def _scattered(facts: Facts) -> str:
 
 def _look_first(facts: Facts) -> str:
     bounds = facts.bounds
+    left = f"{plain(1e3 * bounds.worst_m, 2)} mm"
+    if bounds.turn_rad is not None:
+        left = f"{plain(1e3 * bounds.turn_rad, 2)} mrad"
     return (
         f"Look first at {bounds.worst_target} of pose {bounds.worst_pose}, where the model leaves "
-        f"{plain(bounds.worst_mm, 2)} mm."
+        f"{left}."
     )
 
 
@@ -610,7 +613,7 @@ _AGAIN = "; then run the campaign once more. Until then"
 
 _CORRECT: Mapping[str, str] = {
     "outlier": (
-        "Check that reading against the measurement record and correct the file, or measure it "
+        "Check {one} against the measurement record and correct the file, or measure {it} "
         f"again{_AGAIN}"
     ),
     "exchanged": (
@@ -629,7 +632,9 @@ def correct(facts: Facts) -> str:
         return f"Measure that pose again, all its states in one go{_AGAIN}"
     kinds = {one.name for one in facts.mistakes}
     if len(kinds) == 1 and kinds <= _CORRECT.keys():
-        return _CORRECT[kinds.pop()]
+        several = len(facts.mistakes) > 1 or len(facts.mistakes[0].at) > 1
+        number = ("those readings", "them") if several else ("that reading", "it")
+        return _CORRECT[kinds.pop()].replace("{one}", number[0]).replace("{it}", number[1])
     return f"Check that against the measurement record and correct the file{_AGAIN}"
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -45,7 +44,9 @@ def plan_content(proposal: Proposal) -> dict[str, Any]:
     q = printed(proposal.problem, every)
     content: dict[str, Any] = {
         "name": spec.name,
-        "robot": Path(spec.robot).name,  # an own file lies beside the plan
+        "robot": spec.robot.replace("\\", "/").rpartition("/")[
+            2
+        ],  # an own file lies beside the plan
         "seed": 1,
         "poses": {"q": q.tolist(), "approach": approach.tolist()},
         "pulls": _pulls(proposal),

@@ -18,7 +18,7 @@ from pipeline.base.arrays import Array
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import GROSS_ANCHORED_M, anchored_miss
 from pipeline.faults.fault import Fault
-from pipeline.faults.mistake import Mistake, length
+from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.readers.known import BETTER, GROSS_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
@@ -131,7 +131,7 @@ def _finding(
     wrong = sorted(place)
     rows = case.readings
     rows = rows[rows["pose"].isna() & rows["target"].isin(wrong)]
-    at = tuple(f"{f}:{line}" for f, line in zip(rows["file"], rows["line"], strict=True))
+    at = lines_of(rows)
     each = ", ".join(f"{name} stands at the place of {place[name]}" for name in wrong)
     return Mistake(
         name="label_swap",

@@ -20,7 +20,7 @@ from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said
 from pipeline.faults.conventions import FEWEST_POSES, anchored
 from pipeline.faults.fault import Fault
 from pipeline.faults.labels import aligned
-from pipeline.faults.mistake import Mistake, length
+from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.machine.robot import configure
 from pipeline.readers.known import GROSS_M
 from pipeline.reduction.case import Case
@@ -217,7 +217,7 @@ def _of_rows(case: Case, poses: Ints, ring: Ring, cost: Array) -> Mistake:
         what=f"{file}: the rows of {said(ring, names, 'row')}",
         of="the reflectors of these poses are",
         cost=cost,
-        at=tuple(f"{file}:{line}" for line in joints["line"]),
+        at=lines_of(joints),
         correct=partial(_renumbered, true=true, lost=numbers[0] if ring.ended else None),
     )
 
@@ -269,7 +269,7 @@ def _of_groups(
         what=f"the groups {', '.join(sets)}",
         of="their reflectors are",
         cost=cost,
-        at=tuple(f"{f}:{line}" for f, line in zip(here["file"], here["line"], strict=True)),
+        at=lines_of(here),
         correct=partial(regrouped, true=true, out=frozenset(out), chain=chain),
     )
 

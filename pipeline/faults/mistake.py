@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import pandas as pd
 
 from pipeline.base.quantities import plain
 from pipeline.reduction.case import Case
@@ -62,11 +64,29 @@ class Mistake:
         return single and self.unit == "sigma" and self.p_value is not None
 
 
+def lines_of(rows: pd.DataFrame) -> tuple[str, ...]:
+    """Where rows of a file stand: `file:line`."""
+    return tuple(f"{file}:{line}" for file, line in zip(rows["file"], rows["line"], strict=True))
+
+
+def left_out(
+    case: Case, at: Collection[str], of: Literal["readings", "loads"] = "readings"
+) -> Case:
+    """The campaign without some rows of one of its tables, `file:line` each."""
+    by_file: dict[str, list[int]] = {}
+    for file, _, line in (place.rpartition(":") for place in at):
+        by_file.setdefault(file, []).append(int(line))
+    table = case.loads if of == "loads" else case.readings
+    for file, numbers in by_file.items():
+        table = table[(table["file"] != file) | ~table["line"].isin(numbers)]
+    return replace(case, loads=table) if of == "loads" else replace(case, readings=table)
+
+
 def of_group(case: Case, group: str, targets: Collection[str]) -> tuple[str, ...]:
     """Where the readings of some targets of a group stand: `file:line`."""
     rows = case.readings
     rows = rows[(rows["group"] == group) & rows["target"].isin(targets)]
-    return tuple(f"{file}:{line}" for file, line in zip(rows["file"], rows["line"], strict=True))
+    return lines_of(rows)
 
 
 _FAR = 1000.0
