@@ -181,6 +181,7 @@ OUTBUILDINGS = {
         "system": "a plan is judged by the estimator that will read it",
         "diagnosis": "and by what the diagnosis will be able to tell apart",
         "geometry.unloaded": "and unloaded poses by the table that they will determine",
+        "programs.for_plan": "a plan is driven by a program, in the languages that are read there",
     },
     "fleet": {
         "app.commands._shared": _COMMAND,

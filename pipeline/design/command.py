@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -16,6 +17,7 @@ from pipeline.base.shown import lines
 
 if TYPE_CHECKING:
     from pipeline.design.made import Made
+    from pipeline.design.propose import Proposal
 
 
 def design(
@@ -67,7 +69,7 @@ def design(
     campaign = load_campaign(add_to, root=root) if add_to else None
     asked = problem_of(problem, changes)
     if campaign is not None:
-        asked = added_to(asked, campaign)
+        asked = added_to(asked, campaign, name)
     made = make(asked, seed, Effort(rounds=rounds), at_work)
     if wanted or (wanted is None and not as_json):
         made = write(root, made, seed)
@@ -89,6 +91,7 @@ def write(root: Path, made: Made, seed: int) -> Made:
     """
     from pipeline.design.plan_files import plan_files
     from pipeline.design.planfile import MADE_BY, plan_text
+    from pipeline.machine.robot import SHIPPED
     from pipeline.store.campaign import dump
 
     name = made.proposal.problem.spec.name
@@ -97,7 +100,43 @@ def write(root: Path, made: Made, seed: int) -> Made:
         raise UsageError(f"{plan} was written by hand: choose another --name")
     files.write(plan, plan_text(made.proposal, f"data/plans/{name}.toml").encode())
     content = dump(made.content())
+    robot = made.proposal.problem.robot
+    if made.proposal.problem.spec.robot not in SHIPPED:  # beside the plan, which names it
+        files.write(plan.parent / Path(made.proposal.problem.spec.robot).name, robot.text.encode())
     for inner, data in plan_files(made.proposal, made.seconds, seed).items():
         files.write(folder / inner, data)
     files.write(folder / "design.json", content)
-    return replace(made, written=(plan, folder / "sheet.html", folder / "sheet.pdf"))
+    driven = _programs(made.proposal, at_work)
+    for inner, data in driven.items():
+        files.write(folder / "program" / inner, data)
+    programs = [folder / "program" / inner for inner in driven]
+    return replace(made, written=(plan, folder / "sheet.html", folder / "sheet.pdf", *programs))
+
+
+def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, bytes]:
+    """Programs that drive the plan, for the maker of the robot or for all.
+
+    None where the arm would meet itself or the floor, which is told with pose and reason.
+    """
+    import numpy as np
+
+    from pipeline.design.driven import legs, standing
+    from pipeline.design.made import printed
+    from pipeline.machine.poses import from_log_units
+    from pipeline.programs.for_plan import brand_of, drive, programs
+
+    problem, measurement = proposal.problem, proposal.measurement
+    q, steps = measurement.q, [own.tolist() for own in measurement.steps]
+    way = measurement.approach
+    if (beside := proposal.unpulled) is not None:
+        q, steps = np.concatenate([q, beside.q]), [*steps, *[[] for _ in beside.q]]
+        way = np.append(way, np.resize([1, -1], len(beside.q)))
+    zero_after = problem.spec.noise.zero == "before_after"
+    q = from_log_units(problem.robot, printed(problem, q))
+    ways = legs(problem, q)
+    wrong = [*standing(problem, q), *(one.sentence for one in ways if one.blocked)]
+    for one in wrong:
+        tell(f"No program is written: {one}.")
+    via = [np.zeros((0, problem.robot.n)), *(one.via for one in ways)]
+    found = drive(problem.spec.name, problem.robot, q, way, steps, zero_after, via)
+    return {} if found is None or wrong else programs(found, brand_of(problem.robot.description))

@@ -48,7 +48,7 @@ def cost(problem: Problem, plan: Plan, rng: np.random.Generator) -> Cost | None:
         plan: Its best plan, which no plan without the limits has to be worse than.
         rng: Draws starts and poses.
     """
-    if problem.room is None:
+    if problem.spec.cell is None:
         return None
     free = without(problem)
     *_, last = search(free, rng, _QUICK)
@@ -60,7 +60,8 @@ def cost(problem: Problem, plan: Plan, rng: np.random.Generator) -> Cost | None:
 
 def without(problem: Problem) -> Problem:
     """The problem in a cell that leaves everything free; the tracker stays where it is."""
-    spec = problem.spec.model_copy(update={"cell": None})
+    limits = problem.spec.limits.model_copy(update={"clear_of_itself": False})
+    spec = problem.spec.model_copy(update={"cell": None, "limits": limits})
     return replace(build(spec, problem.robot), known=problem.known)
 
 

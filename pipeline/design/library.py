@@ -138,18 +138,30 @@ def problem_of(name: str, changes: dict[str, Any]) -> Problem:
         if path.suffix != ".toml":
             raise missing
         text, folder = files.words(path, path.name, LARGEST, missing), path.parent
+    if changes.get("robot") and name in specs.SHIPPED:  # the paper's own robot goes to its limits
+        own = {k: specs.Limits.model_fields[k].default for k in specs.MARGINS}
+        changes = changes | {"limits": own | (changes.get("limits") or {})}
+    if (robot := changes.get("robot")) and Path(robot).is_file():  # where it was typed
+        changes = changes | {"robot": str(Path(robot).resolve())}
     spec = specs.revised(specs.parse(text, Path(name).name), given(changes))
     return build(spec, load(spec.robot, folder))
 
 
-def added_to(problem: Problem, campaign: Campaign) -> Problem:
+def added_to(problem: Problem, campaign: Campaign, name: str | None = None) -> Problem:
     """The problem for further readings of a campaign, with the information of those it has.
+
+    Args:
+        problem: What to measure.
+        campaign: What was measured.
+        name: Of the plan; that of the campaign with `_next` when not given.
 
     Raises:
         InputError: The campaign cannot be read, or problem and campaign do not fit together.
     """
     raw = campaign.raw
-    further = build(continued(problem.spec, raw.settings, f"{campaign.name}_next"), raw.robot)
+    further = build(
+        continued(problem.spec, raw.settings, name or f"{campaign.name}_next"), raw.robot
+    )
     case = ingested(raw, conformed, plain)
     found = fit(case, bring(case))
     known = information_of(found.system, found.estimate, further.experiment.scale)

@@ -146,7 +146,7 @@ def _summary(made: Made) -> list[str]:
 def _cell(proposal: Proposal, factor: float, unit: str) -> dict[str, Any]:
     """What the limits of the cell cost; nothing for a problem without a cell."""
     problem, found = proposal.problem, proposal.cost
-    if problem.room is None:
+    if problem.spec.cell is None:
         return {}
     told: dict[str, Any] = {"not_checked": list(_unchecked(problem))}
     if found is not None:

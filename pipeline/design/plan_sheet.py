@@ -222,6 +222,7 @@ def _pose(
         f"{name} as it should look: chain from the effector to the anchor.",
         f"Line drawing of {name.lower()} from the side and from above, with rail, floor, arm, "
         f"reflectors, chain and anchor.",
+        held=True,
     )
     drive = Text(_drive_to(problem.robot, measurement, pose))
     log = _log(problem, pose, measurement.steps[pose], moved)

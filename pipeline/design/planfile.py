@@ -44,7 +44,9 @@ def plan_content(proposal: Proposal) -> dict[str, Any]:
     q = printed(proposal.problem, every)
     content: dict[str, Any] = {
         "name": spec.name,
-        "robot": spec.robot,
+        "robot": spec.robot.replace("\\", "/").rpartition("/")[
+            2
+        ],  # an own file lies beside the plan
         "seed": 1,
         "poses": {"q": q.tolist(), "approach": approach.tolist()},
         "pulls": _pulls(proposal),

@@ -10,6 +10,7 @@ from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.covariance import symmetric
 from pipeline.base.errors import InputError, listed
 from pipeline.design import criteria
+from pipeline.design.arm import arm_alone, bodied
 from pipeline.design.criteria import Criterion
 from pipeline.design.information import Experiment
 from pipeline.design.scatter import Beam, Scatter
@@ -18,7 +19,7 @@ from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M
 from pipeline.machine.poses import rounded
-from pipeline.machine.robot import Joint, Robot, configure, rating
+from pipeline.machine.robot import Joint, Robot, axes, configure, rating
 from pipeline.machine.robot.configuration import velocity
 from pipeline.machine.room import Room, room_of, turns
 
@@ -100,7 +101,7 @@ def build(spec: ProblemFile, robot: Robot) -> Problem:
         experiment=experiment,
         criterion=_criterion(spec, robot, tool, scale, *wide),
         limits=spec.limits,
-        room=room_of(robot, tool.named, spec, _hardest(spec)),
+        room=_room(spec, robot, tool),
         poses=spec.plan.poses,
         repeats=repeats,
         lower=lower,
@@ -109,6 +110,14 @@ def build(spec: ProblemFile, robot: Robot) -> Problem:
         anchor_upper=ends[:, 1],
         known=np.zeros((robot.n, robot.n)),
     )
+
+
+def _room(spec: ProblemFile, robot: Robot, tool: Tool) -> Room | None:
+    """What the cell leaves free, or without one the arm by itself, where that is asked."""
+    if spec.cell is not None:
+        own = bodied(robot) if spec.limits.clear_of_itself else robot
+        return room_of(own, tool.named, spec, _hardest(spec))
+    return arm_alone(robot, tool, spec) if spec.limits.clear_of_itself else None
 
 
 def _pulled(spec: ProblemFile, robot: Robot, tool: Tool) -> ProblemFile:
@@ -198,6 +207,7 @@ def _joint_limits(
     """These limits, narrowed by the problem's; a joint without limits turns once."""
     lower = np.where(np.isfinite(lower), lower, -np.pi)
     upper = np.where(np.isfinite(upper), upper, np.pi)
+    lower, upper = _drivable(spec.limits, robot, lower, upper)
     names = [joint.name for joint in robot.joints]
     for name, bounds in spec.limits.joints.items():
         if name not in names:
@@ -213,6 +223,28 @@ def _joint_limits(
                 f"give an interval that meets {_span(robot.joints[k])}",
             )
     return lower, upper
+
+
+def _drivable(limits: Limits, robot: Robot, lower: Array, upper: Array) -> tuple[Array, Array]:
+    """These limits inside the robot's own by a margin, and within the window of the wrist.
+
+    A joint that has less room than its margins keeps its limits.
+    """
+    margin = np.where(robot.prismatic, limits.margin_m, np.deg2rad(limits.margin_deg))
+    room = robot.upper - robot.lower > 2 * margin
+    low = np.where(room, np.maximum(lower, robot.lower + margin), lower)
+    high = np.where(room, np.minimum(upper, robot.upper - margin), upper)
+    most, mapped = np.deg2rad(limits.wrist_within_deg), axes.of(robot)
+    for joint in np.flatnonzero(~robot.prismatic)[-_WRIST:]:
+        zero = float(mapped.offset[joint]) if mapped.alone(int(joint)) else 0.0
+        if low[joint] < zero + most and high[joint] > zero - most:
+            low[joint] = max(low[joint], zero - most)
+            high[joint] = min(high[joint], zero + most)
+    return low, high
+
+
+_WRIST = 3
+"""Joints of a wrist."""
 
 
 def _span(joint: Joint) -> str:

@@ -94,7 +94,7 @@ def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterat
         done = f"bound, search {certificate.rounds}"
         proposal = replace(proposal, certificate=certificate, done=done)
         yield proposal
-    if problem.room is not None:
+    if problem.spec.cell is not None:
         proposal = replace(proposal, cost=cost(problem, plan, for_cost), done="without the cell")
         yield proposal
     if (asked := problem.spec.diagnosis) is not None:

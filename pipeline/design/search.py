@@ -26,6 +26,8 @@ SOFT, HARD = 50.0, 2e4
 """Weight of broken limits while looking around, and while settling."""
 _QUICKER = 3
 """The first round follows this many times fewer plans to their end."""
+_ROUNDED = 1e-9
+"""What unit coordinates may leave of a limit [m] or [rad]."""
 _STD_MARGIN = 0.995
 """The search keeps this much inside the largest allowed uncertainty."""
 
@@ -220,7 +222,7 @@ def evaluate(problem: Problem, q: Array, anchor: Array) -> list[Plan]:
     at = station(problem.experiment, q.reshape(-1, n), np.repeat(anchor, poses, axis=0))
     M = information(problem.experiment, at).reshape(k, poses, n, n).sum(axis=1) + problem.known
     figure, std = problem.criterion.figure(M), criteria.relative_std(M)
-    inside = ((q >= problem.lower) & (q <= problem.upper)).all(axis=(1, 2))
+    inside = ((q > problem.lower - _ROUNDED) & (q < problem.upper + _ROUNDED)).all(axis=(1, 2))
     good = kept(problem.limits, at, problem.room).reshape(k, poses).all(axis=1) & inside
     good &= (std <= problem.limits.max_relative_std).all(axis=1) & np.isfinite(figure)
     return [Plan(q[i], anchor[i], M[i], float(figure[i]), std[i], bool(good[i])) for i in range(k)]

@@ -14,6 +14,7 @@ from pipeline.base.strict import (
     ForceUncertainty,
     Length,
     Name,
+    NotNegative,
     Positive,
     Prose,
     Pull,
@@ -90,6 +91,17 @@ class CriterionSpec(Strict):
     force_n: Pull = 300.0
     samples: int = Field(default=200, ge=10, le=10_000)
 
+    @field_validator("force_n", mode="before")
+    @classmethod
+    def a_size(cls, said: Any) -> Any:
+        """A vector belongs to a test pose."""
+        if isinstance(said, list):
+            raise ValueError(
+                "force_n of [criterion] is one number, the size of the force in every direction; "
+                "the force of a pose, a vector, stands in [[test_pose]]"
+            )
+        return said
+
 
 class WeightedPose(TestPose):
     """A test pose and how much it matters."""
@@ -131,6 +143,13 @@ class Limits(Strict):
 
     Attributes:
         joints: Limits of single joints, inside the robot's own [m] or degrees.
+        margin_deg: How far turning joints stay inside the robot's own limits [deg]: software limit
+            switches trip before them.
+        margin_m: The same of sliding joints [m].
+        wrist_within_deg: How far the last three joints turn from the zero of their axes [deg]:
+            more winds up hoses, and a controller may take another way.
+        clear_of_itself: The bodies of the arm do not meet: [[capsules]] of the robot file, or rough
+            ones made from its table.
         flange_above_m: Height that the flange keeps, z of F_b [m].
         effector_above_m: Height that load point and reflectors keep, z of F_b [m].
         chain_m: Shortest and longest chain from load point to anchor [m].
@@ -142,6 +161,10 @@ class Limits(Strict):
     """
 
     joints: dict[Name, Range] = Field(default_factory=dict)
+    margin_deg: NotNegative = 5.0
+    margin_m: NotNegative = 0.02
+    wrist_within_deg: Annotated[float, Field(gt=0, le=720)] = 180.0
+    clear_of_itself: bool = True
     flange_above_m: Length | None = None
     effector_above_m: Length | None = None
     chain_m: Range = (0.1, 20.0)
@@ -155,6 +178,10 @@ class Limits(Strict):
     def pull_within_rad(self) -> float | None:
         """`pull_within_deg` in rad."""
         return None if self.pull_within_deg is None else float(np.deg2rad(self.pull_within_deg))
+
+
+MARGINS = ("margin_deg", "margin_m", "wrist_within_deg", "clear_of_itself")
+"""What keeps poses away from where a robot cannot be driven."""
 
 
 class DiagnosisSpec(Strict):

@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from pipeline.app.commands._shared import AsJson, Root, open_it, show
+from pipeline.app.commands._shared import AsJson, Named, Root, open_it, show
 from pipeline.base.errors import UsageError
 
 
@@ -94,3 +94,14 @@ def compare(
     typer.secho(path, err=True)
     if opened:
         open_it(path)
+
+
+def remove(campaign: Named, root: Root = Path()) -> None:
+    """Take a campaign out of every page and table.
+
+    Its results are deleted, its folder is moved from data/raw to data/removed.
+    """
+    from pipeline.fleet import removal
+
+    kept = removal.remove(root, campaign)
+    typer.echo("nothing measured was there" if kept is None else kept)

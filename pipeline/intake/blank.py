@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, TypeVar
 
 import jinja2
 
-from pipeline.base import files
+from pipeline.base import files, toml
 from pipeline.base.errors import InputError, UsageError, listed
 from pipeline.base.quantities import plain
 from pipeline.base.shown import printable
@@ -291,6 +291,15 @@ def there(root: Path, folder: Path) -> dict[str, bytes]:
 
 def _blank(name: str, data: bytes) -> bool:
     return name in _LOGS and data.startswith(b"pose,") and data.count(b"\n") == 1
+
+
+def brought(folder: Path, robot: str) -> str:
+    """What campaign.toml calls a robot: an own file that lies elsewhere is copied beside it."""
+    path = Path(robot)
+    if path.suffix != ".toml" or not path.is_file() or (folder / robot).is_file():
+        return robot
+    files.write(folder / path.name, files.read(path, path.name, toml.LARGEST))
+    return path.name
 
 
 def known(root: Path, name: str, robot: str) -> Robot:

@@ -64,6 +64,10 @@ def init(
     else:
         behind("pipeline.simulate.command:prepare")(folder, plan)
         typer.echo(folder)
+        _tell("joints.csv has the poses of the plan, loads.csv its load steps without forces.")
+        _tell("Next: measure; write the scale's readings into loads.csv, put the tracker's export "
+              "beside it, fill in [base_frame] of campaign.toml, then "
+              f"pipeline check {folder.name}")  # fmt: skip
 
 
 def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
@@ -72,6 +76,7 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
     from pipeline.intake.files import propose
 
     if robot is not None:
+        robot = blank.brought(folder, robot)
         blank.known(root, folder.name, robot)
     files = blank.there(root, folder)
     said = _settled(files) if ask else propose(files)
@@ -144,6 +149,7 @@ def _asked(said: Proposal, robot: str | None) -> Known:
     from pipeline.machine.instrument import sheet
     from pipeline.readers._coordinates import USUAL_UNITS
     from pipeline.readers.logs import FORCE, LENGTH, MASS
+    from pipeline.reduction.settings import HALL_M, REACH_M
 
     unit = None
     if said.reach is not None:
@@ -166,11 +172,15 @@ def _asked(said: Proposal, robot: str | None) -> Known:
     warm = (
         _number("Temperature of rail and base [degC]", "Enter: not known") if said.exports else None
     )
-    frames = [("the flange frame", ["load_point", *said.measured]), ("F_b", said.base)]
+    # in the order in which campaign.toml has them
+    frames = [("F_b", said.base), ("the flange frame", [*said.measured, "load_point"])]
     asked = [(name, frame) for frame, names in frames for name in names if said.measured]
     if asked:
         _tell("Places are in metres, or as 120 35 -40 mm or 4.7 1.4 -1.6 in.")
-    places = {name: _place(f"{name} in {frame}, x y z [m]", LENGTH) for name, frame in asked}
+    places = {
+        name: _place(f"{name} in {frame}, x y z [m]", LENGTH, REACH_M if frame != "F_b" else HALL_M)
+        for name, frame in asked
+    }
     return Known(
         robot=robot,
         unit=unit,
@@ -227,8 +237,8 @@ def _answer(question: str, otherwise: str = _OPEN) -> str:
 def _one_of(question: str, words: tuple[str, ...]) -> str | None:
     """One of some words, asked until it is one."""
     while answer := _answer(f"{question}: {', '.join(words)}"):
-        if answer in words:
-            return answer
+        if meant := [word for word in words if word.lower() == answer.lower()]:
+            return meant[0]
         typer.echo(f'"{answer}" is none of {", ".join(words)}.', err=True)
     return None
 
@@ -286,12 +296,22 @@ def _seen(said: Proposal) -> Iterator[str]:
         yield f"{name} is not used: {why}."
 
 
-def _place(question: str, units: Mapping[str, float]) -> tuple[float, float, float] | None:
-    """Three coordinates [m], asked until they are."""
+def _place(
+    question: str, units: Mapping[str, float], most_m: float
+) -> tuple[float, float, float] | None:
+    """Three coordinates [m], none beyond `most_m`, asked until they are; they are said again."""
     while answer := _answer(question):
         with contextlib.suppress(ValueError):
             x, y, z = _in_si(answer, units, "m")
-            return x, y, z
+            if max(map(abs, (x, y, z))) <= most_m:
+                _tell(f"  {question.partition(' ')[0]} = {x:g}, {y:g}, {z:g} m")
+                return x, y, z
+            typer.echo(
+                f"{max(map(abs, (x, y, z))):g} m is out of reach: write {answer} mm, if these are "
+                "millimetres.",
+                err=True,
+            )
+            continue
         typer.echo(f'"{answer}" is no three numbers: write 0.2 0.05 0.12, or 200 50 120 mm.',
                    err=True)  # fmt: skip
     return None

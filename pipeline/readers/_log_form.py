@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from typing import Literal
@@ -22,6 +23,12 @@ _UNITS = {"n", "kn", "dan", "kgf", "lbf", "g", "lb", "m", "mm", "in", "deg", "ra
 """What may stand in brackets and contradict the name that a column is given."""
 _BELOW = {*_UNITS, *_ALIKE, "degrees", "grad", "kp", ""}
 """What may stand below titles in a line of units."""
+
+
+_NO_UNIT = re.compile(
+    r"(nr|no|num|number|nummer|#|1|text|[hmsdty: .]+|[a-z]{2,4}[-./][a-z]{2,4}[-./][a-z]{2,4})[.]?"
+)
+"""What people write there of columns that have none: a number, a text, how a time is written."""
 
 
 class LogForm(Strict):
@@ -154,12 +161,18 @@ def _header(file: Text, line: int) -> _Header:
     delimiter = delimiter_of(content, " ")
     titles = _cut(content, delimiter)
     below = _cut(file.line(line + 1), delimiter) if line < len(file) else []
-    units = [cell.strip("[]()- ") for cell in below]
+    units = [_unit_below(cell) for cell in below]
     if len(units) != len(titles) or not any(units) or {u.lower() for u in units} - _BELOW:
         return _Header(line, line + 1, delimiter, tuple(titles))
     pairs = zip(titles, units, strict=True)
     joined = (f"{title} [{u}]" if u and not _parted(title)[1] else title for title, u in pairs)
     return _Header(line, line + 2, delimiter, tuple(joined))
+
+
+def _unit_below(cell: str) -> str:
+    """The unit that a cell of a line of units states; nothing where it says what numbers count."""
+    unit = cell.strip("[](){}<>-–—/ ")
+    return "" if _NO_UNIT.fullmatch(unit.lower()) else unit
 
 
 def _cut(line: str, delimiter: str) -> list[str]:

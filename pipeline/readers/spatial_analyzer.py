@@ -41,7 +41,9 @@ _T = TypeVar("_T")
 _COMMENT = "//"
 _AXES = ("1", "2", "3")
 _PARTS = ("collection", "group", "target")
-_SHORT_UNIT = re.compile(r"\bunits?\s*[:=]?\s*(mm|m|in)\b|[\[(](mm|m|in)[\])]", re.IGNORECASE)
+_SHORT_UNIT = re.compile(
+    r"\b(?:units?|einheit(?:en)?)\s*[:=]?\s*(mm|m|in)\b|[\[(](mm|m|in)[\])]", re.IGNORECASE
+)
 
 
 @dataclass(frozen=True)

@@ -59,8 +59,11 @@ _ONE_LINE = 1e-3
 Point = tuple[Length, Length, Length]
 """Coordinates [m]."""
 
-_REACH_M = 20.0
+REACH_M = 20.0
 """No effector reaches further from its flange [m]; in millimetres this is two centimetres."""
+
+HALL_M = 200.0
+"""No tracker reads farther [m] (Leica AT403: 160 m radius)."""
 
 
 def _on_the_effector(point: Point) -> Point:
@@ -69,7 +72,7 @@ def _on_the_effector(point: Point) -> Point:
     Raises:
         ValueError: It is out of reach.
     """
-    if (far := max(map(abs, point))) > _REACH_M:
+    if (far := max(map(abs, point))) > REACH_M:
         raise ValueError(f"a coordinate of {far:g} m is on no effector; give it in metres")
     return point
 

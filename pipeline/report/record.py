@@ -106,6 +106,7 @@ class Figure:
         title: What it shows.
         caption: What to see in it.
         alt: What it shows and says, for who cannot see it.
+        held: It stays where its text is, also on paper.
     """
 
     kind: str = field(default="figure", init=False)
@@ -113,6 +114,7 @@ class Figure:
     title: str
     caption: str
     alt: str
+    held: bool = False
 
     def __post_init__(self) -> None:
         """Set numbers and units as they are printed."""

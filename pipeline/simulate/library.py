@@ -106,6 +106,8 @@ def plan_for(
         InputError: The plan cannot be read, or a change cannot be.
         UsageError: There is no such noise.
     """
+    if (robot := changes.get("robot")) and Path(robot).is_file():  # where it was typed
+        changes = {**changes, "robot": str(Path(robot).resolve())}
     wanted = revised(plan_of(path), given(changes))
     wanted = with_noise(wanted, noise) if noise else wanted
     return wanted.without_noise() if exact else wanted

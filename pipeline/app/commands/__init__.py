@@ -41,6 +41,10 @@ COMMANDS = {
         "pipeline.fleet.command:compare",
         "Compare two campaigns, or two models of one campaign.",
     ),
+    "remove": Command(
+        "pipeline.fleet.command:remove",
+        "Take a campaign out of all pages; its measurements are kept aside.",
+    ),
     "compensate": Command(
         "pipeline.programs.command:compensate",
         "Correct a path or a robot program for the deflection under load.",
@@ -63,7 +67,7 @@ COMMANDS = {
     ),
     "robot": Command(
         "pipeline.app.commands.robot:robot",
-        "Make a robot file from a URDF.",
+        "List robots, show one, or make a robot file from a URDF.",
     ),
     "simulate": Command(
         "pipeline.simulate.command:simulate",

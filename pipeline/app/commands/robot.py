@@ -24,17 +24,31 @@ on every robot."""
 
 
 def robot(
-    file: Annotated[Path, Argument(metavar="FILE.urdf", help="URDF of the robot.")],
-    base: Annotated[str, Option(help="Link whose frame is the base frame F_b.")],
-    flange: Annotated[str, Option(help="Link whose frame is the flange frame.")],
+    file: Annotated[Path | None, Argument(metavar="FILE.urdf", help="URDF of the robot.")] = None,
+    base: Annotated[str | None, Option(help="Link whose frame is the base frame F_b.")] = None,
+    flange: Annotated[str | None, Option(help="Link whose frame is the flange frame.")] = None,
     output: Annotated[
         Path | None, Option(help="Robot file to write (.toml); stdout if omitted.")
     ] = None,
     payload: Annotated[
         float | None, Option(help="Rated payload [kg], which a URDF does not state.")
     ] = None,
+    every: Annotated[
+        bool, Option("--list", help="List the robots that ship, with maker and variant.")
+    ] = False,
+    shown: Annotated[
+        str | None,
+        Option("--show", metavar="NAME", help="Print the robot file of one, to start from."),
+    ] = None,
 ) -> None:
-    """Make a robot file from the joints between two links of a URDF, and verify it."""
+    """List the robots that ship, show one, or make a robot file from a URDF and verify it."""
+    if every or shown is not None:
+        typer.echo("\n".join(listing()) if every else shipped(shown or ""))
+        return
+    if file is None or base is None or flange is None:
+        raise UsageError(
+            "give a URDF with --base and --flange, or --list, or --show NAME for a robot that ships"
+        )
     if output is not None and output.suffix != ".toml":
         raise UsageError(f"{output} does not end in .toml, as a robot file does")
     if output is not None and output.exists():
@@ -50,6 +64,32 @@ def robot(
         f"{found.position_m:.1e} m, {found.angle_rad:.1e} rad.",
         err=True,
     )
+
+
+def listing() -> list[str]:
+    """The robots that ship: name, maker and variant, axes of the controller, rated payload."""
+    from pipeline.machine.robot import SHIPPED, axes, load
+
+    rows = []
+    for name in SHIPPED:
+        one = load(name)
+        payload = "" if one.payload_kg is None else f"{one.payload_kg:g} kg"
+        rows.append((name, one.description, " ".join(axes.of(one).names), payload))
+    wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(f"{c:{w}}" for c, w in zip(row, wide, strict=True)).rstrip() for row in rows]
+
+
+def shipped(name: str) -> str:
+    """The robot file of a robot that ships.
+
+    Raises:
+        UsageError: None of this name does.
+    """
+    from pipeline.machine.robot import SHIPPED, load
+
+    if name not in SHIPPED:
+        raise UsageError(f'no robot "{name}" ships: `pipeline robot --list` has those that do')
+    return load(name).text.rstrip("\n")
 
 
 def made(

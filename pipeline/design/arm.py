@@ -1,0 +1,65 @@
+"""The bodies of an arm, made where its file has none, and what it leaves free by itself."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from pipeline.machine.cell import Tool
+from pipeline.machine.robot import Robot, configure
+from pipeline.machine.robot.capsules import Capsules
+from pipeline.machine.room import Room, room_of
+from pipeline.machine.surroundings import Surrounded, Surroundings
+
+_THICK, _THIN = 0.10, 0.035
+"""Radii of links at foot and wrist over the length of the arm [1]: estimates, as those of the rough
+hulls that ship (KR 210: 0.33 and 0.12 m of 3.5 m)."""
+
+_SHORT_M = 1e-3
+"""A link that is shorter has no body of its own [m]."""
+
+
+def bodied(robot: Robot) -> Robot:
+    """The robot with bodies: those of its file, or rough ones."""
+    return robot if len(robot.capsules) else replace(robot, capsules=hulls(robot))
+
+
+def arm_alone(robot: Robot, tool: Tool, said: Surrounded) -> Room:
+    """What the arm leaves free whatever is read: itself, and the floor where somebody says it.
+
+    Args:
+        robot: The robot.
+        tool: The effector.
+        said: What the file says of cell and effector.
+    """
+    cell = said.cell or Surroundings()
+    said = said.model_copy(update={"cell": cell.model_copy(update={"tracker_m": None})})
+    room = room_of(bodied(robot), tool.named, said, 0.0)
+    assert room is not None  # there is a cell
+    return replace(room, cones=(), crossed=np.zeros_like(room.crossed))
+
+
+def hulls(robot: Robot) -> Capsules:
+    """Rough bodies of a robot whose file has none: its links as the table has them.
+
+    A capsule from each turning joint to the next, in the frame of the first, thinner towards the
+    wrist.
+    """
+    here = configure(robot, np.clip(np.zeros(robot.n), robot.lower, robot.upper)[None])
+    at = np.vstack([here.origin[0], here.flange_origin[0]])
+    links = [k for k in range(robot.n) if not robot.prismatic[min(k + 1, robot.n - 1)]]
+    size = [float(np.linalg.norm(at[k + 1] - at[k])) for k in links]
+    arm, share = sum(size), np.linspace(_THICK, _THIN, len(links))
+    rows = [
+        (k + 1, here.axes[0, k].T @ (at[k + 1] - at[k]), radius * arm)
+        for k, length, radius in zip(links, size, share, strict=True)
+        if length > _SHORT_M
+    ]
+    ends = np.array([[np.zeros(3), end] for _, end, _ in rows]).transpose(1, 0, 2)
+    return Capsules(
+        np.array([carrier for carrier, _, _ in rows], dtype=np.int64),
+        ends,
+        np.array([radius for _, _, radius in rows]),
+        "made from the lengths of the links; no drawing was used",
+    )

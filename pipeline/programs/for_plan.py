@@ -1,0 +1,291 @@
+"""A program that drives a plan: to each pose, and a stop with the group's name at each reading.
+
+Joint motions only, in the controller's axes: nothing of a tool, a base or a configuration has to be
+known. On a rail the carriage first goes beside the pose, so that it arrives from the side that the
+plan says. KUKA (.src and .dat), ABB (.mod), FANUC (.ls) and UR (.script).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.machine.robot import Robot, axes
+
+ARM = 6
+"""Axes of an arm that these languages can write."""
+
+_BESIDE_MM = 100.0
+"""How far beside its pose the carriage first goes [mm]: many times the backlash of any rack."""
+
+_SPEED = 10
+"""Per cent of the speed of the joints, at every motion: somebody stands there with a chain."""
+
+
+@dataclass(frozen=True)
+class Stop:
+    """A place where the program waits for the operator.
+
+    Attributes:
+        group: Name of the group in the tracker.
+        todo: What to do there, in few words of plain letters.
+    """
+
+    group: str
+    todo: str
+
+
+@dataclass(frozen=True, eq=False)
+class Drive(Locked):
+    """What a plan drives.
+
+    Attributes:
+        name: Of the plan.
+        axes: Axes of each pose as the controller shows them, arm first [deg], external axes after
+            it [mm] or [deg], shape (p, 6 + e).
+        rail: Which of them are lengths, shape (6 + e,).
+        approach: Which way the carriage arrives, 1 or -1; 0 where that does not matter, shape (p,).
+        stops: Of each pose.
+        lower: Limits of the axes, shape (6 + e,).
+        upper: Likewise.
+        via: Points on the way to each pose, as `axes`, shape (k, 6 + e) each.
+    """
+
+    name: str
+    axes: Array
+    rail: Bools
+    approach: Array
+    stops: tuple[tuple[Stop, ...], ...]
+    lower: Array
+    upper: Array
+    via: tuple[Array, ...] = ()
+
+    def beside(self, pose: int) -> Array | None:
+        """Where the carriage goes first; None without a rail, or where no room is left."""
+        shift = -_BESIDE_MM * self.approach[pose] * np.where(self.rail, 1.0, 0.0)
+        at = np.clip(self.axes[pose] + shift, self.lower, self.upper)
+        return at if np.abs(at - self.axes[pose]).max() > 0 else None
+
+    def points(self) -> Iterator[tuple[str, Array, tuple[Stop, ...]]]:
+        """Name, axes and stops of each point in the order of driving."""
+        for k, (at, stops) in enumerate(zip(self.axes, self.stops, strict=True)):
+            for place, point in enumerate(self.via[k] if self.via else (), 1):
+                yield f"v{k + 1:02d}_{place}", point, ()
+            if (first := self.beside(k)) is not None:
+                yield f"b{k + 1:02d}", first, ()
+            yield f"p{k + 1:02d}", at, stops
+
+
+def programs(drive: Drive, brand: str | None = None) -> dict[str, bytes]:
+    """The programs of a plan by file name; none where the arm has not six axes.
+
+    Args:
+        drive: What is driven.
+        brand: kuka, abb, fanuc or ur; all that can hold the robot where nobody says.
+    """
+    count = drive.axes.shape[1]
+    if count < ARM:
+        return {}
+    name = _plain(drive.name)
+    out: dict[str, bytes] = {}
+    for one, (write, most) in _WRITERS.items():
+        if brand in (None, one) and count <= most:
+            out |= {file: text.encode("ascii") for file, text in write(name, drive).items()}
+    return out
+
+
+def brand_of(description: str) -> str | None:
+    """Whose robot it is by its description; None where that is no word of it."""
+    low = description.lower()
+    words = {"kuka": "kuka", "abb": "abb", "fanuc": "fanuc", "universal robots": "ur"}
+    found = {brand for word, brand in words.items() if re.search(rf"\b{word}\b", low)}
+    return found.pop() if len(found) == 1 else None
+
+
+def _plain(name: str) -> str:
+    """A name that all four languages take: letters, digits, underscores, a letter first."""
+    word = re.sub(r"[^A-Za-z0-9]+", "_", name).strip("_") or "plan"
+    return (word if word[0].isalpha() else f"p_{word}")[:24]
+
+
+def _number(value: float, decimals: int = 6) -> str:
+    """With at least one decimal and no zeros beyond it."""
+    text = f"{value:.{decimals}f}".rstrip("0")
+    text = f"{text}0" if text.endswith(".") else text
+    return text.removeprefix("-") if float(text) == 0 else text
+
+
+def _krl(name: str, drive: Drive) -> dict[str, str]:
+    names = [f"A{k + 1}" for k in range(ARM)]
+    names += [f"E{k + 1}" for k in range(drive.axes.shape[1] - ARM)]
+    data, lines = [f"DEFDAT {name}"], [f"DEF {name} ( )", "", "BAS(#INITMOV,0)"]
+    lines += [f"BAS(#VEL_PTP,{_SPEED})", "BAS(#ACC_PTP,20)"]
+    for point, at, stops in drive.points():
+        both = zip(names, at, strict=True)
+        values = ",".join(f"{axis} {_number(value)}" for axis, value in both)
+        data.append(f"DECL E6AXIS X{point}={{{values}}}")
+        lines += ["", f"PTP X{point}"]
+        for stop in stops:
+            lines += [f'MsgNotify("{stop.group}: {stop.todo}")', "WAIT SEC 0", "HALT"]
+    return {
+        f"{name}.src": "\r\n".join([*lines, "", "END", ""]),
+        f"{name}.dat": "\r\n".join([*data, "ENDDAT", ""]),
+    }
+
+
+def _rapid(name: str, drive: Drive) -> dict[str, str]:
+    data, lines = [], []
+    for point, at, stops in drive.points():
+        arm = ",".join(_number(value) for value in at[:ARM])
+        further = [*(_number(value) for value in at[ARM:]), *["9E9"] * ARM][:ARM]
+        data.append(f"  CONST jointtarget {point} := [[{arm}],[{','.join(further)}]];")
+        lines.append(f"    MoveAbsJ {point}, v100, fine, tool0;")
+        for stop in stops:
+            lines += [
+                f'    TPWrite "{stop.group}:";',
+                f'    TPWrite "{stop.todo[:40]}";',
+                "    Stop;",
+            ]
+    whole = [
+        f"MODULE {name}",
+        *data,
+        f"  PROC {name}_main()",
+        f"    VelSet {_SPEED}, 500;",
+        *lines,
+        "  ENDPROC",
+        "ENDMODULE",
+        "",
+    ]
+    return {f"{name}.mod": "\r\n".join(whole)}
+
+
+_SHORT = 24
+"""Letters of a message of a teach pendant program."""
+
+
+def _tp(name: str, drive: Drive) -> dict[str, str]:
+    steps: list[str] = []
+    places: list[str] = []
+    for number, (_, at, stops) in enumerate(drive.points(), 1):
+        steps.append(f"J P[{number}] {_SPEED}% FINE")
+        for stop in stops:
+            steps += [f"!{stop.todo[:30]}", f"MESSAGE[{stop.group[:_SHORT]}]", "PAUSE"]
+        arm = [f"\tJ{k + 1}= {at[k]:.3f} deg" for k in range(ARM)]
+        units = ("mm" if slides else "deg" for slides in drive.rail[ARM:])
+        more = [
+            f"\tE{k}= {x:.3f} {u}" for k, (x, u) in enumerate(zip(at[ARM:], units, strict=True), 1)
+        ]
+        rows = ",\n".join([",\t".join(arm[:3]), ",\t".join(arm[3:]), *more])
+        places.append(f"P[{number}]{{\n   GP1:\n\tUF : 0, UT : 1,\n{rows}\n}};")
+    body = [f"{k:4d}:  {step} ;" for k, step in enumerate(steps, 1)]
+    head = [
+        f"/PROG  {name.upper()}",
+        "/ATTR",
+        'COMMENT\t\t= "measurement plan";',
+        "DEFAULT_GROUP\t= 1,*,*,*,*;",
+        "/MN",
+    ]
+    return {f"{name.lower()}.ls": "\n".join([*head, *body, "/POS", *places, "/END", ""])}
+
+
+def _urscript(name: str, drive: Drive) -> dict[str, str]:
+    lines = [f"def {name}():"]
+    for point, at, stops in drive.points():
+        arm = ", ".join(_number(np.deg2rad(value), 9) for value in at)
+        lines += [f"  # {point}", f"  movej([{arm}], a=0.5, v=0.3)"]
+        lines += [f'  popup("{stop.todo}", title="{stop.group}", blocking=True)' for stop in stops]
+    return {f"{name}.script": "\n".join([*lines, "end", ""])}
+
+
+_WRITERS: dict[str, tuple[Callable[[str, Drive], dict[str, str]], int]] = {
+    "kuka": (_krl, 2 * ARM),
+    "abb": (_rapid, 2 * ARM),
+    "fanuc": (_tp, ARM + 3),
+    "ur": (_urscript, ARM),
+}
+"""How each maker's controllers write it, and how many axes they know."""
+
+
+def drive(
+    name: str,
+    robot: Robot,
+    q: Array,
+    approach: Array,
+    steps: Sequence[Sequence[float]],
+    zero_after: bool,
+    via: Sequence[Array] = (),
+) -> Drive | None:
+    """What a plan drives, in the controller's axes; None where they are not six and external ones.
+
+    Args:
+        name: Of the plan.
+        robot: Its robot.
+        q: Joint values [m] or [rad], shape (p, n), those without a pull last.
+        approach: Which way the carriage arrives, 1 or -1, shape (p,).
+        steps: Load steps of each pose [N]; none of a pose that is read without a pull.
+        zero_after: Whether the unloaded state is read again after the steps.
+        via: Joint values of points on the way to each pose, shape (k, n) each; straight where not
+            given.
+    """
+    mapped = axes.of(robot)
+    order = np.argsort(_external(mapped), kind="stable")
+    if int(np.sum(~_external(mapped))) != ARM:
+        return None
+    lower, upper = _limits(robot, mapped)
+    wide = max(2, len(str(len(q))))
+    return Drive(
+        name=name,
+        axes=axes.shown(robot, q)[:, order].round(6),
+        rail=mapped.slides[order],
+        approach=np.asarray(approach),
+        stops=tuple(stops(k, own, zero_after, wide) for k, own in enumerate(steps, 1)),
+        lower=lower[order],
+        upper=upper[order],
+        via=tuple(axes.shown(robot, one)[:, order].round(6) for one in via),
+    )
+
+
+def _external(mapped: axes.Axes) -> Bools:
+    """Axes that are none of the arm: what slides, and what is called E1, EX or the like."""
+    called = [re.fullmatch(r"(?i)e(x|xt|ax)?_?\d+", name) is not None for name in mapped.names]
+    return np.asarray(mapped.slides | np.array(called))
+
+
+def _limits(robot: Robot, mapped: axes.Axes) -> tuple[Array, Array]:
+    """Limits of the axes as shown; none where an axis moves several joints."""
+    k = len(mapped.names)
+    lower, upper = np.full(k, -np.inf), np.full(k, np.inf)
+    for joint in range(robot.n):
+        found = mapped.alone(joint)
+        if found is None:
+            continue
+        axis, ratio = found
+        ends = (np.array([robot.lower[joint], robot.upper[joint]]) - mapped.offset[joint]) / ratio
+        ends = 1e3 * ends if mapped.slides[axis] else np.rad2deg(ends)
+        lower[axis], upper[axis] = ends.min(), ends.max()
+    return lower, upper
+
+
+def stops(pose: int, steps: Sequence[float], zero_after: bool, wide: int = 2) -> tuple[Stop, ...]:
+    """What is read at a pose, in the names of groups that the sheet has.
+
+    Args:
+        pose: Its number, from 1.
+        steps: Its load steps [N]; negative where the turnbuckle is slackened to the step; none
+            where the pose is read without a load only.
+        zero_after: Whether the unloaded state is read again after the steps.
+        wide: Digits of the pose in the name of a group.
+    """
+    group = f"pose{pose:0{wide}d}_rep"
+    out = [Stop(f"{group}0_unloaded", "chain slack: read all")]
+    for k, step in enumerate(steps, 1):
+        way = "slacken" if step < 0 else "tighten"
+        out.append(Stop(f"{group}{k}_loaded", f"{way} to {abs(step):g} N: read all"))
+    if zero_after:
+        last = f"{group}{len(steps) + 1}_unloaded"
+        out.append(Stop(last, "chain slack: read all again"))
+    return tuple(out)

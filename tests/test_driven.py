@@ -1,0 +1,150 @@
+"""Plans that a robot can drive: inside its limits, clear of itself, from pose to pose.
+
+Collisions are judged by Pinocchio and Coal on the capsules of the robot file, not by our gaps.
+"""
+
+from dataclasses import replace
+from functools import lru_cache
+from itertools import pairwise
+
+import numpy as np
+import pytest
+from cell_check import Checked
+from pipeline.library.poses import problem_of
+
+from pipeline.design import spec
+from pipeline.design.arm import bodied, hulls
+from pipeline.design.driven import legs, standing
+from pipeline.design.problem import build
+from pipeline.design.search import Effort, search
+from pipeline.machine.robot import configure, load
+
+PROBLEM = """
+format = 1
+name = "hall7"
+robot = "{robot}"
+[plan]
+poses = 6
+readings = 12
+[pull]
+steps_n = [{steps}]
+[anchor]
+x_m = 2.5
+y_m = {y}
+z_m = {z}
+[criterion]
+kind = "D"
+[tool]
+load_point = [0.15, 0.0, 0.25]
+P1 = [0.20, 0.05, 0.12]
+P2 = [-0.12, 0.19, 0.10]
+P3 = [-0.10, -0.18, 0.22]
+"""
+ROBOTS = {
+    "kr210_r2700_2": ("1000, 1500", 1.0, 0.0),
+    "ur10": ("100, 200", 0.3, 0.0),
+    "kr500_rail": ("1200, 3000", 6.0, -0.891),
+}
+QUICK = Effort(first=0, rounds=1, poses=48, settled=6, exchanged=2)
+
+
+@lru_cache(maxsize=8)
+def planned(name, seed):
+    """A problem and the poses of a quick plan."""
+    steps, y, z = ROBOTS[name]
+    problem = build(spec.parse(PROBLEM.format(robot=name, steps=steps, y=y, z=z)), load(name))
+    *_, last = search(problem, np.random.default_rng(seed), QUICK)
+    return problem, last.best.q
+
+
+def driven(q, via):
+    """Points of a way at 2 degrees, all joints from start to end together."""
+    rows = []
+    for a, b in pairwise([q[0], *via, q[1]]):
+        count = int(np.ceil(np.abs(b - a).max() / np.deg2rad(2.0))) + 1
+        rows.append(a + np.linspace(0, 1, count)[:, None] * (b - a))
+    return np.vstack(rows)
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_no_pose_and_no_way_between_poses_meets_the_arm(name):
+    """Coal finds no touching pair along the ways that are called free."""
+    problem, q = planned(name, 1)
+    checked = Checked(problem.robot, {}, {})
+    pairs = [one for one in checked.pairs if one not in checked.touching_at_zero]
+    found = legs(problem, q)
+
+    assert not standing(problem, q)
+    for (a, b), leg in zip(pairwise(q), found, strict=True):
+        if leg.blocked is None:
+            for at in driven((a, b), leg.via):
+                assert min(checked.apart(at, pair) for pair in pairs) > -5e-3
+
+
+@pytest.mark.parametrize("name", ROBOTS)
+def test_poses_keep_away_from_limits_and_windings(name):
+    """5 degrees, 20 mm, and half a turn of the wrist, by the numbers of the robot file."""
+    problem, q = planned(name, 1)
+    robot = problem.robot
+    margin = np.where(robot.prismatic, 0.02, np.deg2rad(5.0))
+    shown = np.linalg.solve(robot.controller_matrix, (q - robot.controller_offset).T).T
+
+    assert (q > robot.lower + margin - 1e-9).all()
+    assert (q < robot.upper - margin + 1e-9).all()
+    assert (np.abs(shown[:, -3:]) < np.pi + 1e-9).all()
+
+
+def test_a_way_through_the_arm_is_refused_with_pose_and_reason():
+    """A pose in which Coal finds the arm in itself has no way to it, and does not stand."""
+    problem, _ = planned("kr210_r2700_2", 1)
+    checked, rng = Checked(problem.robot, {}, {}), np.random.default_rng(5)
+    pairs = [one for one in checked.pairs if one not in checked.touching_at_zero]
+    drawn = (rng.uniform(problem.lower, problem.upper) for _ in range(1000))
+    q = next(one for one in drawn if min(checked.apart(one, p) for p in pairs) < -0.02)
+    there = next(one for one in drawn if min(checked.apart(one, p) for p in pairs) > 0.02)
+    (found,) = legs(problem, np.stack([there, q]))
+
+    assert "from pose 1 to pose 2 the arm does not keep the arm clear of itself" in found.sentence
+    assert standing(problem, q[None]) == ["pose 1 does not keep the arm clear of itself"]
+    assert standing(problem, there[None]) == []
+
+
+def test_a_robot_without_hulls_gets_rough_ones_from_its_table():
+    """They follow the links: each begins and ends where its joints are, in any pose."""
+    robot = load("irb6640")
+    assert not len(robot.capsules)
+    made = hulls(robot)
+    rng = np.random.default_rng(3)
+    here = configure(robot, rng.uniform(robot.lower, robot.upper, (1, robot.n)))
+    at = np.vstack([here.origin[0], here.flange_origin[0]])
+    ends = here.placed(made)[..., 0]
+
+    for k, carrier in enumerate(made.carrier):
+        assert ends[0][:, k] == pytest.approx(at[carrier - 1], abs=1e-9)
+        assert ends[1][:, k] == pytest.approx(at[carrier], abs=1e-9)
+    assert (np.diff(made.radius) < 0).all()
+    shipped = load("kr210_r2700_2")
+    assert bodied(shipped) is shipped
+    assert bodied(replace(robot)).capsules.source.startswith("made from the lengths")
+
+
+def test_another_robot_in_the_papers_problem_gets_the_margins():
+    """The paper goes to the limits of its own robot, which nobody drives."""
+    paper = problem_of("paper_reference", {})
+    other = problem_of("paper_reference", {"robot": "kr500_rail_kuka"})
+
+    assert paper.lower == pytest.approx(paper.robot.lower)
+    assert paper.room is None
+    assert other.lower[1] == pytest.approx(other.robot.lower[1] + np.deg2rad(5.0))
+    assert other.room is not None
+    assert other.room.tracker is None
+
+
+def test_a_limit_of_the_problem_counts_inside_the_margins():
+    """What somebody states is kept beside them."""
+    text = PROBLEM.format(robot="kr210_r2700_2", steps="1000, 1500", y=1.0, z=0.0)
+    tight = spec.parse(text + "[limits]\njoints = { theta2 = [-90, -80] }\n")
+
+    problem = build(tight, load("kr210_r2700_2"))
+
+    assert np.rad2deg([problem.lower[1], problem.upper[1]]) == pytest.approx([-90, -80])
