@@ -3,8 +3,11 @@
 from __future__ import annotations
 
 import hashlib
+import lzma
 import re
+import shutil
 import zipfile
+import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path, PurePosixPath
@@ -22,8 +25,8 @@ _MOST_FILES = 500
 
 _PART = 2**20
 
-_NAME = re.compile(r"(?!\.)[^/\\\x00-\x1f\x7f<>:\"|?*]{1,120}(?<![. ])")
-"""Names that every system can have, none that is hidden."""
+_NAME = re.compile(r"(?![.-])[^/\\\x00-\x1f\x7f<>:\"|?*]{1,120}(?<![. ])")
+"""Names that every system can have, none that is hidden or reads like an option."""
 
 
 def named(name: str, what: str = "file") -> str:
@@ -138,6 +141,13 @@ class Desk:
             raise UsageError(f"another file {there} is in this campaign: replace it, or rename one")
         return not same
 
+    def copied(self, other: Desk) -> None:
+        """Put the same files, campaign.toml apart, into another folder, where nothing is kept."""
+        other.folder.mkdir(parents=True)
+        for name in self.names():
+            if name != TOML:
+                shutil.copyfile(self.folder / name, other.folder / name)
+
     def removed(self, name: str) -> None:
         """Take a file away.
 
@@ -171,7 +181,7 @@ def _unpacked(data: bytes) -> Iterator[tuple[str, bytes]]:
                 yield name, content
     except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError) as problem:
         raise UsageError(f"the archive cannot be unpacked ({problem}): unpack it first") from None
-    except (zipfile.zlib.error, ValueError) as problem:  # type: ignore[attr-defined]
+    except (zlib.error, lzma.LZMAError, ValueError) as problem:
         raise UsageError(f"the archive is damaged ({problem}): make it again") from None
 
 

@@ -37,8 +37,8 @@ def cell(
     Args:
         robot: A robot that ships, or a robot file in the folder.
         folder: Of the campaign.
-        q: Joint values [m] or [rad]; None: the middle of the rail, other joints at zero or at the
-            middle of their range.
+        q: Joint values [m] or [rad]; None: zero, or the middle of its range where a joint
+            cannot stand at zero.
         tool: Points in the flange frame [m] by name.
         base: Reflectors in F_b [m] by name.
     """

@@ -10,7 +10,7 @@ from __future__ import annotations
 import math
 import re
 import tomllib
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 from pipeline.base.errors import UsageError
@@ -25,6 +25,8 @@ _LINE = re.compile(rf"^(#\s*)?{_KEY}\s*=\s*(.*)$")
 _WORD = re.compile(r'"([^"\n]+)"')
 _MORE = re.compile(r"^#\s{3,}(.*)$")
 _PLACES = ("tool", "base_frame")
+_WORDS = ("name", "robot", "operator", "model", "serial", "certificate", "unit", "file", "path")
+"""Entries that are words also where they look like numbers: a serial number 0123 is none."""
 
 
 @dataclass(frozen=True)
@@ -64,7 +66,8 @@ class Entry:
     @property
     def coordinates(self) -> tuple[float, float, float] | None:
         """The point, in metres; None where it is open."""
-        read = tomllib.loads(f"x = {self.value}")["x"] if self.value and self.whole else None
+        known = self.value and self.whole and _is_toml(self.value)
+        read = tomllib.loads(f"x = {self.value}")["x"] if known else None
         if not isinstance(read, list) or len(read) != 3:
             return None
         x, y, z = (float(one) if isinstance(one, int | float) else math.nan for one in read)
@@ -161,7 +164,8 @@ def filled(text: str, line: int, said: str) -> str:
         lines[line - 1] = f"{key} = {said}{f'   # {about}' if about else ''}{end}"
         _uncover(lines, line)
     else:
-        lines[line - 1] = f"# {key} ={f'   # {about}' if about else ''}{end}"
+        needed = " ?" if one.needed or one.place else ""
+        lines[line - 1] = f"# {key} ={needed}{f'   # {about}' if about else ''}{end}"
     return sound("".join(lines))
 
 
@@ -210,6 +214,8 @@ def number(typed: str) -> float:
         UsageError: It is none.
     """
     plain = typed.strip().replace("\u2212", "-")
+    if re.fullmatch(r"[-+]?[1-9]\d{0,2},\d{3}", plain):
+        raise UsageError(f'"{plain}" may be a thousand or a decimal: write it without the comma')
     if "," in plain and "." not in plain:
         plain = plain.replace(",", ".", 1)
     try:
@@ -234,10 +240,11 @@ def point(typed: Sequence[str], unit: str) -> str:
     return str([float(f"{number(one) * LENGTHS[unit]:.12g}") for one in typed])
 
 
-def value(typed: str, words: Sequence[str] = ()) -> str:
+def value(typed: str, words: Sequence[str] = (), key: str = "") -> str:
     """TOML of what is typed for an entry: a value of TOML as it is, a number, else a word."""
     plain = typed.strip()
-    if not plain or plain in words:
+    quoted = plain[:1] in ("'", '"') and _is_toml(plain)
+    if not plain or plain in words or (key in _WORDS and not quoted):
         return in_toml(plain) if plain else ""
     if _is_toml(plain):
         return plain
@@ -248,13 +255,30 @@ def value(typed: str, words: Sequence[str] = ()) -> str:
 
 
 def carried_over(old: str, new: str) -> str:
-    """A new campaign.toml with what was said in an old one for what it leaves open or may say."""
-    said = {(one.table, one.key): one.value for one in entries(old) if one.value and one.whole}
-    for one in _silent(new):
-        if (one.table, one.key) in said:
-            new = filled(new, one.line, str(said[one.table, one.key]))
-    return new
+    """A new campaign.toml with what an old one says wherever both can say it.
+
+    What somebody filled in is worth more than what the files propose; which files there are is
+    said by the new one. What has no place in it stands as comments at its end.
+    """
+    said = {(one.table, one.key): one for one in entries(old) if one.value is not None}
+    for place, mine in said.items():
+        there = next((one for one in entries(new) if (one.table, one.key) == place), None)
+        if mine.whole and there is not None and there.whole and place not in _OF_FILES:
+            new = filled(new, there.line, str(mine.value))
+    now = {(one.table, one.key) for one in entries(new) if one.value is not None}
+    lost = [one for place, one in said.items() if place not in now or not one.whole]
+    return f"{new.rstrip()}\n\n{_set_aside(old, lost)}" if lost else new
 
 
-def _silent(text: str) -> Iterator[Entry]:
-    return (one for one in entries(text) if one.value is None)
+def _set_aside(old: str, lost: Sequence[Entry]) -> str:
+    """Lines of an old text as comments, each below its table."""
+    lines, out = old.splitlines(), ["# from the campaign.toml before, which have no place above:"]
+    for one in lost:
+        end = one.line - 1 + _length(lines[one.line - 1 :])
+        out += [f"#   of [{one.table}]"] if one.table else []
+        out += [f"#   {line}" for line in lines[one.line - 1 : end]]
+    return "\n".join([*out, ""])
+
+
+_OF_FILES = (("", "format"), ("tracker", "files"), ("scale", "file"), ("joints", "file"))
+"""What the files that lie there now say better than an old campaign.toml."""

@@ -41,6 +41,17 @@ class Said:
     words: tuple[str, ...]
 
     @property
+    def records(self) -> list[dict[str, Any]]:
+        """Every line of its output that is a record."""
+        return [found for line in self.output.splitlines() if (found := _content(line))]
+
+    @property
+    def runs_next(self) -> bool:
+        """Of `check`: whether it says to run the campaign next, whatever else it notes."""
+        words = str(self.content.get("next", "")).split()
+        return self.accepted and not self.content.get("wrong") and words[:2] == ["pipeline", "run"]
+
+    @property
     def accepted(self) -> bool:
         """Whether it did what it was asked, perhaps with rows left out."""
         known = bool(self.content) and "error" not in self.content
@@ -127,28 +138,30 @@ class Runs:
     """All campaigns that this page has begun to compute, by name."""
 
     of: dict[str, Run] = field(default_factory=dict)
+    _one: asyncio.Lock = field(default_factory=asyncio.Lock)
     _tasks: set[asyncio.Task[None]] = field(default_factory=set)
 
     async def begin(self, root: Path, name: str) -> Run:
         """Compute a campaign; one that is running already goes on."""
-        there = self.of.get(name)
-        if there is not None and there.said is None:
-            return there
-        words: Sequence[str | Path] = (
-            "run",
-            "--root",
-            root,
-            "--engine",
-            "local",
-            "--json",
-            "--",
-            name,
-        )
-        self.of[name] = run = Run(await begun(*words), time.monotonic())
-        task = asyncio.create_task(run.follow())
-        self._tasks.add(task)
-        task.add_done_callback(self._tasks.discard)
-        return run
+        async with self._one:
+            there = self.of.get(name)
+            if there is not None and there.said is None:
+                return there
+            words: Sequence[str | Path] = (
+                "run",
+                "--root",
+                root,
+                "--engine",
+                "local",
+                "--json",
+                "--",
+                name,
+            )
+            self.of[name] = run = Run(await begun(*words), time.monotonic())
+            task = asyncio.create_task(run.follow())
+            self._tasks.add(task)
+            task.add_done_callback(self._tasks.discard)
+            return run
 
     def cancel(self, name: str) -> None:
         """Stop one; what it has not finished is discarded, as after Ctrl-C."""
@@ -174,6 +187,9 @@ def stage(processed: Path, since: float) -> str:
     """
     if not processed.is_dir():
         return ""
-    found = [(one.stat().st_mtime, one.stem) for one in processed.glob("*.parquet")]
+    found = []
+    for one in processed.glob("*.parquet"):
+        with contextlib.suppress(FileNotFoundError):  # the run puts another in its place
+            found.append((one.stat().st_mtime, one.stem))
     newest = max((one for one in found if one[0] >= since - 1.0), default=(0.0, ""))[1]
     return newest.partition("_")[2].replace("_", " ")

@@ -6,12 +6,15 @@ import asyncio
 import contextlib
 import hmac
 import secrets
+import socket
 import sys
+import tempfile
 import time
 import tomllib
 import traceback
 from collections.abc import AsyncIterator, Awaitable, Callable
 from dataclasses import dataclass, field
+from itertools import zip_longest
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -65,6 +68,9 @@ _HEADERS = {
     "cache-control": "no-store",
 }
 
+_MOST_ROWS = 500
+"""Lines of a corrected program that are shown beside the old ones."""
+
 _MOST_TYPED = 2**20
 """Bytes of what a page sends that is no file."""
 
@@ -93,7 +99,9 @@ class Door:
             await PlainTextResponse(f"{why}\n", 403)(scope, receive, send)
         elif request.url.path == "/enter" and self._is(request.query_params.get("token", "")):
             way_in = RedirectResponse("/", 303)
-            way_in.set_cookie(self._cookie, self._token, httponly=True, samesite="strict", path="/")
+            way_in.set_cookie(self._cookie, self._token, httponly=True, samesite="lax", path="/")
+            # lax: a report has an origin of its own, and its links come from there; what changes
+            # anything is asked by our own origin alone
             await way_in(scope, receive, send)
         elif self._is(request.cookies.get(self._cookie, "")):
             await self._app(scope, receive, send)
@@ -122,12 +130,14 @@ class State:
         runs: Campaigns that are being computed.
         checked: Digest of the files and what `check` said of them, by campaign.
         looked: What `inspect` said of a file, by its digest.
+        stands: Campaigns whose report is of their files as they are, and a mark of both.
     """
 
     root: Path
     runs: Runs = field(default_factory=Runs)
     checked: dict[str, tuple[str, Said]] = field(default_factory=dict)
     looked: dict[str, Said] = field(default_factory=dict)
+    stands: dict[str, tuple[str, bool]] = field(default_factory=dict)
     busy: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
 
     def desk(self, request: Request) -> Desk:
@@ -144,7 +154,20 @@ class State:
     def passed(self, desk: Desk) -> bool:
         """Whether `check` accepted the campaign as it is now."""
         digest, said = self.checked.get(desk.name, ("", None))
-        return said is not None and said.accepted and digest == desk.digest()
+        return said is not None and said.runs_next and digest == desk.digest()
+
+    async def asked(self, *desks: Desk) -> None:
+        """Ask `status` which reports are of the files as they are, where anything has changed."""
+        marks = {desk.name: await asyncio.to_thread(_mark, desk) for desk in desks}
+        if all(self.stands.get(name, ("",))[0] == mark for name, mark in marks.items()):
+            return
+        said = await self.look("status", "--root", self.root, "--json")
+        done = {one.get("campaign") for one in said.records if one.get("state") == "done"}
+        self.stands |= {name: (mark, name in done) for name, mark in marks.items()}
+
+    def done(self, desk: Desk) -> bool:
+        """Whether there is a report of the files as they are."""
+        return self.stands.get(desk.name, ("", False))[1]
 
     def reached(self, desk: Desk) -> dict[str, str]:
         """What each stage waits for; empty where it is done."""
@@ -155,8 +178,8 @@ class State:
             "files": "" if text else "drop the files of the campaign",
             "setup": ("" if not left else f"{len(left)} open") if text else "files",
             "check": "" if self.passed(desk) else ("check" if text and not left else "setup"),
-            "run": "running" if run and run.said is None else "" if self.answer(desk) else "check",
-            "answer": "" if self.answer(desk) else "run",
+            "run": "running" if run and run.said is None else "" if self.done(desk) else "check",
+            "answer": "" if self.done(desk) else "run",
         }
 
     def answer(self, desk: Desk) -> dict[str, Any] | None:
@@ -187,9 +210,18 @@ _PAGES.filters["shown"] = lambda text: printable(str(text), 400)
 Handler = Callable[[State, Request], Awaitable[Response]]
 
 
-def _page(
+def _mark(desk: Desk) -> str:
+    """Tells whether files or report are others."""
+    report = desk.reports / "result.json"
+    when = report.stat().st_mtime_ns if report.is_file() else 0
+    return f"{desk.digest()} {when}"
+
+
+async def _page(
     request: Request, state: State, template: str, desk: Desk | None, **more: Any
 ) -> Response:
+    if desk is not None:
+        await state.asked(desk)
     reached = state.reached(desk) if desk else {}
     body = _PAGES.get_template(f"{template}.html.jinja").render(
         stages=STAGES, here=template, reached=reached, campaign=desk.name if desk else "", **more
@@ -200,15 +232,16 @@ def _page(
 async def home(state: State, request: Request) -> Response:
     """All campaigns, and a new one."""
     found = [Desk(state.root, name) for name in campaigns(state.root)]
+    await state.asked(*found)
     rows = [(one.name, state.reached(one)) for one in found]
-    return _page(request, state, "home", None, rows=rows)
+    return await _page(request, state, "home", None, rows=rows)
 
 
 async def files_page(state: State, request: Request) -> Response:
     """The files of a campaign and what each was taken for."""
     desk = state.desk(request)
     names = [name for name in desk.names() if name != TOML]
-    return _page(request, state, "files", desk, names=names, has_toml=desk.text() is not None)
+    return await _page(request, state, "files", desk, names=names, has_toml=desk.text() is not None)
 
 
 async def look(state: State, request: Request) -> Response:
@@ -253,20 +286,17 @@ async def create(state: State, request: Request) -> Response:
 
 
 async def set_up(state: State, request: Request) -> Response:
-    """Have campaign.toml written for the files; what an old one says is kept where it is open."""
+    """Have campaign.toml written for the files; what an old one says is kept."""
     desk = state.desk(request)
-    old = desk.text()
-    if old is not None:
-        (desk.folder / TOML).rename(desk.folder / f".{TOML}.before")
-    said = await state.look("init", "--root", state.root, "--", desk.name)
-    new = desk.text()
+    old, seen = desk.text(), desk.digest(TOML)
+    with tempfile.TemporaryDirectory(dir=state.root) as folder:
+        beside = Desk(Path(folder), desk.name)
+        await asyncio.to_thread(desk.copied, beside)
+        said = await state.look("init", "--root", beside.root, "--", desk.name)
+        new = beside.text()
     if new is None:
-        if old is not None:
-            (desk.folder / f".{TOML}.before").rename(desk.folder / TOML)
         return _told(" ".join(said.words[-1:]) or "campaign.toml could not be written")
-    if old is not None:
-        desk.written(entries.carried_over(old, new), desk.digest(TOML))
-        (desk.folder / f".{TOML}.before").unlink(missing_ok=True)
+    desk.written(new if old is None else entries.carried_over(old, new), seen)
     return _told(go=f"/c/{quote(desk.name, safe='')}/setup")
 
 
@@ -284,7 +314,7 @@ async def setup_page(state: State, request: Request) -> Response:
     robots += [
         (one, "in this campaign") for one in desk.names() if one.endswith(".toml") and one != TOML
     ]
-    return _page(
+    return await _page(
         request, state, "setup", desk,
         tables=tables, text=text, seen=desk.digest(TOML), robots=robots,
         picture=await asyncio.to_thread(_picture, desk, text),
@@ -323,7 +353,7 @@ async def fill(state: State, request: Request) -> Response:
     if isinstance(said, list):
         value = entries.point([str(part) for part in said], str(typed.get("unit", "m")))
     else:
-        value = entries.value(str(said), one.words if one else ())
+        value = entries.value(str(said), one.words if one else (), one.key if one else "")
     desk.written(entries.filled(text, line, value), str(typed.get("seen", "")))
     return _told(seen=desk.digest(TOML))
 
@@ -340,7 +370,7 @@ async def check_page(state: State, request: Request) -> Response:
     desk = state.desk(request)
     digest, said = state.checked.get(desk.name, ("", None))
     lines = (desk.text() or "").splitlines()
-    return _page(
+    return await _page(
         request, state, "check", desk,
         said=said, current=digest == desk.digest(), lines=lines, passed=state.passed(desk),
     )  # fmt: skip
@@ -360,7 +390,7 @@ async def check(state: State, request: Request) -> Response:
 async def run_page(state: State, request: Request) -> Response:
     """Run, how far it is, and cancel."""
     desk = state.desk(request)
-    return _page(
+    return await _page(
         request, state, "run", desk, run=state.runs.of.get(desk.name), passed=state.passed(desk)
     )
 
@@ -400,6 +430,7 @@ async def progress(state: State, request: Request) -> Response:
 async def answer_page(state: State, request: Request) -> Response:
     """The first sentences, the report, downloads, and a program to correct."""
     desk = state.desk(request)
+    await state.asked(desk)
     found = state.answer(desk)
     reports = desk.reports
     names = sorted(
@@ -407,8 +438,8 @@ async def answer_page(state: State, request: Request) -> Response:
         for one in (reports.rglob("*") if reports.is_dir() else ())
         if one.is_file() and "figures" not in one.parts and not one.name.startswith(".")
     )
-    stale = found is not None and not state.passed(desk)
-    return _page(request, state, "answer", desk, found=found, names=names, stale=stale)
+    stale = found is not None and not state.done(desk)
+    return await _page(request, state, "answer", desk, found=found, names=names, stale=stale)
 
 
 async def report(state: State, request: Request) -> Response:
@@ -423,9 +454,6 @@ async def report(state: State, request: Request) -> Response:
 
 async def correct(state: State, request: Request) -> Response:
     """A program that was dropped, corrected: both, line by line, and what was not."""
-    import difflib
-    import tempfile
-
     desk = state.desk(request)
     name = named(request.path_params["file"])
     data = await _body(request, 8 * 2**20)
@@ -443,12 +471,13 @@ async def correct(state: State, request: Request) -> Response:
         return _told("\n".join(said.words[-12:]) or f"it ended with {said.code}")
     old, new = (one.decode("utf-8", "replace").splitlines() for one in (data, said.output))
     rows = [
-        {"kind": kind, "old": old[a:b], "new": new[c:d], "line": a + 1}
-        for kind, a, b, c, d in difflib.SequenceMatcher(None, old, new, False).get_opcodes()
-        if kind != "equal"
+        {"line": k, "old": before, "new": after}
+        for k, (before, after) in enumerate(zip_longest(old, new, fillvalue=""), 1)
+        if before != after
     ]
     text = said.output.decode("latin-1")
-    return _told(rows=rows[:500], corrected=text, words=list(said.words))
+    more = [f"{len(rows) - _MOST_ROWS} more lines differ"] if len(rows) > _MOST_ROWS else []
+    return _told(rows=rows[:_MOST_ROWS], corrected=text, words=[*said.words, *more])
 
 
 async def _body(request: Request, most: int) -> bytes:
@@ -514,22 +543,26 @@ def _answering(state: State, handler: Handler) -> Callable[[Request], Awaitable[
         try:
             return await handler(state, request)
         except (UsageError, InputError, CannotWrite) as problem:
-            return _said(state, request, str(problem))
-        except (OSError, ValueError, TimeoutError) as problem:
-            return _said(state, request, f"this did not work: {printable(str(problem), 200)}")
+            return await _said(state, request, str(problem))
+        except TimeoutError:
+            return await _said(
+                state, request, "this took more than two minutes: use the command instead"
+            )
+        except (OSError, ValueError) as problem:
+            return await _said(state, request, f"this did not work: {printable(str(problem), 200)}")
         except Exception as problem:  # the last net: the page goes on, the terminal has the rest
             sys.stderr.write("".join(traceback.format_exception(problem)))
             kind = type(problem).__name__
-            return _said(
+            return await _said(
                 state, request, f"internal error ({kind}): please report what the terminal says"
             )
 
     return answered
 
 
-def _said(state: State, request: Request, problem: str) -> Response:
+async def _said(state: State, request: Request, problem: str) -> Response:
     if request.method == "GET" and "text/html" in request.headers.get("accept", ""):
-        answer = _page(request, state, "problem", None, problem=problem)
+        answer = await _page(request, state, "problem", None, problem=problem)
         answer.status_code = 400
         return answer
     return _told(problem)
@@ -557,6 +590,13 @@ def application(root: Path, port: int, token: str) -> ASGIApp:
 
 def serve(root: Path, port: int, say: Callable[[str], object], opened: bool) -> None:
     """Serve until Ctrl-C."""
+    with socket.socket() as free:
+        free.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)
+        try:
+            free.bind((HERE, port))
+        except OSError as problem:
+            why = problem.strerror
+            raise UsageError(f"port {port} cannot be taken ({why}): name another, --port") from None
     token = secrets.token_urlsafe(24)
     address = f"http://{HERE}:{port}/enter?token={token}"
     config = uvicorn.Config(

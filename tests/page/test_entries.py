@@ -94,6 +94,8 @@ def test_what_is_taken_away_is_open_again():
 
     assert "name" not in tomllib.loads(new)
     assert of("name", new).about == "not a comment in the name"
+    place = entries.filled(TEXT, of("load_point").line, "[1, 2, 3]")
+    assert of("load_point", entries.filled(place, of("load_point", place).line, "")).needed
 
 
 @pytest.mark.parametrize("line", [0, 5, 6, 12, 13, 99])
@@ -122,6 +124,19 @@ def test_what_people_type_becomes_toml(typed, toml):
     assert entries.value(typed) == toml
 
 
+def test_what_may_be_two_numbers_is_asked():
+    """A comma before three digits is a thousand to some and a decimal to others."""
+    with pytest.raises(UsageError, match="thousand or a decimal"):
+        entries.number("1,234")
+    assert entries.number("0,234") == 0.234
+
+
+def test_a_serial_number_is_a_word():
+    """Whatever its digits look like."""
+    assert entries.value("0123", key="serial") == '"0123"'
+    assert entries.value("12345", key="certificate") == '"12345"'
+
+
 def test_a_word_that_fits_is_a_word():
     """An answer of the comment is one in quotes, whatever it looks like."""
     assert entries.value("1", ("1", "2")) == '"1"'
@@ -147,16 +162,21 @@ def test_half_a_place_is_none(typed):
 
 
 def test_what_was_filled_in_is_carried_over():
-    """Into a campaign.toml that is written anew, where it leaves that open."""
+    """Over what is left open and what is proposed; which files there are is said anew."""
     old = entries.filled(TEXT, of("robot").line, '"ur10"')
     old = entries.filled(old, of("load_point", old).line, "[1.0, 2.0, 3.0]")
+    old += "\n[priors]\nrail_roll = 0.2\n"
     new = TEXT.replace('"a.csv", "b.csv"', '"c.csv"')
+    new = entries.filled(new, of("robot").line, '"kr500_rail"')
 
-    both = tomllib.loads(entries.carried_over(old, new))
+    text = entries.carried_over(old, new)
 
+    both = tomllib.loads(text)
     assert both["robot"] == "ur10"
     assert both["tool"]["load_point"] == [1.0, 2.0, 3.0]
     assert both["tracker"]["files"] == ["c.csv"]
+    assert "#   rail_roll = 0.2" in text  # which has no place in the new one
+    assert "#       0.1," in text  # nor can several lines be taken over
 
 
 def test_a_question_is_confirmed_by_taking_it_away():

@@ -83,13 +83,14 @@ if (drop) {
 }
 
 for (const section of document.querySelectorAll("[data-look]"))
-  fetch(section.dataset.look).then((answer) => answer.text()).then((text) => {
-    section.innerHTML = text;  // made by our templates, in which all that a file says is escaped
+  fetch(section.dataset.look).then(async (answer) => {
+    if (!answer.ok) throw new Error((await answer.json()).problem);
+    section.innerHTML = await answer.text();  // of our templates: all that a file says is escaped
     section.querySelector("[data-delete]")?.addEventListener("click", async (event) => {
       const said = await ask("DELETE", event.target.dataset.delete);
       if (!said.problem) location.reload();
     });
-  }).catch(() => { section.textContent = "The program behind this page does not answer."; });
+  }).catch((problem) => { section.querySelector("p").textContent = problem.message; });
 
 // --- setup
 
@@ -161,6 +162,7 @@ async function watch() {
   for (;;) {
     let now;
     try { now = await (await fetch(watched.dataset.progress)).json(); } catch { now = { state: "lost" }; }
+    if (!now.state) { await new Promise((done) => setTimeout(done, 500)); continue; }
     const running = now.state === "running";
     begin.hidden = running;
     stop.hidden = !running;
@@ -187,13 +189,12 @@ if (correct) correct.addEventListener("submit", async (event) => {
   correct.querySelector(".words").textContent = (said.words || []).join("\n");
   table.hidden = save.hidden = !said.rows;
   if (!said.rows) return;
-  table.tBodies[0].replaceChildren(...said.rows.flatMap((one) =>
-    Array.from({ length: Math.max(one.old.length, one.new.length) }, (_, k) => {
-      const row = document.createElement("tr");
-      for (const cell of [one.line + k, one.old[k] ?? "", one.new[k] ?? ""]) row.insertCell().textContent = cell;
-      return row;
-    })));
+  table.tBodies[0].replaceChildren(...said.rows.map((one) => {
+    const row = document.createElement("tr");
+    for (const cell of [one.line, one.old, one.new]) row.insertCell().textContent = cell;
+    return row;
+  }));
   const bytes = Uint8Array.from(said.corrected, (letter) => letter.charCodeAt(0));
   save.href = URL.createObjectURL(new Blob([bytes]));
-  save.download = file.name;
+  save.download = file.name.replace(/(\.[^.]*)?$/, "-corrected$1");
 });
