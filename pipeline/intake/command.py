@@ -166,11 +166,6 @@ def _asked(said: Proposal, robot: str | None) -> Known:
     warm = (
         _number("Temperature of rail and base [degC]", "Enter: not known") if said.exports else None
     )
-    frames = [("the flange frame", ["load_point", *said.measured]), ("F_b", said.base)]
-    asked = [(name, frame) for frame, names in frames for name in names if said.measured]
-    if asked:
-        _tell("Places are in metres, or as 120 35 -40 mm or 4.7 1.4 -1.6 in.")
-    places = {name: _place(f"{name} in {frame}, x y z [m]", LENGTH) for name, frame in asked}
     return Known(
         robot=robot,
         unit=unit,
@@ -179,9 +174,20 @@ def _asked(said: Proposal, robot: str | None) -> Known:
         sigma_n=sigma_n,
         mass_sigma_kg=mass_sigma_kg,
         temperature_c=warm,
-        places={name: at for name, at in places.items() if at is not None},
+        places=_places(said) if said.measured else {},
         columns=columns,
     )
+
+
+def _places(said: Proposal) -> dict[str, tuple[float, float, float]]:
+    """Where reflectors stand that were read [m]; those that stay open are left out."""
+    from pipeline.readers.logs import LENGTH
+
+    _tell("Places are in metres, or as 120 35 -40 mm or 4.7 1.4 -1.6 in.")
+    frames = [("the flange frame", ["load_point", *said.measured]), ("F_b", said.base)]
+    asked = [(name, frame) for frame, names in frames for name in names]
+    found = {name: _place(f"{name} in {frame}, x y z [m]", LENGTH) for name, frame in asked}
+    return {name: at for name, at in found.items() if at is not None}
 
 
 def _instrument() -> str | None:
