@@ -15,6 +15,7 @@ from pipeline.base.quantities import plain
 from pipeline.machine.robot import Robot, axes, configure, rating
 from pipeline.machine.robot.configuration import velocity
 from pipeline.machine.robot.inverse import ARM_M
+from pipeline.prediction.each_way import Ways, along, each_way
 from pipeline.prediction.model import Model
 from pipeline.readers import logs
 
@@ -63,6 +64,7 @@ class Compensation(Locked):
         force: Size of the forces [N], shape (m,).
         pulled: The gentlest and the hardest pull that the model is from [N]; None where it does
             not say.
+        each_way: Joints with another stiffness each way of their torque, at these points.
     """
 
     joints: Array
@@ -74,6 +76,7 @@ class Compensation(Locked):
     force: Array
     held_out: float | None = None
     pulled: tuple[float, float] | None = None
+    each_way: tuple[Ways, ...] = ()
 
     def part(self, rows: Sequence[int] | Ints) -> Compensation:
         """That of some of the points, in this order."""
@@ -86,7 +89,8 @@ class Compensation(Locked):
         """Several paths of one model, one behind the other."""
         of_each = {one.name: [getattr(part, one.name) for part in parts] for one in fields(cls)}
         joined = {k: np.concatenate(v) for k, v in of_each.items() if isinstance(v[0], np.ndarray)}
-        return cls(**{k: v[0] for k, v in of_each.items()} | joined)
+        ways = along(of_each["each_way"])
+        return cls(**{k: v[0] for k, v in of_each.items()} | joined | {"each_way": ways})
 
     @property
     def summary(self) -> str:
@@ -100,7 +104,8 @@ class Compensation(Locked):
     @property
     def remarks(self) -> list[str]:
         """The summary, and how the forces compare with those that the model is from."""
-        return [self.summary, *beside_pulls(self.force, self.pulled)]
+        ways = [one.sentence for one in self.each_way]
+        return [self.summary, *ways, *beside_pulls(self.force, self.pulled)]
 
     @property
     def _known(self) -> str:
@@ -233,6 +238,7 @@ def compensate(
         held_out=model.held_out_m,
         force=np.linalg.norm(path.force, axis=1),
         pulled=model.pulled_n,
+        each_way=each_way(model, path.q, path.force),
     )
 
 
