@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pipeline.base.executor import Executor
 
 
-class _Found(TyperGroup):
+class _Doors(TyperGroup):
     """Commands of which each is imported when it is called."""
 
     def list_commands(self, ctx: Any) -> list[str]:
@@ -58,7 +58,7 @@ class _Found(TyperGroup):
         return super().resolve_command(ctx, args)
 
 
-app = typer.Typer(cls=_Found, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = typer.Typer(cls=_Doors, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
 def _version(asked: bool) -> None:
