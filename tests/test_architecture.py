@@ -3,6 +3,7 @@
 import ast
 import functools
 import graphlib
+import os
 import re
 import shutil
 import subprocess
@@ -85,19 +86,33 @@ def test_the_core_does_not_open_files(path):
         assert "pathlib" not in set(imports(path))
 
 
-def test_help_imports_nothing_slow():
-    """`pipeline --help` answers before numpy would be there."""
+@pytest.mark.parametrize(
+    ("words", "around"),
+    [
+        (["--help"], {}),
+        ([], {"_PIPELINE_COMPLETE": "complete_bash", "COMP_WORDS": "pipeline ", "COMP_CWORD": "1"}),
+    ],
+    ids=["help", "completion"],
+)
+def test_commands_are_listed_without_slow_imports(words, around):
+    """`pipeline --help`, and a shell that completes, have the names before numpy would be there."""
     code = (
         "import sys, pipeline.app.cli\n"
-        "try: pipeline.app.cli.main(['--help'])\n"
+        f"try: pipeline.app.cli.main({words!r})\n"
         "except SystemExit: pass\n"
         f"print([name for name in {LATE!r} if name in sys.modules], file=sys.stderr)"
     )
     done = subprocess.run(
-        [sys.executable, "-c", code], capture_output=True, text=True, check=True, cwd=PACKAGE.parent
+        [sys.executable, "-c", code],
+        capture_output=True,
+        text=True,
+        check=True,
+        cwd=PACKAGE.parent,
+        env={**os.environ, **around},
     )
 
-    assert "run" in done.stdout
+    assert ("Usage" in done.stdout) is not bool(around)
+    assert {*COMMANDS} <= {*done.stdout.split()}
     assert done.stderr.strip() == "[]"
 
 

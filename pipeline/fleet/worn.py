@@ -203,14 +203,9 @@ def rows(history: History, scatter: float | None = None) -> list[dict[str, Any]]
     """
     names, axes = _names(history), _axes(history)
     known = _Known.of(history, names)
-    by_serial: dict[str | None, dict[object, Mapping[str, Any]]] = {}
-    for row in sorted(history.campaigns, key=lambda row: str(row["campaign"])):
-        if row["verdict"] in _COUNTS and row["measured"] and row["campaign"] in known.cov:
-            own = by_serial.setdefault(row["robot_serial"], {})
-            own[_readings(row)] = row
+    by_serial = _followed(history, known)
     if not by_serial:
         return []
-    by_serial = {serial: _newest(own) for serial, own in by_serial.items()}
     repairs = _repairs(history)
     machines = [
         known.machine(serial, list(own.values()), repairs.get(serial, ()))
@@ -222,6 +217,15 @@ def rows(history: History, scatter: float | None = None) -> list[dict[str, Any]]
         for own, machine, one in zip(by_serial.values(), machines, found.robots, strict=True)
         for row in _of_robot(names, axes, own.values(), machine, one, found)
     ]
+
+
+def _followed(history: History, known: _Known) -> dict[str | None, dict[object, Mapping[str, Any]]]:
+    """Campaigns that count and have a day, of each robot; of the same readings the last by name."""
+    out: dict[str | None, dict[object, Mapping[str, Any]]] = {}
+    for row in sorted(history.campaigns, key=lambda row: str(row["campaign"])):
+        if row["verdict"] in _COUNTS and row["measured"] and row["campaign"] in known.cov:
+            out.setdefault(row["robot_serial"], {})[_readings(row)] = row
+    return {serial: _newest(own) for serial, own in out.items()}
 
 
 def _newest(own: Mapping[object, Mapping[str, Any]]) -> dict[object, Mapping[str, Any]]:

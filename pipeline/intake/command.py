@@ -149,7 +149,6 @@ def _asked(said: Proposal, robot: str | None) -> Known:
     from pipeline.machine.instrument import sheet
     from pipeline.readers._coordinates import USUAL_UNITS
     from pipeline.readers.logs import FORCE, LENGTH, MASS
-    from pipeline.reduction.settings import HALL_M, REACH_M
 
     unit = None
     if said.reach is not None:
@@ -172,15 +171,6 @@ def _asked(said: Proposal, robot: str | None) -> Known:
     warm = (
         _number("Temperature of rail and base [degC]", "Enter: not known") if said.exports else None
     )
-    # in the order in which campaign.toml has them
-    frames = [("F_b", said.base), ("the flange frame", [*said.measured, "load_point"])]
-    asked = [(name, frame) for frame, names in frames for name in names if said.measured]
-    if asked:
-        _tell("Places are in metres, or as 120 35 -40 mm or 4.7 1.4 -1.6 in.")
-    places = {
-        name: _place(f"{name} in {frame}, x y z [m]", LENGTH, REACH_M if frame != "F_b" else HALL_M)
-        for name, frame in asked
-    }
     return Known(
         robot=robot,
         unit=unit,
@@ -189,9 +179,28 @@ def _asked(said: Proposal, robot: str | None) -> Known:
         sigma_n=sigma_n,
         mass_sigma_kg=mass_sigma_kg,
         temperature_c=warm,
-        places={name: at for name, at in places.items() if at is not None},
+        places=_places(said) if said.measured else {},
         columns=columns,
     )
+
+
+def _places(said: Proposal) -> dict[str, tuple[float, float, float]]:
+    """Where reflectors stand that were read [m]; those that stay open are left out."""
+    from pipeline.readers.logs import LENGTH
+    from pipeline.reduction.settings import HALL_M, REACH_M
+
+    _tell("Places are in metres, or as 120 35 -40 mm or 4.7 1.4 -1.6 in.")
+    # in the order in which campaign.toml has them
+    frames = [
+        ("F_b", said.base, HALL_M),
+        ("the flange frame", [*said.measured, "load_point"], REACH_M),
+    ]
+    found = {
+        name: _place(f"{name} in {frame}, x y z [m]", LENGTH, most_m)
+        for frame, names, most_m in frames
+        for name in names
+    }
+    return {name: at for name, at in found.items() if at is not None}
 
 
 def _instrument() -> str | None:

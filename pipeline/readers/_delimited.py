@@ -20,7 +20,7 @@ from pipeline.base.threads import MUCH, spread
 from pipeline.readers import _time
 from pipeline.readers._cells import NUMBER, ODD, bare_number, cut_off, is_turn, shown
 from pipeline.readers._cut import cut
-from pipeline.readers._layout import Field, Layout, Rows
+from pipeline.readers._layout import Field, Layout, TypedRows
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers._text import Text
 
@@ -33,7 +33,7 @@ _NO_NUMBERS = ("nan", "inf", "infinity", "na", "n/a", "null", "none", "1.#qnan")
 
 
 @dataclass(frozen=True, eq=False)
-class _Column(Locked):
+class _RawColumn(Locked):
     """One column of all rows.
 
     Attributes:
@@ -51,7 +51,7 @@ class _Column(Locked):
     zoned: Bools | None = None
 
 
-def rows(text: Text, layout: Layout) -> Rows:
+def rows(text: Text, layout: Layout) -> TypedRows:
     """Read all rows from line `layout.first` on.
 
     Raises:
@@ -80,14 +80,16 @@ def rows(text: Text, layout: Layout) -> Rows:
     return _kept(columns, found.line[good], good, sorted(rejected))
 
 
-def _kept(columns: list[_Column], line: Ints, good: Bools, rejected: list[tuple[int, str]]) -> Rows:
+def _kept(
+    columns: list[_RawColumn], line: Ints, good: Bools, rejected: list[tuple[int, str]]
+) -> TypedRows:
     """The good rows, numbered among all."""
     values = {c.field.name: c.values for c in columns if c.field.kind != "blank"}
     if not good.all():
         values = sifted(values, good)
     others = np.array([number for number, _ in rejected], dtype=np.int64)
     order = np.arange(1, len(line) + 1) + np.searchsorted(others, line)
-    return Rows(values, line, order, tuple(rejected))
+    return TypedRows(values, line, order, tuple(rejected))
 
 
 def _trimmed(cells: pa.Array) -> pa.Array:
@@ -122,7 +124,7 @@ def _letters(cells: pa.StringArray) -> npt.NDArray[np.uint8]:
     return np.frombuffer(cells.buffers()[2] or b"", dtype=np.uint8)
 
 
-def _zones_alike(columns: list[_Column], good: Bools) -> None:
+def _zones_alike(columns: list[_RawColumn], good: Bools) -> None:
     for column in columns:
         if column.zoned is None:
             continue
@@ -167,7 +169,7 @@ def decimal_mark(numeric: list[pa.Array], line: Ints, table: str | None) -> str:
 # --- what cells say -------------------------------------------------------------------------------
 
 
-def _parsed(field: Field, cells: pa.Array, layout: Layout) -> _Column:
+def _parsed(field: Field, cells: pa.Array, layout: Layout) -> _RawColumn:
     """What the cells of a column say, and which of them may stay."""
     values, zoned = cells, None
     if field.kind == "number":
@@ -179,7 +181,7 @@ def _parsed(field: Field, cells: pa.Array, layout: Layout) -> _Column:
         good = ~good
     elif not field.needed and not good.all():
         good = good | ~_filled(cells)
-    return _Column(field, cells, values, good, zoned)
+    return _RawColumn(field, cells, values, good, zoned)
 
 
 def _filled(cells: pa.Array) -> Bools:
@@ -218,7 +220,7 @@ def _number(mark: str) -> str:
 
 
 def _why_not(
-    columns: list[_Column], line: Ints, good: Bools, layout: Layout
+    columns: list[_RawColumn], line: Ints, good: Bools, layout: Layout
 ) -> list[tuple[int, str]]:
     """Line and reason of the rows that may not stay, each for its first cell that is to blame."""
     out = []

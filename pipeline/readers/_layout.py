@@ -74,7 +74,7 @@ class Layout:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows(Locked):
+class TypedRows(Locked):
     """Typed columns of the rows that could be read.
 
     Attributes:
@@ -89,15 +89,15 @@ class Rows(Locked):
     order: Ints
     rejected: tuple[tuple[int, str], ...]
 
-    def only(self, good: Bools, why_not: str) -> Rows:
+    def only(self, good: Bools, why_not: str) -> TypedRows:
         """The rows that are good; the others are rejected for one reason."""
         if good.all():
             return self
         lost = tuple((int(line), why_not) for line in self.line[~good])
         columns, rejected = sifted(self.columns, good), (*self.rejected, *lost)
-        return Rows(columns, self.line[good], self.order[good], rejected)
+        return TypedRows(columns, self.line[good], self.order[good], rejected)
 
-    def without(self, bad: Mapping[int, str]) -> Rows:
+    def without(self, bad: Mapping[int, str]) -> TypedRows:
         """The rows but some, each rejected for its own reason, by row from 0."""
         good = np.ones(len(self.line), dtype=bool)
         good[list(bad)] = False

@@ -119,7 +119,7 @@ def opened(
 
 
 @dataclass(frozen=True)
-class _Header:
+class _LogHeader:
     """A line as a header.
 
     Attributes:
@@ -140,7 +140,7 @@ class _Header:
         return [title.lower() for title in self.written]
 
 
-def _found(file: Text, own: Mapping[str, str], key: str) -> _Header | None:
+def _found(file: Text, own: Mapping[str, str], key: str) -> _LogHeader | None:
     """The first line that names a column, as a header; None where none does."""
     return next((one for one in _headers(file) if key in _ours(one.titles, own)), None)
 
@@ -151,11 +151,11 @@ def _no_remark(file: Text) -> int:
     return next(plain, file.first()[0])
 
 
-def _headers(file: Text) -> Iterator[_Header]:
+def _headers(file: Text) -> Iterator[_LogHeader]:
     return (_header(file, number) for number, _ in file.lines(1, SAMPLE_LINES))
 
 
-def _header(file: Text, line: int) -> _Header:
+def _header(file: Text, line: int) -> _LogHeader:
     """A line as a header."""
     content = file.line(line)
     delimiter = delimiter_of(content, " ")
@@ -163,10 +163,10 @@ def _header(file: Text, line: int) -> _Header:
     below = _cut(file.line(line + 1), delimiter) if line < len(file) else []
     units = [_unit_below(cell) for cell in below]
     if len(units) != len(titles) or not any(units) or {u.lower() for u in units} - _BELOW:
-        return _Header(line, line + 1, delimiter, tuple(titles))
+        return _LogHeader(line, line + 1, delimiter, tuple(titles))
     pairs = zip(titles, units, strict=True)
     joined = (f"{title} [{u}]" if u and not _parted(title)[1] else title for title, u in pairs)
-    return _Header(line, line + 2, delimiter, tuple(joined))
+    return _LogHeader(line, line + 2, delimiter, tuple(joined))
 
 
 def _unit_below(cell: str) -> str:

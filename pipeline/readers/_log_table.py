@@ -14,7 +14,7 @@ import pyarrow as pa
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings, sifted
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers._delimited import rows
-from pipeline.readers._layout import Field, Kind, Layout, Rows
+from pipeline.readers._layout import Field, Kind, Layout, TypedRows
 from pipeline.readers._log_form import OURS, LogForm, Titled, opened
 
 _Rejection = tuple[str, int | None, str]
@@ -144,7 +144,7 @@ def known_columns(said: LogForm, where: str, quantities: Sequence[Quantity]) -> 
             )
 
 
-def _log(file: str, read: Rows, columns: Sequence[tuple[Quantity, str, float]]) -> Log:
+def _log(file: str, read: TypedRows, columns: Sequence[tuple[Quantity, str, float]]) -> Log:
     """A table in SI; of each quantity the title of its column, and the factor."""
     number = {q.stem: read.floats(title) * si for q, title, si in columns if q.kind == "number"}
     words = {q.stem: read.columns[title] for q, title, _ in columns if q.kind == "name"}

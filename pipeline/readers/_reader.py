@@ -31,7 +31,7 @@ from pipeline.readers._coordinates import (
     settled_vertical,
 )
 from pipeline.readers._faces import Faces
-from pipeline.readers._layout import Rows
+from pipeline.readers._layout import TypedRows
 from pipeline.readers._text import Text
 
 EXPANDED, STANDARD, A_PRIORI, RMS = "expanded", "standard", "a-priori", "rms"
@@ -237,7 +237,7 @@ def export(
     text: Text,
     hints: Hints,
     dialect: str,
-    rows: Rows,
+    rows: TypedRows,
     meaning: Meaning,
     axes: Sequence[str],
     covariances: Mapping[str, Array] | None = None,

@@ -12,7 +12,7 @@ import pyarrow.compute as pc
 from pipeline.base.errors import InputError
 from pipeline.readers import _time
 from pipeline.readers._cells import cells_or_none, is_plain, shown
-from pipeline.readers._layout import Rows
+from pipeline.readers._layout import TypedRows
 from pipeline.readers._named import Header
 from pipeline.readers._text import Text
 
@@ -71,7 +71,7 @@ def _no_times_elsewhere(cells: Sequence[str], header: Header) -> None:
             )
 
 
-def dated(table: Rows, form: str) -> Rows:
+def dated(table: TypedRows, form: str) -> TypedRows:
     """Times of the day put together with their dates; rows without a time that can be read go."""
     days, clocks = (table.columns[role].cast(pa.string()) for role in ("date", "time"))
     clocks = pc.utf8_ltrim(clocks, characters=_time.APOSTROPHE)

@@ -23,7 +23,7 @@ from pipeline.readers._coordinates import (
     uncertainties,
 )
 from pipeline.readers._delimited import rows
-from pipeline.readers._layout import Field, Kind, Layout, Rows
+from pipeline.readers._layout import Field, Kind, Layout, TypedRows
 from pipeline.readers._named import (
     COVARIANCE,
     UNIT_LINE,
@@ -74,7 +74,7 @@ _KINDS: dict[str, Kind] = {
 
 
 @dataclass(frozen=True)
-class _Axes:
+class _ThreeColumns:
     """The three columns of coordinates.
 
     Attributes:
@@ -183,7 +183,7 @@ def _sorting(text: Text, header: Header, comment: str | None) -> dict[int, Field
     }
 
 
-def _below_nominal(table: Rows, text: Text, header: Header) -> Rows:
+def _below_nominal(table: TypedRows, text: Text, header: Header) -> TypedRows:
     """The rows without those below a line that calls them nominal, where others are measured."""
     numbers = [*range(1, header.line), *(number for number, _ in table.rejected)]
     marks = {n: kind for n in numbers if (kind := _kinds.section(text.line(n)))}
@@ -197,7 +197,7 @@ def _below_nominal(table: Rows, text: Text, header: Header) -> Rows:
     return replace(table, rejected=known).only(measured, reason)
 
 
-def _not_nominal(table: Rows, sorting: Iterable[Field]) -> tuple[Rows, set[str]]:
+def _not_nominal(table: TypedRows, sorting: Iterable[Field]) -> tuple[TypedRows, set[str]]:
     """The rows that no column calls nominal beside others, and the titles of such columns."""
     titles = set()
     for field in sorting:
@@ -211,7 +211,7 @@ def _not_nominal(table: Rows, sorting: Iterable[Field]) -> tuple[Rows, set[str]]
     return table, titles
 
 
-def _not_twice(table: Rows, sorting: Iterable[Field]) -> Rows:
+def _not_twice(table: TypedRows, sorting: Iterable[Field]) -> TypedRows:
     """The rows without averages of shots that are there themselves: they would count twice."""
     called = [name for name in _NAMES if name in table.columns]
     for field in sorting if called else ():
@@ -226,7 +226,9 @@ def _not_twice(table: Rows, sorting: Iterable[Field]) -> Rows:
     return table
 
 
-def _one_frame(table: Rows, line: int | None, sorting: Iterable[Field], axes: _Axes) -> None:
+def _one_frame(
+    table: TypedRows, line: int | None, sorting: Iterable[Field], axes: _ThreeColumns
+) -> None:
     """No column of words may tell apart rows in which the same targets are elsewhere.
 
     Raises:
@@ -339,7 +341,7 @@ def _nearly(header: Header) -> None:
             )
 
 
-def _axes(header: Header, hints: Hints) -> _Axes:
+def _axes(header: Header, hints: Hints) -> _ThreeColumns:
     """The columns of coordinates of a sound header.
 
     Raises:
@@ -355,7 +357,7 @@ def _axes(header: Header, hints: Hints) -> _Axes:
     return axes
 
 
-def _kind(header: Header, hints: Hints) -> _Axes:
+def _kind(header: Header, hints: Hints) -> _ThreeColumns:
     """The columns of coordinates.
 
     Raises:
@@ -365,7 +367,7 @@ def _kind(header: Header, hints: Hints) -> _Axes:
         places = tuple(place for role in wanted if (place := _present(header, role)) is not None)
         if len(places) == len(wanted):
             said = hints.coordinates if kind == "cartesian" else None
-            return _Axes(said or kind, tuple(header.columns[k] for k in places), places)
+            return _ThreeColumns(said or kind, tuple(header.columns[k] for k in places), places)
     lacking = next((role for role in AXES["cartesian"] if not header.has(role)), "x")
     raise InputError(
         f"there is no column {lacking}_mm among {listed(c.title for c in header.columns)}",
@@ -378,7 +380,7 @@ def _present(header: Header, role: str) -> int | None:
     return next((header.where(name) for name in alike if header.has(name)), None)
 
 
-def _field(column: Named, place: int, axes: _Axes, apart: bool) -> Field:
+def _field(column: Named, place: int, axes: _ThreeColumns, apart: bool) -> Field:
     """How the cells of a column are read, with their date apart from the time of day or not."""
     kinds = _KINDS | dict.fromkeys(axes.roles, "number") | ({"time": "name"} if apart else {})
     kind = kinds.get(column.role.partition(" ")[0])
@@ -389,7 +391,7 @@ def _field(column: Named, place: int, axes: _Axes, apart: bool) -> Field:
     return Field(f"{name} ({place + 1})", unused, needed=False, title=column.title)
 
 
-def _counting(table: Rows, hints: Hints) -> Rows:
+def _counting(table: TypedRows, hints: Hints) -> TypedRows:
     """Rows that the operator did not mark as deleted or inactive, of the instrument asked for."""
     counting: dict[str, Callable[[str], bool]] = {
         "delete": lambda mark: mark.lower() in (*_BLANK, *_NO),
@@ -406,14 +408,14 @@ def _counting(table: Rows, hints: Hints) -> Rows:
     return table
 
 
-def _cells_that(table: Rows, name: str, fits: Callable[[str], bool]) -> Bools:
+def _cells_that(table: TypedRows, name: str, fits: Callable[[str], bool]) -> Bools:
     """Rows whose cell of a column of words fits, shape (n,)."""
     marks = table.columns[name]
     fitting = [fits(str(mark)) for mark in marks.dictionary.to_pylist()]
     return np.array(fitting, dtype=bool)[np.asarray(marks.indices)]
 
 
-def _meaning(header: Header, hints: Hints, table: Rows, axes: _Axes) -> Meaning:
+def _meaning(header: Header, hints: Hints, table: TypedRows, axes: _ThreeColumns) -> Meaning:
     lengths = [role for role in axes.roles if role not in axes.angular]
     unit = settled_unit(one_unit(header, lengths), hints)
     third = axes.roles[2]
@@ -443,7 +445,7 @@ def _all_or_none(header: Header) -> None:
             )
 
 
-def covariances(table: Rows, header: Header, hints: Hints, unit: str) -> dict[str, Array]:
+def covariances(table: TypedRows, header: Header, hints: Hints, unit: str) -> dict[str, Array]:
     """Covariances by kind, in the units of the coordinates; NaN where a cell is empty."""
 
     def said(*roles: str) -> list[Array]:

@@ -15,7 +15,7 @@ from pipeline.base.errors import InputError, at, listed
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import Angles, Meaning, raw, settled
 from pipeline.readers._delimited import rows
-from pipeline.readers._layout import Field, Layout, Rows
+from pipeline.readers._layout import Field, Layout, TypedRows
 from pipeline.readers._reader import (
     A_PRIORI,
     STANDARD,
@@ -108,7 +108,7 @@ def _fields(titles: Sequence[str]) -> tuple[Field, ...]:
     )
 
 
-def _six(table: Rows, titles: Sequence[str], start: str) -> Array:
+def _six(table: TypedRows, titles: Sequence[str], start: str) -> Array:
     """xx, xy, xz, yy, yz, zz of one kind; the older structure has no covariances."""
     n = len(table.line)
 
@@ -120,7 +120,7 @@ def _six(table: Rows, titles: Sequence[str], start: str) -> Array:
     return np.column_stack([s1**2, c12, c13, s2**2, c23, s3**2])
 
 
-def _meaning(table: Rows, titles: Sequence[str], hints: Hints) -> Meaning:
+def _meaning(table: TypedRows, titles: Sequence[str], hints: Hints) -> Meaning:
     unit = settled_unit(None, hints)
     stated = "cartesian" if _lengths_only(table, titles) else None
     example = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
@@ -129,7 +129,7 @@ def _meaning(table: Rows, titles: Sequence[str], hints: Hints) -> Meaning:
     return settled_angles(Meaning(unit, kind), Angles(), third, hints)
 
 
-def _lengths_only(table: Rows, titles: Sequence[str]) -> bool:
+def _lengths_only(table: TypedRows, titles: Sequence[str]) -> bool:
     """Whether dStdTotal is the root of the summed squares, as it is when all three are lengths."""
     if not {"dStd1", "dStd2", "dStd3", "dStdTotal"} <= set(titles) or not len(table.line):
         return False

@@ -22,7 +22,7 @@ from pipeline.readers._cells import cells_or_none, is_number, is_plain, is_remar
 from pipeline.readers._circle import within_a_circle
 from pipeline.readers._coordinates import AXES, KIND_WORDS, Angles, Meaning, settled
 from pipeline.readers._delimited import rows
-from pipeline.readers._layout import DELIMITERS, JOINT, Field, Kind, Layout, Rows
+from pipeline.readers._layout import DELIMITERS, JOINT, Field, Kind, Layout, TypedRows
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
 from pipeline.readers._reader import (
     Export,
@@ -47,7 +47,7 @@ _SHORT_UNIT = re.compile(
 
 
 @dataclass(frozen=True)
-class _Shape:
+class _RowShape:
     """How rows are made up.
 
     Attributes:
@@ -109,7 +109,7 @@ def _says_kind(text: Text) -> bool:
     return bool(words & KIND_WORDS.keys() or _kinds_by_titles(head))
 
 
-def _shape(sample: Sequence[str], comments: Sequence[str]) -> _Shape | None:
+def _shape(sample: Sequence[str], comments: Sequence[str]) -> _RowShape | None:
     """How rows are made up, told from the first sound ones and the header; None when they are not.
 
     A damaged row says nothing about the others, but at least half of them must be alike.
@@ -120,7 +120,7 @@ def _shape(sample: Sequence[str], comments: Sequence[str]) -> _Shape | None:
     return next((shape for shape in shapes if shape), None)
 
 
-def _shape_by(delimiter: str, sample: Sequence[str], comments: Sequence[str]) -> _Shape | None:
+def _shape_by(delimiter: str, sample: Sequence[str], comments: Sequence[str]) -> _RowShape | None:
     cut = [cells for line in sample if (cells := cells_or_none(line, delimiter))]
     for cells in cut:
         titles = _titles(comments, len(cells), delimiter)
@@ -129,7 +129,7 @@ def _shape_by(delimiter: str, sample: Sequence[str], comments: Sequence[str]) ->
         alike = [row[count + 3 :] for row in cut if len(row) == len(cells)]
         if _fits(cells, compound, count) and 2 * len(alike) >= len(sample):
             names = _PARTS[-(compound or count) :]
-            return _Shape(delimiter, compound, names, *_rest(alike, titles[count + 3 :]))
+            return _RowShape(delimiter, compound, names, *_rest(alike, titles[count + 3 :]))
     return None
 
 
@@ -171,7 +171,7 @@ def _titles(comments: Sequence[str], count: int, delimiter: str) -> list[Named]:
     return []
 
 
-def _fields(shape: _Shape) -> tuple[Field, ...]:
+def _fields(shape: _RowShape) -> tuple[Field, ...]:
     """Names, coordinates and what stands behind them; what has no role there is not looked at."""
     out = [Field(n, "any" if n == "collection" else "name", n != "collection") for n in shape.names]
     out += [Field(axis, "number") for axis in _AXES]
@@ -189,7 +189,7 @@ def _fields(shape: _Shape) -> tuple[Field, ...]:
     return tuple(out)
 
 
-def _meaning(comments: Sequence[str], hints: Hints, table: Rows, line: int) -> Meaning:
+def _meaning(comments: Sequence[str], hints: Hints, table: TypedRows, line: int) -> Meaning:
     """What the header says of the numbers; short units count behind `units` or in brackets."""
     head = [comment for comment in comments if is_remark(comment, _COMMENT)]
     text = "\n".join(line for line in head if not _named.of_other_quantity(line))

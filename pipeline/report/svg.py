@@ -122,11 +122,7 @@ def _inline(svg: str, tips: Mapping[str, Sequence[str]]) -> str:
     root = ET.fromstring(svg)
     for artist, words in tips.items():
         _attach(root, artist, words)
-    for element in root.iter():
-        element.tag = element.tag.rpartition("}")[2]
-        for key in list(element.attrib):
-            if key.startswith("{"):
-                element.set(key.rpartition("}")[2], element.attrib.pop(key))
+    _without_namespaces(root)
     _, _, width, _ = root.attrib["viewBox"].split()
     for key in ("width", "height", "version"):
         root.attrib.pop(key, None)
@@ -142,6 +138,14 @@ def _inline(svg: str, tips: Mapping[str, Sequence[str]]) -> str:
     for colour, variable in _VARIABLES.items():
         text = text.replace(colour, f"var({variable})")
     return text
+
+
+def _without_namespaces(root: ET.Element) -> None:
+    """Tags and attributes by their bare names, as a page has them."""
+    for element in root.iter():
+        element.tag = element.tag.rpartition("}")[2]
+        for key in [one for one in element.attrib if one.startswith("{")]:
+            element.set(key.rpartition("}")[2], element.attrib.pop(key))
 
 
 def _attach(root: ET.Element, artist: str, words: Sequence[str]) -> None:

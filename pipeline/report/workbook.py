@@ -24,7 +24,7 @@ from pipeline.tables import F64, STR, as_csv
 
 
 @dataclass(frozen=True)
-class _Column:
+class _SheetColumn:
     """What stands below a heading.
 
     Attributes:
@@ -38,8 +38,8 @@ class _Column:
     kind: pa.DataType = STR
 
 
-def _number(title: str, of: Callable[[Any], float | None]) -> _Column:
-    return _Column(title, of, F64)
+def _number(title: str, of: Callable[[Any], float | None]) -> _SheetColumn:
+    return _SheetColumn(title, of, F64)
 
 
 def files(answer: Answer, tables: Mapping[str, pd.DataFrame]) -> dict[str, bytes]:
@@ -70,19 +70,19 @@ def sheets(answer: Answer, tables: Mapping[str, pd.DataFrame]) -> dict[str, pa.T
     }
 
 
-def _sheet(columns: Iterable[_Column], things: Iterable[object]) -> pa.Table:
+def _sheet(columns: Iterable[_SheetColumn], things: Iterable[object]) -> pa.Table:
     rows = list(things)
     cells = {c.title: pa.array([_cell(c, one) for one in rows], c.kind) for c in columns}
     return pa.table(cells)
 
 
-def _cell(column: _Column, one: object) -> object:
+def _cell(column: _SheetColumn, one: object) -> object:
     value = column.of(one)
     return printable(str(value)) if column.kind == STR and value is not None else value
 
 
 @dataclass(frozen=True)
-class _Fact:
+class _SummaryLine:
     """A line of the summary: words, or a number with its unit."""
 
     what: str
@@ -92,53 +92,53 @@ class _Fact:
 
 
 _SUMMARY = (
-    _Column("what", lambda fact: fact.what),
-    _Column("said", lambda fact: fact.said),
+    _SheetColumn("what", lambda fact: fact.what),
+    _SheetColumn("said", lambda fact: fact.said),
     _number("value", lambda fact: fact.value),
-    _Column("unit", lambda fact: fact.unit or None),
+    _SheetColumn("unit", lambda fact: fact.unit or None),
 )
 
 
-def _summary(answer: Answer) -> Iterator[_Fact]:
+def _summary(answer: Answer) -> Iterator[_SummaryLine]:
     """What a reader wants to know first."""
     fit, verdict = answer.fit, answer.diagnosis.verdict
-    yield _Fact("campaign", answer.campaign)
-    yield _Fact("robot", answer.machine)
-    yield _Fact("measured", answer.measured)
-    yield _Fact("verdict", words.VERDICTS[verdict][0])
+    yield _SummaryLine("campaign", answer.campaign)
+    yield _SummaryLine("robot", answer.machine)
+    yield _SummaryLine("measured", answer.measured)
+    yield _SummaryLine("verdict", words.VERDICTS[verdict][0])
     if answer.first_screen:
-        yield from (_Fact(ABOUT[one.about].lower(), one.text) for one in answer.first_screen)
+        yield from (_SummaryLine(ABOUT[one.about].lower(), one.text) for one in answer.first_screen)
     else:
-        yield from (_Fact("in words", sentence) for sentence in answer.verdict_sentence)
+        yield from (_SummaryLine("in words", sentence) for sentence in answer.verdict_sentence)
     yield from _asked(answer)
-    yield _Fact("values of", words.values_of(answer))
-    yield _Fact("because", answer.recommended.why)
-    yield _Fact("residuals, root mean square", None, fit.rms_mm, "mm")
-    yield _Fact("chi square", None, fit.chi2, "1")
-    yield _Fact("degrees of freedom", None, fit.dof, "1")
-    yield _Fact("probability of a fit no better", None, fit.p_value, "1")
-    yield _Fact("noise known from", fit.noise_from)
+    yield _SummaryLine("values of", words.values_of(answer))
+    yield _SummaryLine("because", answer.recommended.why)
+    yield _SummaryLine("residuals, root mean square", None, fit.rms_mm, "mm")
+    yield _SummaryLine("chi square", None, fit.chi2, "1")
+    yield _SummaryLine("degrees of freedom", None, fit.dof, "1")
+    yield _SummaryLine("probability of a fit no better", None, fit.p_value, "1")
+    yield _SummaryLine("noise known from", fit.noise_from)
     if answer.validation:
         error = answer.validation.held_out_rms_mm
-        yield _Fact("cross-validation error, root mean square", None, error, "mm")
-    yield from (_Fact("finding", finding) for finding in answer.findings)
+        yield _SummaryLine("cross-validation error, root mean square", None, error, "mm")
+    yield from (_SummaryLine("finding", finding) for finding in answer.findings)
 
 
-def _asked(answer: Answer) -> Iterator[_Fact]:
+def _asked(answer: Answer) -> Iterator[_SummaryLine]:
     """Deflection of the load point at the test pose, and what a tolerance decides of it."""
     pose, asked = answer.test_pose, answer.tolerance
     if pose is not None:
-        yield _Fact("deflection at the test pose", None, pose.deflection_mm, "mm")
-        yield _Fact("its expanded uncertainty, k = 2", None, pose.expanded_mm, "mm")
+        yield _SummaryLine("deflection at the test pose", None, pose.deflection_mm, "mm")
+        yield _SummaryLine("its expanded uncertainty, k = 2", None, pose.expanded_mm, "mm")
     if asked is not None:
-        yield _Fact("tolerance", None, asked.deflection_mm, "mm")
-        yield _Fact("decision at the test pose", asked.test_pose)
+        yield _SummaryLine("tolerance", None, asked.deflection_mm, "mm")
+        yield _SummaryLine("decision at the test pose", asked.test_pose)
     if asked is not None and asked.path is not None:
-        yield _Fact(f"decision along {asked.path.file}", asked.path.decision)
+        yield _SummaryLine(f"decision along {asked.path.file}", asked.path.decision)
 
 
 @dataclass(frozen=True)
-class _Row:
+class _Joined:
     """Something beside what belongs to it."""
 
     of: Any
@@ -150,23 +150,23 @@ def _of(name: str) -> Callable[[Any], Any]:
 
 
 _STIFFNESS = (
-    _Column("axis", _of("axis")),
-    _Column("joint", _of("joint_name")),
-    _Column("stiffness", _of("name")),
+    _SheetColumn("axis", _of("axis")),
+    _SheetColumn("joint", _of("joint_name")),
+    _SheetColumn("stiffness", _of("name")),
     _number("value", _of("value")),
     _number("standard uncertainty", _of("std")),
     _number("95 % from", lambda row: row.of.ci95[0]),
     _number("95 % to", lambda row: row.of.ci95[1]),
-    _Column("unit", _of("unit")),
+    _SheetColumn("unit", _of("unit")),
     _number("relative uncertainty [%]", lambda row: _percent(row.of.relative_std)),
     _number("nominal", _of("nominal")),
     _number("joint springs alone", lambda row: row.beside.value),
     _number("their standard uncertainty", lambda row: row.beside.std),
-    _Column("determined", lambda row: "yes" if row.of.identifiable else "no"),
+    _SheetColumn("determined", lambda row: "yes" if row.of.identifiable else "no"),
     _number("compliance", _of("compliance")),
     _number("standard uncertainty of the compliance", _of("compliance_std")),
-    _Column("unit of the compliance", _of("compliance_unit")),
-    _Column("finding", _of("finding")),
+    _SheetColumn("unit of the compliance", _of("compliance_unit")),
+    _SheetColumn("finding", _of("finding")),
 )
 
 
@@ -174,42 +174,42 @@ def _percent(share: float | None) -> float | None:
     return None if share is None else 100 * share
 
 
-def _beside_springs(answer: Answer) -> list[_Row]:
+def _beside_springs(answer: Answer) -> list[_Joined]:
     """Each stiffness with that of the paper's model."""
     springs = answer.joint_springs.stiffness
-    return [_Row(*pair) for pair in zip(answer.stiffness, springs, strict=True)]
+    return [_Joined(*pair) for pair in zip(answer.stiffness, springs, strict=True)]
 
 
 _COMBINATIONS = (
-    _Column("compliances", lambda one: one.formula),
+    _SheetColumn("compliances", lambda one: one.formula),
     _number("value", lambda one: one.value),
     _number("standard uncertainty", lambda one: one.std),
     _number("95 % from", lambda one: one.ci95[0]),
     _number("95 % to", lambda one: one.ci95[1]),
-    _Column("unit", lambda one: one.unit),
-    _Column("distinguished by", lambda one: one.needs),
+    _SheetColumn("unit", lambda one: one.unit),
+    _SheetColumn("distinguished by", lambda one: one.needs),
 )
 
 _CAUSES = (
-    _Column("cause", lambda row: words.placed(row.of)),
-    _Column("name", _of("name")),
-    _Column("where", _of("where")),
+    _SheetColumn("cause", lambda row: words.placed(row.of)),
+    _SheetColumn("name", _of("name")),
+    _SheetColumn("where", _of("where")),
     _number("probability [1]", _of("probability")),
     _number("p-value [1]", _of("p_value")),
-    _Column("parameter", lambda row: row.beside and row.beside.name),
+    _SheetColumn("parameter", lambda row: row.beside and row.beside.name),
     _number("value", lambda row: row.beside and row.beside.value),
     _number("standard uncertainty", lambda row: row.beside and row.beside.std),
-    _Column("unit", lambda row: row.beside and row.beside.unit),
-    _Column("rivals", lambda row: _rivals(row.of)),
-    _Column("evidence", lambda row: row.of.evidence and row.of.evidence.sentence),
-    _Column("settled by", _of("needs")),
+    _SheetColumn("unit", lambda row: row.beside and row.beside.unit),
+    _SheetColumn("rivals", lambda row: _rivals(row.of)),
+    _SheetColumn("evidence", lambda row: row.of.evidence and row.of.evidence.sentence),
+    _SheetColumn("settled by", _of("needs")),
 )
 
 
-def _parameters(causes: Iterable[Cause]) -> Iterator[_Row]:
+def _parameters(causes: Iterable[Cause]) -> Iterator[_Joined]:
     """Each cause as often as it has parameters, and once where it has none."""
     for cause in causes:
-        yield from (_Row(cause, one) for one in cause.parameters or (None,))
+        yield from (_Joined(cause, one) for one in cause.parameters or (None,))
 
 
 def _rivals(cause: Cause) -> str | None:
@@ -222,7 +222,7 @@ def _std_mm(axis: int) -> Callable[[Deflection], float | None]:
 
 
 _PREDICTIONS = (
-    _Column("target", lambda one: one.target),
+    _SheetColumn("target", lambda one: one.target),
     _number("dx [mm]", lambda one: one.dx_mm),
     _number("dy [mm]", lambda one: one.dy_mm),
     _number("dz [mm]", lambda one: one.dz_mm),
@@ -238,7 +238,7 @@ def _mean(of: str, draw: str) -> Callable[[Any], float | None]:
 
 
 _VALIDATION = (
-    _Column("target", lambda row: row.of),
+    _SheetColumn("target", lambda row: row.of),
     _number("relative error around the test pose [1]", _mean("test_pose", "")),
     _number("relative error in the workspace [1]", _mean("global_", "")),
     _number(
@@ -248,15 +248,15 @@ _VALIDATION = (
 )
 
 
-def _targets(answer: Answer) -> list[_Row]:
+def _targets(answer: Answer) -> list[_Joined]:
     found = answer.validation
-    return [_Row(target, found) for target in found.test_pose] if found else []
+    return [_Joined(target, found) for target in found.test_pose] if found else []
 
 
 _REJECTED = (
-    _Column("file", lambda one: one.file),
+    _SheetColumn("file", lambda one: one.file),
     _number("line", lambda one: one.line),
-    _Column("reason", lambda one: one.reason),
+    _SheetColumn("reason", lambda one: one.reason),
 )
 
 _RESIDUALS = {

@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
 from typer import Argument, Option
-from typer.core import TyperGroup
+from typer.core import TyperCommand, TyperGroup
 from typer.main import get_command_from_info
 from typer.models import CommandInfo
 
@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from pipeline.base.executor import Executor
 
 
-class _Found(TyperGroup):
+class _Doors(TyperGroup):
     """Commands of which each is imported when it is called."""
 
     def list_commands(self, ctx: Any) -> list[str]:
@@ -33,17 +33,23 @@ class _Found(TyperGroup):
         return [name for name, one in COMMANDS.items() if is_there(one.door)]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """A command by its name."""
+        """A command by its name; a shell that completes names gets its line alone."""
         if cmd_name in COMMANDS and cmd_name not in self.commands:
-            door, line = COMMANDS[cmd_name]
-            self.add_command(
-                get_command_from_info(
-                    CommandInfo(cmd_name, callback=opened(door), short_help=line),
-                    pretty_exceptions_short=False,
-                    rich_markup_mode=None,
-                )
-            )
+            if ctx.resilient_parsing:
+                return TyperCommand(cmd_name, short_help=COMMANDS[cmd_name].line)
+            self._open(cmd_name)
         return super().get_command(ctx, cmd_name)
+
+    def _open(self, name: str) -> None:
+        """Import a command."""
+        door, line = COMMANDS[name]
+        self.add_command(
+            get_command_from_info(
+                CommandInfo(name, callback=opened(door), short_help=line),
+                pretty_exceptions_short=False,
+                rich_markup_mode=None,
+            )
+        )
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
         """One line of help for each, without an import."""
@@ -52,13 +58,14 @@ class _Found(TyperGroup):
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
         """The command that is meant; of a misspelt one, those like it are named."""
-        if args[0] not in COMMANDS:
-            for name in self.list_commands(ctx):
-                self.get_command(ctx, name)
+        wanted = [args[0]] if args[0] in COMMANDS else self.list_commands(ctx)
+        for name in wanted:
+            if name not in self.commands:
+                self._open(name)
         return super().resolve_command(ctx, args)
 
 
-app = typer.Typer(cls=_Found, pretty_exceptions_enable=False, rich_markup_mode=None)
+app = typer.Typer(cls=_Doors, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
 def _version(asked: bool) -> None:

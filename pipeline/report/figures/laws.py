@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 import pandas as pd
+from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
@@ -46,57 +47,64 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     views = canvas.subplots(len(told), 1, squeeze=False)[:, 0]
     tips: Tips = {}
     for k, (view, rows) in enumerate(zip(views, told, strict=True)):
+        tips |= _marks(view, f"law-{k}", answer, rows)
         first = rows.iloc[0]
-        factor, letter = common_prefix(rows["y"]) if first["y_unit"] else (1.0, "")
-        unit = prefixed(first["y_unit"], letter)
-        shown = thinned(rows, (rows["y"] - rows["law"]).to_numpy(float), MOST // 4)
-        x, y, law, u = (shown[c].to_numpy(float) for c in ("x", "y", "law", "y_std"))
-        usual = np.abs([*np.quantile(y, (0.02, 0.98)), *law])
-        reach = 1.3 * float(np.max(usual)) / factor or 1.0
-        low = -reach if (np.minimum(y, law) < 0).any() else -0.05 * reach
-        view.axhline(0, color=MUTED, linewidth=0.8)
-        view.vlines(x, (y - u) / factor, (y + u) / factor, color=BLUE, linewidth=0.7, alpha=0.5)
-        said = [
-            f"pose {r.pose}{'' if answer.position_steps else f', pull {r.repeat}'}: "
-            f"{plain(r.y / factor)} {unit} at {plain(r.x)} {r.x_unit}"
-            for r in each_row(shown)
-        ]
-        style = {"linewidths": 0, "zorder": 3}
-        label = f"each {_reading(answer)} ± standard uncertainty"
-        tips |= dots(
-            view,
-            f"law-{k}-pulls",
-            x,
-            np.clip(y / factor, low, reach),  # a mark off the sheet is lost, and its tip with it
-            said,
-            s=12,
-            color=BLUE,
-            label=label,
-            **style,
-        )
-        said = [
-            f"law: {plain(v / factor)} {unit} at {plain(a)} {first['x_unit']}"
-            for a, v in zip(x, law, strict=True)
-        ]
-        tips |= dots(
-            view,
-            f"law-{k}",
-            x,
-            law / factor,
-            said,
-            s=9,
-            color=RED,
-            marker="D",
-            label="law",
-            **style,
-        )
-        view.set_ylim(low, reach)
-        name = capital(_NAMES[first["is"]]) if first["is"] in _NAMES else first["is"]
         of = capital(_NAMES[first["of"]])
         view.set(xlabel=of if first["x_unit"] == "1" else f"{of} [{first['x_unit']}]")
-        view.set_ylabel(f"{name} [{unit}]" if unit else name)
         title(view, _called(answer, str(first["cause"]), int(first["part"])))
     legend_below(canvas)
+    return tips
+
+
+def _marks(view: Axes, name: str, answer: Answer, rows: pd.DataFrame) -> Tips:
+    """What pulls say of one law, and the law, on an axis of what it changes."""
+    first = rows.iloc[0]
+    factor, letter = common_prefix(rows["y"]) if first["y_unit"] else (1.0, "")
+    unit = prefixed(first["y_unit"], letter)
+    shown = thinned(rows, (rows["y"] - rows["law"]).to_numpy(float), MOST // 4)
+    x, y, law, u = (shown[c].to_numpy(float) for c in ("x", "y", "law", "y_std"))
+    usual = np.abs([*np.quantile(y, (0.02, 0.98)), *law])
+    reach = 1.3 * float(np.max(usual)) / factor or 1.0
+    low = -reach if (np.minimum(y, law) < 0).any() else -0.05 * reach
+    view.axhline(0, color=MUTED, linewidth=0.8)
+    view.vlines(x, (y - u) / factor, (y + u) / factor, color=BLUE, linewidth=0.7, alpha=0.5)
+    said = [
+        f"pose {r.pose}{'' if answer.position_steps else f', pull {r.repeat}'}: "
+        f"{plain(r.y / factor)} {unit} at {plain(r.x)} {r.x_unit}"
+        for r in each_row(shown)
+    ]
+    style = {"linewidths": 0, "zorder": 3}
+    label = f"each {_reading(answer)} ± standard uncertainty"
+    tips = dots(
+        view,
+        f"{name}-pulls",
+        x,
+        np.clip(y / factor, low, reach),  # a mark off the sheet is lost, and its tip with it
+        said,
+        s=12,
+        color=BLUE,
+        label=label,
+        **style,
+    )
+    said = [
+        f"law: {plain(v / factor)} {unit} at {plain(a)} {first['x_unit']}"
+        for a, v in zip(x, law, strict=True)
+    ]
+    tips |= dots(
+        view,
+        name,
+        x,
+        law / factor,
+        said,
+        s=9,
+        color=RED,
+        marker="D",
+        label="law",
+        **style,
+    )
+    view.set_ylim(low, reach)
+    what = capital(_NAMES[first["is"]]) if first["is"] in _NAMES else first["is"]
+    view.set_ylabel(f"{what} [{unit}]" if unit else what)
     return tips
 
 
