@@ -17,13 +17,13 @@ from pipeline.design.bound import Worst, bounds, certify
 from pipeline.design.curves import by_anchor, by_size
 from pipeline.design.descent import descend
 from pipeline.design.information import Experiment, information, station, value_and_slope
+from pipeline.design.library import problem_of
 from pipeline.design.limits import kept, penalty, slacks
 from pipeline.design.made import make
 from pipeline.design.propose import propose
 from pipeline.design.scatter import Beam, Scatter
 from pipeline.design.schedule import starts
 from pipeline.design.search import Effort, evaluate, objective
-from pipeline.library.poses import problem_of
 from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.instrument import InstrumentNoise
@@ -488,7 +488,7 @@ def test_the_same_seed_gives_the_same_plan(reference):
         ({"pull": {"steps_n": [9.0]}}, "determines every joint: .* compliance of r1"),
         ({"limits": {"joints": {"theta9": [1, 2]}}}, 'has no joint "theta9"'),
         ({"criterion": {"points": ["P9"]}}, r"P9 not in \[tool\]"),
-        ({"test_pose": [{"q": [1, 2], "force_n": [1, 2, 3]}]}, "2 joint values"),
+        ({"test_pose": [{"q": [1, 2], "force_n": [1, 2, 3]}]}, "has 2 values, the robot 7 joints"),
         ({"robot": "kr600"}, 'no robot "kr600"'),
         ({"noise": {"tracker": "paper"}}, "give one of"),
     ],

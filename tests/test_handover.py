@@ -15,10 +15,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from bending_robot import BendingRobot
+from conftest import without_pages
 from made_programs import Kuka
 from test_programs import off, unstamped
 
-from pipeline.app.corrected import Given, program, write
 from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
@@ -28,6 +28,7 @@ from pipeline.prediction import compensate
 from pipeline.prediction import model as handover
 from pipeline.prediction.model import Model
 from pipeline.prediction.urdf import urdf
+from pipeline.programs.corrected import Given, program, write
 from pipeline.run import run, tool
 from pipeline.simulate import parse, simulate
 from pipeline.store.campaign import find, in_memory
@@ -86,7 +87,8 @@ def demo(tmp_path_factory):
     """The demo campaign after its run; its root."""
     root = tmp_path_factory.mktemp("demo")
     shutil.copytree(DATA / "raw" / "kr500_demo", root / "data" / "raw" / "kr500_demo")
-    run(find(root, "kr500_demo"))
+    with without_pages():
+        run(find(root, "kr500_demo"))
     return root
 
 

@@ -11,13 +11,14 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from conftest import without_pages
 from openpyxl import load_workbook
 
 from bench.bench_query import copies, queries
-from pipeline.answer import fleet
 from pipeline.app import cli
-from pipeline.app.query import ask
 from pipeline.base.errors import UsageError
+from pipeline.fleet import tables as fleet
+from pipeline.fleet.query import ask
 from pipeline.run import run
 from pipeline.store.campaign import Campaign, find
 
@@ -33,7 +34,8 @@ def finished(tmp_path_factory):
     root = tmp_path_factory.mktemp("finished")
     shutil.copytree(KEPT, root / "data" / "raw" / "first")
     campaign = find(root, "first")
-    run(campaign)
+    with without_pages():
+        run(campaign)
     copies(campaign, NAMES[1:], np.random.default_rng(3))
     return root
 

@@ -45,6 +45,18 @@ def base_names(case: Case) -> list[Mistake]:
     return [_finding(case, names, order, before, _miss(seen, nominal, order))]
 
 
+def not_rigid(case: Case) -> float | None:
+    """How far no place of the tracker brings the base reflectors nearer to [base_frame] [m], rms.
+
+    None where they are as far apart as it has them, or where nothing tells.
+    """
+    names, seen, nominal = _reflectors(case)
+    if len(names) < BASE_REFLECTORS:
+        return None
+    off_m = _miss(seen, nominal, range(len(names)))
+    return off_m if off_m >= GROSS_M else None
+
+
 def _reflectors(case: Case) -> tuple[list[str], Array, Array]:
     """Names, where each was read [m], tracker's frame, and its place in [base_frame] [m]."""
     rows, base = case.readings, case.settings.base_frame

@@ -7,9 +7,10 @@ apart. Which row of the joint log each pose fits best, and which pose each group
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -344,7 +345,7 @@ def told(
     of: str,
     cost: Array,
     at: tuple[str, ...],
-    correct: partial[Case],
+    correct: Callable[[Any], Any],
 ) -> Mistake:
     """An exchange that the robot's table shows; `cost` in m^2."""
     before = float(np.sqrt(max(cost[i, i] for i, _ in ring.moves)))

@@ -27,7 +27,7 @@ class Mistake:
         size: How large the mistake is, where it has a size.
         size_unit: Unit of `size`.
         p_value: Probability of such evidence by chance, None where chance plays no part.
-        correct: The corrected campaign.
+        correct: The corrected campaign; of positions, their corrected table.
         at: Where what is accused stands, `file:line`; nothing where it is no single row.
         axes: Coordinates that the square of `before` is the sum of, where it is in sigma.
         together: Several readings are moved alike, which no tail of single ones does.
@@ -42,7 +42,7 @@ class Mistake:
     before: float
     after: float
     unit: str
-    correct: Callable[[Case], Case]
+    correct: Callable[[Any], Any]
     size: float | None = None
     size_unit: str = "1"
     p_value: float | None = None

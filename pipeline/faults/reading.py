@@ -30,6 +30,7 @@ from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.register import XYZ
+from pipeline.system import odds
 from pipeline.system.beside import Base, Beside
 from pipeline.system.blocks import Blocks
 from pipeline.system.contrasts import Stack, Zeros, stacked
@@ -39,9 +40,6 @@ from pipeline.system.whiten import Whitener, whitener
 
 _SMALLEST_M = 8e-5
 """A reading off by less than this is not reported."""
-
-_FITS = 1e-3
-"""A model whose misfit is this probable fits."""
 
 _NOTHING = 1e-30
 """A variance that is rounding [1]."""
@@ -246,7 +244,7 @@ def _fits(held: Held, pulls: Base, least: float) -> bool:
         return True
     scatter = max(pulls.rest / pulls.dof, least)
     left = held.base.rest / held.base.dof
-    return bool(special.fdtrc(held.base.dof, pulls.dof, left / scatter) >= _FITS)
+    return bool(special.fdtrc(held.base.dof, pulls.dof, left / scatter) >= odds.FITS)
 
 
 def shifted_readings(

@@ -1,0 +1,72 @@
+"""What the lines above a table say of all of it: kind of coordinates, units, sense of azimuths."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from pipeline.base.errors import InputError
+from pipeline.intake._sheet import Sheet
+from pipeline.readers._coordinates import KIND_WORDS
+from pipeline.readers._named import ANGLE_WORDS, UNIT_LINE, UNIT_WORDS, WORD, said_units
+
+
+@dataclass(frozen=True)
+class Stated:
+    """What the lines above a table and the one below its titles say of all of it.
+
+    Attributes:
+        kinds: Kinds of coordinates.
+        units: Units of length.
+        angles: Units of angles.
+        senses: Ways in which azimuths grow.
+    """
+
+    kinds: frozenset[str]
+    units: frozenset[str]
+    angles: frozenset[str]
+    senses: frozenset[str]
+
+    @classmethod
+    def of(cls, found: Sheet) -> Stated:
+        """Words of lines that speak of units or of the kind of coordinates; others may mean else.
+
+        A reflector's diameter in millimetres says nothing of the coordinates.
+        """
+        kinds, units, angles, senses = set(), set(), set(), set()
+        for line in found.preamble:
+            words = WORD.findall(line.lower())
+            senses |= _senses(words)
+            here = {KIND_WORDS[word] for word in words if word in KIND_WORDS}
+            kinds |= here
+            if not here and not UNIT_LINE.search(line):
+                continue
+            said = said_units(line, of_coordinates=True)
+            units |= said & {*UNIT_WORDS.values()}
+            angles |= said & {*ANGLE_WORDS.values()}
+        return cls(*map(frozenset, (kinds, units, angles, senses)))
+
+    def only(self, what: str) -> str | None:
+        """The one word that is said of something, None where there is none.
+
+        Raises:
+            InputError: There are several.
+        """
+        found = sorted(getattr(self, what))
+        if len(found) > 1:
+            raise InputError(
+                f"the lines above the table name several {what} ({', '.join(found)})",
+                "correct them, or describe the table in [tracker.mapping] of campaign.toml",
+            )
+        return found[0] if found else None
+
+
+def _senses(words: Sequence[str]) -> set[str]:
+    """Which way azimuths grow by the words of a line.
+
+    What is called spherical or cylindrical counts from x towards y, what is called polar may not.
+    """
+    if "clockwise" in words or "cw" in words:
+        return {"counter-clockwise" if {"counter", "anti"} & {*words} else "clockwise"}
+    from_x = {"spherical", "cylindrical", "counterclockwise", "anticlockwise", "ccw"}
+    return {"counter-clockwise"} if from_x & {*words} else set()

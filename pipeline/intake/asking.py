@@ -1,0 +1,66 @@
+"""Questions about an export at a terminal: one at a time, each with the first rows as they are."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from typing import TYPE_CHECKING, Any, TypeVar
+
+import typer
+
+if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
+    from pipeline.intake.offer import Offer
+
+_Answer = TypeVar("_Answer")
+
+_ASKED = {
+    "columns": "Which columns are the coordinates?",
+    "coordinates": "Which kind of coordinates are they?",
+    "instrument": "Which instrument's readings?",
+    "unit": "In which unit are lengths?",
+    "angle": "In which unit are angles?",
+    "vertical": "Where are vertical angles zero: at the zenith, or at the horizon (elevation)?",
+    "horizontal": "Which way do horizontal angles grow, seen from above?",
+    "decimal": "Which is the decimal mark?",
+}
+
+
+def ask(found: Offer, say: Callable[[str], None]) -> dict[str, Any]:
+    """The answer to the question of an offer, as words of [tracker].
+
+    Args:
+        found: What a file seems to be.
+        say: Shows a line.
+    """
+    from pipeline.intake.inspect import rows_in_words
+
+    question = found.question
+    assert question is not None
+    for line in rows_in_words(found.preview):
+        say(line)
+    said = [answer.said for answer in question.answers]
+    return dict(numbered(_ASKED[question.about], said, question.answers, say).hints)
+
+
+def numbered(
+    question: str, said: Sequence[str], answers: Sequence[_Answer], say: Callable[[str], None]
+) -> _Answer:
+    """One of some answers, chosen by its number.
+
+    Args:
+        question: What is asked.
+        said: Each answer in words.
+        answers: What they stand for.
+        say: Shows a line.
+    """
+    say(question)
+    for number, words in enumerate(said, 1):
+        say(f"  {number}  {words}")
+    return answers[_number(len(answers)) - 1]
+
+
+def _number(most: int) -> int:
+    """The number of an answer, asked until it is one."""
+    while True:
+        typed = str(typer.prompt(f"1 to {most}", "1", err=True))
+        if typed.isdecimal() and 1 <= int(typed) <= most:
+            return int(typed)

@@ -1,0 +1,307 @@
+"""A campaign.toml for what lies in a folder, or for what is still to be measured."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from importlib import resources
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+import jinja2
+
+from pipeline.base import files
+from pipeline.base.errors import InputError, UsageError, listed
+from pipeline.base.quantities import plain
+from pipeline.base.shown import printable
+from pipeline.base.toml import quoted
+from pipeline.machine.instrument import sheet
+from pipeline.machine.robot import SHIPPED, Robot, load
+from pipeline.store.campaign import Campaign, unfit
+
+if TYPE_CHECKING:  # it brings the readers
+    from pipeline.intake.files import Proposal
+    from pipeline.intake.which_logs import Logs
+
+NAME = "a plain folder name that begins with no dot"
+
+_Value = TypeVar("_Value")
+
+_DEFAULTS = ("tracker*.csv", "tracker*.txt")
+"""What exports are called where there are none yet."""
+_TARGETS = ("P1", "P2", "P3")
+_BASE = ("B1", "B2", "B3")
+_LOGS = ("loads.csv", "joints.csv")
+"""What logs are called where there are none yet."""
+
+
+def robots() -> str:
+    """The robots that ship, for a sentence."""
+    return ", ".join(SHIPPED)
+
+
+@dataclass(frozen=True)
+class Known:
+    """What a person knows and no file says; None and missing where it stays open.
+
+    Attributes:
+        robot: A robot that ships, or a robot file.
+        unit: Of the exports that do not say it.
+        instrument: Type of the tracker.
+        sigma_m: Standard uncertainty of one tracker reading per axis [m].
+        sigma_n: Standard uncertainty of one scale reading [N].
+        mass_sigma_kg: Standard uncertainty of one weight [kg].
+        temperature_c: Of rail and base [degC].
+        places: Points of [tool] and [base_frame] [m], by name.
+        columns: Our names for titles of the logs that state no unit.
+    """
+
+    robot: str | None = None
+    unit: str | None = None
+    instrument: str | None = None
+    sigma_m: float | None = None
+    sigma_n: float | None = None
+    mass_sigma_kg: float | None = None
+    temperature_c: float | None = None
+    places: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
+    columns: Mapping[str, str] = field(default_factory=dict)
+
+
+def write(folder: Path, said: Proposal, known: Known) -> list[str]:
+    """Write campaign.toml, and empty logs where there are none; what is still to be filled in.
+
+    Args:
+        folder: Of the campaign.
+        said: What its files say.
+        known: What a person says.
+    """
+    from pipeline.reduction.settings import unfilled
+
+    template = (resources.files(__package__) / "campaign.toml.jinja").read_text("utf-8")
+    text = jinja2.Template(template, keep_trailing_newline=True).render(_words(folder, said, known))
+    if said.nothing and known.robot is not None:
+        joints = load(known.robot, folder).joints
+        columns = [f"{j.name}_m" if j.prismatic else f"{j.name}_deg" for j in joints]
+        files.write(folder / "loads.csv", b"pose,repeat,force_n,branch\n")
+        files.write(folder / "joints.csv", f"pose,{','.join(columns)},approach\n".encode())
+    files.write(folder / "campaign.toml", text.encode())
+    return [f"{name} (line {line})" for line, name in unfilled(text).items()]
+
+
+def _words(folder: Path, said: Proposal, known: Known) -> dict[str, object]:
+    """What stands in the template; None and nothing where it stays open."""
+    loads, joints = _LOGS if said.nothing else (said.loads, said.joints)
+    return {
+        "name": quoted(folder.name),
+        "loads": _shown(loads, quoted),
+        "joints": _shown(joints, quoted),
+        "base": _points(said.base or _BASE * said.nothing, known),
+        "tool": _points(["load_point", *(said.measured or _TARGETS)], known),
+        "load_columns": _pairs(_told(said.load_columns, known)),
+        "joint_columns": _pairs(_told(_joint_columns(said, known.robot), known)),
+        **_of_files(said),
+        **_of_names(said),
+        **_of_a_person(known),
+    }
+
+
+def _of_files(said: Proposal) -> dict[str, object]:
+    from pipeline.intake.offer import mapping_lines
+
+    blind = bool(said.loads or said.joints or said.refused)
+    mapping = said.offer.hints.mapping if said.offer else None
+    return {
+        "robots": _fitting(said.robots),
+        "exports": _quoted(said.exports or (() if blind else _DEFAULTS)),
+        "tracker": _tracker(said),
+        "mapping": mapping_lines(mapping) if mapping else [],
+        "unsure": said.unsure,
+        "reach": _shown(said.reach, plain),
+        "refused": [(printable(name, 80), why) for name, why in said.refused.items()],
+    }
+
+
+def _of_names(said: Proposal) -> dict[str, object]:
+    names = " or ".join(map(quoted, said.names))
+    asked = None if said.ways else said.groups or None
+    return {
+        "nameless": said.nameless,
+        "names": names if len(said.names) == 1 else None,
+        "asked_names": names if len(said.names) > 1 else None,
+        "group": _shown(next(iter(said.ways), None), lambda group: quoted(group.pattern)),
+        "asked_group": _shown(asked, lambda names: printable(listed(names), 200)),
+        "states": _shown(said.group, lambda group: _states(group.state_of)),
+        "asked_states": " or ".join(_states(one.state_of) for one in said.either),
+        "measured": _quoted(said.measured),
+        "chain": _quoted(said.chain),
+        "apart": [
+            f"{one} to {two}: {1e3 * m:.2f} mm measured" for (one, two), m in said.apart_m.items()
+        ],
+    }
+
+
+def _of_a_person(known: Known) -> dict[str, object]:
+    return {
+        "robot": _shown(known.robot, quoted),
+        "unit": _shown(known.unit, quoted),
+        "instrument": _shown(known.instrument, quoted),
+        "sheet": known.instrument is not None and sheet(known.instrument) is not None,
+        "sigma_m": _shown(known.sigma_m, "{:.3g}".format),
+        "sigma_n": _shown(known.sigma_n, "{:g}".format),
+        "mass_sigma_kg": _shown(known.mass_sigma_kg, "{:g}".format),
+        "warm": _shown(known.temperature_c, "{:g}".format),
+    }
+
+
+def _shown(value: _Value | None, words: Callable[[_Value], str]) -> str | None:
+    """A value in words, None where nobody says it."""
+    return None if value is None else words(value)
+
+
+def _tracker(said: Proposal) -> list[str]:
+    """What [tracker] says, and has to say, of an export that leaves more open than its unit."""
+    if said.offer is None:
+        return []
+    asked = {question.about: question for question in said.offer.questions}
+    lines = []
+    for word in ("unit", "decimal", "coordinates", "angle", "vertical", "horizontal"):
+        value = getattr(said.offer.hints, word)
+        if word in asked and word != "unit":  # which is asked of every export
+            answers = " or ".join(quoted(answer.said) for answer in asked[word].answers)
+            lines.append(f"# {word} = ?   # {answers}: the export does not say it")
+        elif value and word not in asked:
+            lines.append(f"{word} = {quoted(value)}")
+    if asked.keys() & {"columns", "instrument", "coordinates"}:
+        lines.append("# columns = ?   # which column is what is a guess: correct columns in "
+                     "[tracker.mapping] below, then remove this line")  # fmt: skip
+    return lines
+
+
+def log_lines(said: Logs, robot: str | None = None) -> list[str]:
+    """What campaign.toml says of the one log of a proposal, for a robot where one is named."""
+    table, file = ("scale", said.loads) if said.loads else ("joints", said.joints)
+    robot = robot if robot in said.joint_columns else None
+    columns = _pairs(said.load_columns if said.loads else _joint_columns(said, robot))
+    lines = [f"[{table}]", f"file = {quoted(str(file))}"]
+    if not columns:
+        return lines
+    several = table == "joints" and len({str(one) for one in said.joint_columns.values()}) > 1
+    whose = next(iter(said.joint_columns), "") if several and robot is None else ""
+    named = f"   # joints as {whose} calls them: name the robot in campaign.toml" if whose else ""
+    return [*lines, "", f"[{table}.columns]{named}", *columns]
+
+
+def _fitting(found: Sequence[str]) -> str:
+    """Which robots a joint log fits, or those there are."""
+    if found:
+        return f"{' or '.join(found)}: the joint log fits each of them"
+    return f"{robots()}, or a robot file in this folder"
+
+
+def described(folder: Path, found: Sequence[str]) -> list[str]:
+    """What each of some robots is, or of all that ship."""
+    return [f"{name}: {load(name, folder).description}" for name in found or SHIPPED]
+
+
+def log_columns(said: Proposal, robot: str | None) -> dict[str, str]:
+    """Our names for the titles of both logs, with bars between them where they leave it open."""
+    return {**said.load_columns, **_joint_columns(said, robot)}
+
+
+def _told(columns: Mapping[str, str], known: Known) -> dict[str, str]:
+    """Our names for titles, those that a person chose in their place."""
+    return {title: known.columns.get(title, ours) for title, ours in columns.items()}
+
+
+def _joint_columns(said: Logs, robot: str | None) -> Mapping[str, str]:
+    """Our names for the titles of the joint log; of the first robot it fits, where none is said."""
+    first = next(iter(said.joint_columns.values()), {})
+    return said.joint_columns.get(robot, {}) if robot else first
+
+
+def _pairs(columns: Mapping[str, str]) -> list[str]:
+    """A line for each title, to be filled in where it does not state its unit."""
+    return [
+        f"# {quoted(title)} = ?   # {ours.replace('|', ' or ')}: the title states no unit"
+        if "|" in ours
+        else f"{quoted(title)} = {quoted(ours)}"
+        for title, ours in columns.items()
+    ]
+
+
+def _states(state_of: Mapping[str, str]) -> str:
+    """The words of the states as a table on one line, nothing where they are ours."""
+    if all(own == ours for own, ours in state_of.items()):
+        return ""
+    return (
+        "{ " + ", ".join(f"{quoted(own)} = {quoted(ours)}" for own, ours in state_of.items()) + " }"
+    )
+
+
+def _points(names: Sequence[str], known: Known) -> list[tuple[str, str | None]]:
+    """Each point with its place, None where it stays open."""
+    found = ((name, known.places.get(name)) for name in names)
+    return [(_key(name), None if at is None else str(list(at))) for name, at in found]
+
+
+def _key(name: str) -> str:
+    return name if re.fullmatch(r"[A-Za-z0-9_-]+", name) else quoted(name)
+
+
+def _quoted(names: Sequence[str]) -> str:
+    return ", ".join(map(quoted, names))
+
+
+def vacant(root: Path, name: str) -> Path:
+    """The folder that a campaign of this name gets; there may be files in it already.
+
+    Raises:
+        UsageError: The name is no folder name, or there is a campaign in it already.
+    """
+    if why := unfit(name):
+        raise UsageError(f'"{printable(name, 80)}" cannot name a campaign ({why}): use {NAME}')
+    folder = root / "data" / "raw" / name
+    if (folder / "campaign.toml").exists():
+        raise UsageError(
+            f"{folder} has a campaign.toml already: fill that in, or remove it and type "
+            f"`pipeline init {name}` again to have it written for the files that lie there now"
+        )
+    if folder.exists() and not folder.is_dir():
+        raise UsageError(f"{folder} is there already: choose another name")
+    return folder
+
+
+def there(root: Path, folder: Path) -> dict[str, bytes]:
+    """Files that lie in a folder, but what other programs keep there; those not read are empty.
+
+    Logs that `init` made and nobody filled in say nothing.
+    """
+    if not folder.is_dir():
+        return {}
+    campaign, found = Campaign(root, folder), {}
+    for path in sorted(folder.iterdir()):
+        if path.is_file() and not path.name.startswith("."):
+            try:
+                found[path.name] = campaign.content(path.name)
+            except InputError:
+                found[path.name] = b""
+    return {name: data for name, data in found.items() if not _blank(name, data)}
+
+
+def _blank(name: str, data: bytes) -> bool:
+    return name in _LOGS and data.startswith(b"pose,") and data.count(b"\n") == 1
+
+
+def known(root: Path, name: str, robot: str) -> Robot:
+    """The robot that is meant, beside a campaign that is still to be written.
+
+    Raises:
+        UsageError: There is no such robot.
+    """
+    try:
+        return load(robot, root / "data" / "raw" / name)
+    except InputError as problem:
+        if problem.file != "campaign.toml":
+            raise
+        raise UsageError(f"--robot: {problem.thing}; {problem.way_out}") from problem

@@ -1,0 +1,349 @@
+"""What the files of a new campaign say themselves: which is which, names, states, units.
+
+Nothing is made up: what only a person knows (places of reflectors, uncertainties, a unit that no
+file states) stays open.
+"""
+
+from __future__ import annotations
+
+import contextlib
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from typing import Literal
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline import readers
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError
+from pipeline.intake._separators import LOOKED_AT, separators
+from pipeline.intake.offer import Offer, offer
+from pipeline.intake.which_logs import Logs, propose_logs, unsure
+from pipeline.readers import Columns, Export, Hints, logs
+from pipeline.readers._log_form import LogForm
+from pipeline.readers._names import split
+from pipeline.readers._text import is_workbook
+from pipeline.reduction._group_names import STATES, Group, states_of, ways_to_read
+
+_UNIT = Hints(unit="mm")
+_SHOWN = 8
+"""Group names that are given on; their form shows in fewer."""
+
+
+@dataclass(frozen=True)
+class Proposal(Logs):
+    """What the files say: of the logs, and of exports and their names.
+
+    Attributes:
+        exports: Names of the tracker exports.
+        reach: Largest number in an export that does not state its unit; None where all do.
+        offer: What else [tracker] has to say of the export, None where nothing else is open.
+        nameless: Whether an export does not say what its readings are: `names`, or only `groups`
+            where it names the targets; None where it does.
+        names: What [tracker] names may say of names that hold group and target in one; with
+            several it is open which one.
+        unsure: Of `force` and `mass` those in the log whose uncertainty it does not say itself.
+        ways: How group names are read: one way for each word that may be the unloaded state, none
+            where nobody can tell.
+        groups: Group names, some of them; none where the log of the loads says what they are.
+        measured: Targets read unloaded and loaded.
+        chain: Both ends of the chain, the one at the effector first; empty where there is none.
+        base: Reflectors in groups that are no state of a pose.
+        apart_m: Distances between measured targets as read [m], by both names.
+    """
+
+    exports: tuple[str, ...] = ()
+    reach: float | None = None
+    offer: Offer | None = None
+    nameless: Literal["names", "groups"] | None = None
+    names: tuple[str, ...] = ()
+    unsure: tuple[str, ...] = ("force",)
+    ways: tuple[Group, ...] = ()
+    groups: tuple[str, ...] = ()
+    measured: tuple[str, ...] = ()
+    chain: tuple[str, ...] = ()
+    base: tuple[str, ...] = ()
+    apart_m: dict[tuple[str, str], float] = field(default_factory=dict)
+
+    @property
+    def group(self) -> Group | None:
+        """How group names are read; None where that is open."""
+        return self.ways[0] if len(self.ways) == 1 else None
+
+    @property
+    def either(self) -> tuple[Group, ...]:
+        """The ways where several are open."""
+        return self.ways if len(self.ways) > 1 else ()
+
+    @property
+    def nothing(self) -> bool:
+        """Whether no file is an export or a log."""
+        return not (self.exports or self.loads or self.joints)
+
+
+def propose(
+    files: Mapping[str, bytes], hints: Hints | None = None, unloaded: str | None = None
+) -> Proposal:
+    """What the files of a campaign's folder say.
+
+    Args:
+        files: Content by name; TOML files are taken for robots.
+        hints: What is said by now of an export that leaves more open than its unit.
+        unloaded: The word of the unloaded state in group names, where they leave it open.
+    """
+    hints = hints or Hints()
+    logged = propose_logs(files)
+    found = _exports(files, logged)
+    found = found if found.exports else _offered(files, found, hints)
+    found = _with_groups(files, found, hints, logged)
+    exports = [*found.exports.values()]
+    names = (hints.names,) if hints.names else tuple(separators(exports))
+    if len(names) == 1:
+        exports = [split(one, names[0]) for one in exports]
+    rows = _by_group(exports)
+    told = _told(logged, files, rows)
+    columns = logged.load_columns | told.columns
+    return replace(
+        _named(rows, told.states, unloaded),
+        nameless=_lacking(exports),
+        offer=found.offer,
+        names=names,
+        exports=tuple(found.exports),
+        reach=max(found.reach, default=None),
+        unsure=unsure(logged.loads, files, columns),
+        **vars(logged) | {"load_columns": columns, "refused": logged.refused | found.refused},
+    )
+
+
+@dataclass(frozen=True)
+class _Exports:
+    """The tracker exports among some files.
+
+    Attributes:
+        exports: By name.
+        reach: Largest number of each that does not state its unit.
+        refused: Why others are none.
+        offer: What else has to be said of the one that could not be read without.
+    """
+
+    exports: dict[str, Export]
+    reach: tuple[float, ...]
+    refused: dict[str, str]
+    offer: Offer | None = None
+
+
+def _exports(files: Mapping[str, bytes], logged: Logs) -> _Exports:
+    """The files that are exports; of workbooks those that are logs, too."""
+    known = {logged.loads, logged.joints, *logged.refused}
+    exports: dict[str, Export] = {}
+    refused: dict[str, str] = {}
+    reach: list[float] = []
+    for name, data in files.items():
+        if name.endswith(".toml") or (name in known and not is_workbook(data)):
+            continue
+        try:
+            exports[name], largest = _export(name, data)
+            reach += largest
+        except InputError as problem:
+            if name not in known:
+                refused[name] = problem.thing
+    return _Exports(exports, tuple(reach), refused)
+
+
+def _export(name: str, data: bytes) -> tuple[Export, list[float]]:
+    """An export, and its largest number where it does not state its unit."""
+    try:
+        return readers.read(name, data), []
+    except InputError:
+        found = readers.read(name, data, _UNIT)
+        return found, [1e3 * float(np.abs(found.position).max(initial=0.0))]
+
+
+def _offered(files: Mapping[str, bytes], found: _Exports, hints: Hints) -> _Exports:
+    """With the one file that is an export if something is said of it, as it is most likely read."""
+    offers: dict[str, tuple[Offer, Export]] = {}
+    for name in found.refused:
+        with contextlib.suppress(InputError):
+            if one := offer(name, files[name], hints):
+                offers[name] = one, readers.read(name, files[name], one.hints)
+    if len(offers) != 1:
+        return found
+    ((name, (one, export)),) = offers.items()
+    metres = {"mm": 1e-3, "in": 0.0254}.get(str(one.hints.unit), 1.0)
+    largest = float(np.abs(export.position).max(initial=0.0)) / metres
+    unsaid = any(question.about == "unit" for question in one.questions)
+    refused = {other: why for other, why in found.refused.items() if other != name}
+    return _Exports({name: export}, (largest,) if unsaid else (), refused, one)
+
+
+def _with_groups(
+    files: Mapping[str, bytes], found: _Exports, hints: Hints, logged: Logs
+) -> _Exports:
+    """With the column of a table's groups that the log of loads makes sense of.
+
+    The same where it is not one export that names targets and no groups, or no column is one.
+    """
+    if len(found.exports) != 1 or logged.loads is None:
+        return found
+    ((name, export),) = found.exports.items()
+    if _lacking([export]) != "groups":
+        return found
+    with contextlib.suppress(InputError):
+        one = found.offer or offer(name, files[name], hints)
+        if one is None or one.hints.mapping is None:
+            return found
+        for title in export.unused:
+            hints = _grouped_in(one.hints, one.hints.mapping, title)
+            tried = readers.read(name, files[name], hints)
+            if _told(logged, files, _by_group([tried])).states:
+                return replace(found, exports={name: tried}, offer=replace(one, hints=hints))
+    return found
+
+
+def _grouped_in(hints: Hints, mapping: Columns, title: str) -> Hints:
+    """What is said of a table, with the column of its groups in its mapping."""
+    columns = mapping.model_dump()["columns"] | {"group": title}
+    return hints.model_copy(update={"mapping": mapping.model_copy(update={"columns": columns})})
+
+
+# --- names ----------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Told:
+    """What a log of loads says of the groups; nothing where it does not, or their names do.
+
+    Attributes:
+        columns: Our name for the title that names them, where it is not ours already.
+        states: `unloaded` or `loaded` by group.
+    """
+
+    columns: dict[str, str] = field(default_factory=dict)
+    states: dict[str, str] = field(default_factory=dict)
+
+
+def _told(
+    logged: Logs, files: Mapping[str, bytes], rows: Mapping[str, Mapping[str, Array]] | None
+) -> _Told:
+    """The column is the one under our title, or one that makes sense of what was read."""
+    if logged.loads is None or not rows or len(ways_to_read(rows)) == 1:
+        return _Told()
+    data = files[logged.loads]
+    form = logs.settled(LogForm(columns=logged.load_columns))
+    for columns in ({}, *({title: "group"} for title in logs.unknown(logged.loads, data, form))):
+        tried = form.model_copy(update={"columns": form.columns | columns})
+        with contextlib.suppress(InputError):
+            found = logs.loads(logged.loads, data, tried).states
+            alike = {name: logs.group_name(name) for name in rows}
+            states = {name: STATES[found[k].loaded] for name, k in alike.items() if k in found}
+            if found.keys() <= {*alike.values()} and _makes_sense(states, rows):
+                return _Told(columns, states)
+    return _Told()
+
+
+def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]) -> bool:
+    """Whether groups are unloaded and loaded states, and all others something else.
+
+    What was read unloaded was read loaded, too, and no target of theirs in any other group.
+    """
+    unloaded, loaded, others = (
+        {target for name, at in rows.items() if states.get(name) == one for target in at}
+        for one in (*STATES, None)
+    )
+    return bool(unloaded) and unloaded <= loaded and loaded.isdisjoint(others)
+
+
+def _named(
+    rows: dict[str, dict[str, Array]] | None, told: Mapping[str, str], word: str | None
+) -> Proposal:
+    """What the names of groups and targets are, as far as they or a log tell.
+
+    Args:
+        rows: Where the targets of each group were read; None where an export has no names.
+        told: State of each group that a log names.
+        word: That of the unloaded state, where somebody says it.
+    """
+    if rows is None:
+        return Proposal()
+    ways = _ways(rows, told, word)
+    if not ways and not told:
+        return Proposal(groups=tuple(rows)[:_SHOWN])
+    state = states_of(list(rows), ways[0]) if ways else told
+    unloaded, loaded, others = (
+        [at for name, at in rows.items() if state.get(name) == one] for one in (*STATES, None)
+    )
+    read = _targets(unloaded)
+    measured = [name for name in read if name in _targets(loaded)]
+    ends = [name for name in _targets(loaded) if name not in read]
+    return Proposal(
+        ways=ways,
+        groups=() if told else tuple(rows)[:_SHOWN],
+        measured=tuple(measured),
+        chain=_chain(ends, measured, loaded),
+        base=tuple(_targets(others)),
+        apart_m=_apart(measured, unloaded),
+    )
+
+
+def _ways(
+    rows: Mapping[str, Mapping[str, Array]], told: Mapping[str, str], word: str | None
+) -> tuple[Group, ...]:
+    """How group names are read where no log tells: by one word of the unloaded state, or by any."""
+    ways = () if told else ways_to_read(rows)
+    return tuple(one for one in ways if one.states[0] == word) or ways
+
+
+def _lacking(exports: Sequence[Export]) -> Literal["names", "groups"] | None:
+    """What an export does not name."""
+    if any(one.target is None for one in exports):
+        return "names"
+    return "groups" if any(one.group is None for one in exports) else None
+
+
+def _by_group(exports: Sequence[Export]) -> dict[str, dict[str, Array]] | None:
+    """Where the targets of each group were read; None where an export has no names."""
+    rows: dict[str, dict[str, Array]] = {}
+    for one in exports:
+        if one.group is None or one.target is None:
+            return None
+        groups, targets = (
+            names[:LOOKED_AT].cast(pa.string()).to_pylist() for names in (one.group, one.target)
+        )
+        for group, target, at in zip(groups, targets, one.position[:LOOKED_AT], strict=True):
+            rows.setdefault(group, {})[target] = at
+    return rows
+
+
+def _targets(states: Sequence[Mapping[str, Array]]) -> list[str]:
+    return list(dict.fromkeys(target for at in states for target in at))
+
+
+def _chain(
+    ends: Sequence[str], measured: Sequence[str], loaded: Sequence[Mapping[str, Array]]
+) -> tuple[str, ...]:
+    """Two ends, the one nearer to the effector first; none where there are not two."""
+    if len(ends) != 2:
+        return ()
+    nearer = Counter[str]()
+    for at in loaded:
+        effector = [at[name] for name in measured if name in at]
+        if effector and all(end in at for end in ends):
+            away = [float(np.linalg.norm(at[end] - np.mean(effector, axis=0))) for end in ends]
+            nearer[ends[int(np.argmin(away))]] += 1
+    first = max(ends, key=lambda end: nearer[end])
+    return first, next(end for end in ends if end != first)
+
+
+def _apart(
+    names: Sequence[str], states: Sequence[Mapping[str, Array]]
+) -> dict[tuple[str, str], float]:
+    """Median distances between targets over states [m]."""
+    out = {}
+    for k, one in enumerate(names):
+        for other in names[k + 1 :]:
+            seen = [np.linalg.norm(at[one] - at[other]) for at in states if {one, other} <= {*at}]
+            if seen:
+                out[one, other] = float(np.median(seen))
+    return out

@@ -1,0 +1,208 @@
+"""What a file that cannot be read yet seems to be, what is asked of it, and the answer to paste."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any
+
+import pyarrow as pa
+
+from pipeline.base.errors import InputError, at
+from pipeline.base.shown import in_toml
+from pipeline.intake.proposal import propose
+from pipeline.intake.question import Answer, Column, Proposal, Question
+from pipeline.readers import Columns, Export, Hints, Text, opened_as_text, read, recognise, table
+from pipeline.readers._circle import FULL
+from pipeline.readers._coordinates import AXES, SENSES, USUAL_UNITS, ZEROS
+
+_FIRST = 5
+"""Rows of a preview."""
+_MM = 1000.0
+_MAY_BE: dict[str, tuple[str, ...]] = {
+    "unit": USUAL_UNITS,
+    "coordinates": tuple(AXES),
+    "angle": tuple(FULL),
+    "vertical": ZEROS,
+    "horizontal": tuple(SENSES),
+    "decimal": (".", ","),
+}
+"""Words of [tracker] that a dialect may leave open, with their answers."""
+
+
+@dataclass(frozen=True)
+class Offer:
+    """What a file seems to be.
+
+    Attributes:
+        dialect: Name of its reader.
+        columns: What its columns seem to be; empty for dialects whose columns are known.
+        preview: The first rows as they would be read: group, target, x_mm, y_mm, z_mm, time.
+        proposal: [tracker] and [tracker.mapping] for campaign.toml, as TOML.
+        questions: What is open, in the order in which it is asked.
+        hints: The same as `proposal`, as a record.
+    """
+
+    dialect: str
+    columns: tuple[Column, ...]
+    preview: tuple[Mapping[str, Any], ...]
+    proposal: str
+    questions: tuple[Question, ...]
+    hints: Hints
+
+    @property
+    def question(self) -> Question | None:
+        """What has to be answered first, None where nothing is open."""
+        return self.questions[0] if self.questions else None
+
+    def to_json(self) -> dict[str, Any]:
+        """For `--json`."""
+        out: dict[str, Any] = {"dialect": self.dialect, "proposal": self.proposal}
+        if self.question:
+            answers = [answer.said for answer in self.question.answers]
+            out["question"] = {"about": self.question.about, "answers": answers}
+        if self.columns:
+            out["columns"] = [dict(vars(column)) for column in self.columns]
+        return out | {"preview": [dict(row) for row in self.preview]}
+
+
+def offer(name: str, data: bytes, hints: Hints) -> Offer | None:
+    """What a file seems to be, None where nothing can be proposed.
+
+    Args:
+        name: File name, for messages.
+        data: Content of the file.
+        hints: What is said of it by now.
+
+    Raises:
+        InputError: It is no table, or it contradicts what is said of it.
+    """
+    found = proposal(name, data, hints)
+    if found is None:
+        return None
+    with at(name):
+        reader = recognise(opened_as_text(name, data, hints))
+    return Offer(
+        dialect=reader.name,
+        columns=found.columns,
+        preview=_preview(name, data, found.hints),
+        proposal=as_toml(found),
+        questions=found.questions,
+        hints=found.hints,
+    )
+
+
+def proposal(name: str, data: bytes, hints: Hints) -> Proposal | None:
+    """How a file would be read and what is open, None where nothing can be proposed.
+
+    Raises:
+        InputError: It is no table, or it contradicts what is said of it.
+    """
+    with at(name):
+        file = opened_as_text(name, data, hints)
+        unknown = hints.mapping is not None or recognise(file) is table.READER
+        return propose(file, hints) if unknown else _of_dialect(name, data, file, hints)
+
+
+def _of_dialect(name: str, data: bytes, file: Text, hints: Hints) -> Proposal | None:
+    """What a dialect asks for: what its table leaves open, or else what its words do."""
+    wrong = _wrong(name, data, hints)
+    found = propose(file, hints)
+    asked = found if found and found.questions else None
+    if asked and (wrong is None or _says(asked.questions[0].problem(), wrong)):
+        return asked if wrong else None
+    return _of_words(name, data, hints, wrong) or asked
+
+
+def _says(one: InputError, other: InputError) -> bool:
+    """Whether two errors say the same, wherever they are."""
+    return one.thing == other.thing
+
+
+def _of_words(name: str, data: bytes, hints: Hints, wrong: InputError | None) -> Proposal | None:
+    """The first word of [tracker] whose answers change what a reader says, and those after it."""
+    questions: list[Question] = []
+    while wrong is not None:
+        found = _open(name, data, hints, wrong)
+        if found is None:
+            return None
+        questions.append(found)
+        hints = hints.model_copy(update=dict(found.answers[0].hints))
+        wrong = _wrong(name, data, hints)
+    return Proposal(hints, (), tuple(questions)) if questions else None
+
+
+def _wrong(name: str, data: bytes, hints: Hints) -> InputError | None:
+    try:
+        read(name, data, hints)
+    except InputError as problem:
+        return problem
+    return None
+
+
+def _open(name: str, data: bytes, hints: Hints, wrong: InputError) -> Question | None:
+    for word, answers in _MAY_BE.items():
+        if getattr(hints, word) is not None:
+            continue
+        after = {one: _wrong(name, data, hints.model_copy(update={word: one})) for one in answers}
+        fitting = [one for one, then in after.items() if str(then) != str(wrong)]
+        if fitting:
+            offered = tuple(Answer(one, {word: one}) for one in fitting)
+            return Question(word, offered, wrong.line or 1, wrong)  # type: ignore[arg-type]
+    return None
+
+
+def _preview(name: str, data: bytes, hints: Hints) -> tuple[Mapping[str, Any], ...]:
+    """The first readings with what is proposed; none where that is refused."""
+    try:
+        return first_rows(read(name, data, hints))
+    except InputError:
+        return ()
+
+
+def first_rows(export: Export) -> tuple[Mapping[str, Any], ...]:
+    """The first readings of an export, coordinates in mm."""
+    n = min(_FIRST, len(export.line))
+    names = {
+        "group": export.group,
+        "target": export.target,
+        "time": export.time.cast(pa.string()),
+    }
+    words = {key: [None] * n if column is None else column[:n].to_pylist()
+             for key, column in names.items()}  # fmt: skip
+    xyz = [[float(x) for x in row] for row in (export.position[:n] * _MM).round(6)]
+    return tuple(
+        {"group": words["group"][k], "target": words["target"][k]}
+        | dict(zip(("x_mm", "y_mm", "z_mm"), xyz[k], strict=True))
+        | {"time": words["time"][k]}
+        for k in range(n)
+    )
+
+
+def as_toml(found: Proposal) -> str:
+    """[tracker] and [tracker.mapping], what is open with its other answers behind it."""
+    others: dict[str, list[str]] = {
+        one.about: [in_toml(other.said) for other in one.answers[1:]] for one in found.questions
+    }
+    said = {word: value for word, value in found.hints if value is not None}
+    mapping = said.pop("mapping", None)
+    lines = ["[tracker]"]
+    for word, value in said.items():
+        behind = f"   # or {', '.join(others[word])}" if others.get(word) else ""
+        lines.append(f"{word} = {_value(value)}{behind}")
+    if mapping:
+        lines += ["", "[tracker.mapping]", *mapping_lines(mapping)]
+    lines += [f"# or: {one}" for one in others.get("columns") or others.get("instrument", [])]
+    return "\n".join(lines) + "\n"
+
+
+def mapping_lines(mapping: Columns) -> list[str]:
+    """What stands below [tracker.mapping]."""
+    values = {word: getattr(mapping, word) for word in type(mapping).model_fields}
+    columns = ", ".join(f"{role} = {_value(one)}" for role, one in values.pop("columns").items())
+    lines = [f"{word} = {_value(one)}" for word, one in values.items() if one is not None]
+    return [*lines, f"columns = {{ {columns} }}"]
+
+
+def _value(value: Any) -> str:
+    return in_toml(value) if isinstance(value, str) else str(value)

@@ -1,0 +1,435 @@
+"""How a table that no dialect knows would be read: one proposal, and what has to be asked first.
+
+A table is cut into cells, every way to read its columns that makes sense is found, and what the
+file leaves open becomes a question with the answers that fit. The proposal is a [tracker.mapping]:
+what is read without a question is read by the same lines that somebody could paste.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError, at, listed
+from pipeline.intake import _roles
+from pipeline.intake._beside import Role, Table
+from pipeline.intake._contents import contents, mark_of
+from pipeline.intake._polar import Polar
+from pipeline.intake._roles import Reading
+from pipeline.intake._sheet import Sheet, cells_of, sheet
+from pipeline.intake._stated import Stated
+from pipeline.intake.question import About, Answer, Column, Proposal, Question
+from pipeline.readers import _kinds
+from pipeline.readers._cells import is_number, is_turn
+from pipeline.readers._circle import FULL
+from pipeline.readers._coordinates import (
+    ANGULAR,
+    AXES,
+    PACKED,
+    USUAL_UNITS,
+    ZEROS,
+    may_be_packed,
+    seem_packed,
+    settled,
+    settled_angle,
+    settled_horizontal,
+    settled_vertical,
+    steeper_than_not,
+)
+from pipeline.readers._layout import JOINT
+from pipeline.readers._named import (
+    ANGLE_WORDS,
+    UNIT_WORDS,
+    is_unit_title,
+    known_units,
+)
+from pipeline.readers._reader import Columns, Hints, settled_unit
+from pipeline.readers._text import Text
+from pipeline.readers._time import ISO
+from pipeline.readers._titles import horizontal, titled
+
+_COORDINATES = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
+_PACKED = re.compile(r"\bd+\.?m+\.?s+\b", re.IGNORECASE)
+"""What titles call degrees with minutes and seconds, behind the point where no signs part them."""
+_METRES = 50.0
+"""Largest coordinate that is taken for metres first: no cell is longer by much, and no cell in
+millimetres or inches is so small."""
+
+
+@dataclass
+class _Draft:
+    """A proposal in the making: what is settled by now, and what is open."""
+
+    hints: Hints
+    line: int
+    questions: list[Question] = field(default_factory=list)
+
+    def ask(self, about: About, answers: Sequence[Answer], wrong: InputError | None = None) -> None:
+        """Ask, and go on with the first answer; one answer alone is no question."""
+        if len(answers) > 1 or about == "columns":
+            self.questions.append(Question(about, tuple(answers), self.line, wrong))
+        self.settle(answers[0].hints)
+
+    def settle(self, known: Mapping[str, Any]) -> None:
+        self.hints = self.hints.model_copy(update=dict(known))
+
+
+def propose(text: Text, hints: Hints) -> Proposal | None:
+    """How a table would be read, None where there is no table with three numbers in a row.
+
+    Args:
+        text: The file.
+        hints: What campaign.toml or somebody on the command line says.
+
+    Raises:
+        InputError: The file contradicts itself or what is said of it.
+    """
+    found = sheet(text)
+    if found is None:
+        return None
+    draft = _Draft(hints, found.top)
+    table = _table(found, draft)
+    stated = Stated.of(found)
+    reading = _chosen(_ways(table, stated, hints), table, draft)
+    _whole_points(table, reading, draft)
+    _instruments(table, reading, draft, text)
+    _length(table, reading, draft, stated)
+    if reading.kind != "cartesian":
+        _angle(table, reading, draft, stated)
+    return Proposal(draft.hints, _columns(table, reading), tuple(draft.questions))
+
+
+def _ways(table: Table, stated: Stated, hints: Hints) -> list[Reading]:
+    """The ways to read a table that what is said of it allows.
+
+    Raises:
+        InputError: There is none.
+    """
+    kind = stated.only("kinds") or hints.coordinates
+    if kind:
+        kind = settled(stated.only("kinds"), hints.coordinates, "coordinates", _COORDINATES)
+    if hints.mapping:
+        return [_told(table, hints.mapping)]
+    unit = hints.unit or stated.only("units")
+    ways = _roles.readings(table, kind, unit)
+    allowed = [one for one in ways if kind in (None, one.kind)]
+    if not allowed:
+        said = f"are no {kind} coordinates" if kind else "hold no three coordinates"
+        raise InputError(
+            f"the columns {said}",
+            "describe them in [tracker.mapping] of campaign.toml",
+            line=table.sheet.top,
+        )
+    return allowed
+
+
+def _told(table: Table, mapping: Columns) -> Reading:
+    """The reading that a mapping describes."""
+    titles = [title.lower() for title in table.sheet.titles]
+    roles = {}
+    for role, one in mapping.columns.items():
+        named = isinstance(one, str) and one.lower() in titles
+        place = titles.index(str(one).lower()) if named else one - 1 if isinstance(one, int) else -1
+        if 0 <= place < len(titles):
+            roles[place] = Role(role, "stated")
+    said = {one.role for one in roles.values()}
+    kind = next((kind for kind, axes in AXES.items() if said.issuperset(axes)), None)
+    if kind is None:
+        raise InputError(
+            "the columns of [tracker.mapping] are not those of the table",
+            "correct them: three coordinates are needed",
+            line=table.sheet.top,
+        )
+    return Reading(kind, roles)
+
+
+def _table(found: Sheet, draft: _Draft) -> Table:
+    """Titles and cells; the decimal mark is asked where commas leave it open."""
+    content = contents(found)
+    numbers = [one for one in content if one.kind == "number"]
+    mark = draft.hints.decimal
+    try:
+        mark = mark or mark_of(numbers, found.lines)  # type: ignore[assignment]
+    except InputError as wrong:
+        draft.ask("decimal", [Answer(one, {"decimal": one}) for one in (",", ".")], wrong)
+        mark = ","
+    return Table(found, titled(found.titles), content, mark or ".")
+
+
+def _said(table: Table, places: Sequence[int], known: Mapping[str, str]) -> set[str]:
+    """Units that titles and the line below them state of some columns."""
+    below = (table.sheet.units[k].strip("[]() ").lower() for k in places)
+    found = {table.named[k].unit for k in places} | {known.get(word) for word in below}
+    return {unit for unit in found if unit and unit in known.values()}
+
+
+# --- what is open ---------------------------------------------------------------------------------
+
+
+def _chosen(ways: list[Reading], table: Table, draft: _Draft) -> Reading:
+    """The reading that the proposal follows, its columns written into it where nobody has."""
+    if draft.hints.mapping:
+        return ways[0]
+    answers = [Answer(_named(table, one), {"mapping": _mapping(table, one)}) for one in ways]
+    about = ways[0].open
+    if about == "coordinates":
+        answers = [
+            Answer(one.kind, {"coordinates": one.kind, **answer.hints})
+            for one, answer in zip(ways, answers, strict=True)
+        ]
+    if about:
+        draft.ask(about, answers)
+    else:
+        draft.settle(answers[0].hints)
+    return ways[0]
+
+
+def _named(table: Table, reading: Reading) -> str:
+    """A reading in a word: which columns are the coordinates."""
+    axes = AXES[reading.kind]
+    titles = [_called(table.sheet.titles, k) for k in reading.places(*axes)]
+    return ", ".join(f"{axis} = {title}" for axis, title in zip(axes, titles, strict=True))
+
+
+def _called(titles: Sequence[str], place: int) -> str:
+    """A column by its title, by its number where that says no more than others do."""
+    title = titles[place]
+    return title if title and titles.count(title) == 1 else f"{title} column {place + 1}".strip()
+
+
+def _mapping(table: Table, reading: Reading) -> Columns:
+    """[tracker.mapping] of a reading."""
+    found = table.sheet
+    roles = {place: one.role for place, one in sorted(reading.roles.items()) if one.role}
+    titles = found.titles if _readable(found) else ("",) * len(found.titles)
+    header = found.header if _readable(found) else 0
+    form = next((table.content[k].form for k in reading.places("time")), None)
+    mapping = {
+        "columns": {role: _once(titles, place) or place + 1 for place, role in roles.items()},
+        "delimiter": found.delimiter,
+        "header": header,
+        "first": found.first if found.first != header + 1 else None,
+        "comment": found.comment,
+        "time_format": None if form == ISO else form,
+    }
+    return Columns.model_validate(mapping)
+
+
+def _once(titles: Sequence[str], place: int) -> str:
+    """The title of a column, nothing where another has the same."""
+    alike = [title for title in titles if title.lower() == titles[place].lower()]
+    return alike[0] if len(alike) == 1 else ""
+
+
+def _readable(found: Sheet) -> bool:
+    """Whether there are titles that are cut by the sign that cuts the rows, and no remark."""
+    cut = found.delimiter != " " or not any(" " in title for title in found.titles)
+    return cut and found.titled and found.commented is None
+
+
+def _instruments(table: Table, reading: Reading, draft: _Draft, text: Text) -> None:
+    """Readings of several instruments are in frames of their own, unless they are Cartesian."""
+    place = reading.place("instrument")
+    mapping = draft.hints.mapping
+    if mapping is None or mapping.instrument or mapping.last:
+        return
+    if reading.kind == "cartesian":
+        _frames(table, reading, mapping, draft)
+        return
+    if place is not None:
+        names = sorted({cell for cell in table.content[place].cells if cell})
+        pick = [(name, {"instrument": name}) for name in names]
+    else:
+        pick = list(_blocks(table.sheet, text))
+    if len(pick) > 1:
+        draft.ask("instrument", _of_one(mapping, pick))
+
+
+def _of_one(mapping: Columns, pick: Iterable[tuple[str, dict[str, Any]]]) -> list[Answer]:
+    """For each instrument the mapping that reads only what is of it."""
+    return [Answer(name, {"mapping": mapping.model_copy(update=part)}) for name, part in pick]
+
+
+def _frames(table: Table, reading: Reading, mapping: Columns, draft: _Draft) -> None:
+    """Rows in which a column of words puts the same targets elsewhere are those of several."""
+    axes = reading.places(*AXES[reading.kind])
+    rows = table.whole(axes)
+    names = [table.cells(reading.place(role), rows) for role in ("group", "target")]
+    free = (k for k in range(len(table.content)) if k not in reading.roles)
+    for place in free if any(names[1]) else ():
+        words = table.cells(place, rows)
+        kinds = sorted(_kinds.few(words))
+        if _kinds.nominal(kinds) or not kinds:
+            continue
+        if _kinds.apart(list(zip(*names, strict=True)), words, table.numbers(axes)):
+            columns = {**mapping.columns, "instrument": place + 1}
+            pick = ((one, {"columns": columns, "instrument": one}) for one in kinds)
+            wrong = _kinds.several(table.sheet.titles[place], kinds, draft.line)
+            draft.ask("instrument", _of_one(mapping, pick), wrong)
+            return
+
+
+def _blocks(found: Sheet, text: Text) -> Iterator[tuple[str, dict[str, Any]]]:
+    """The parts of a file that begin with the same titles under different lines."""
+    if not found.blocks:
+        return
+    ends = [*(line - 1 for line in found.blocks[1:]), len(text)]
+    above = found.preamble
+    first = found.first - found.header
+    for header, end in zip(found.blocks, ends, strict=True):
+        rows = [n for n in range(header + first, end + 1) if _is_row(text.line(n), found)]
+        if rows:
+            name = next((line.strip(" ;,\t#/") for line in above if "nstrument" in line), "")
+            yield name or f"line {header}", {"header": header, "first": rows[0], "last": rows[-1]}
+            above = tuple(text.line(n) for n in range(rows[-1] + 1, end + 1))
+
+
+def _is_row(line: str, found: Sheet) -> bool:
+    cells = cells_of(line, found.delimiter) or []
+    return sum(map(is_number, cells)) >= len(AXES["cartesian"])
+
+
+def _whole_points(table: Table, reading: Reading, draft: _Draft) -> None:
+    """Rows that are called x, y and z hold one axis of a point each.
+
+    Raises:
+        InputError: They are.
+    """
+    place = reading.place("target")
+    names = {cell.lower() for cell in table.content[place].cells} if place is not None else set()
+    if len(names) > 1 and names <= {*"xyz"}:
+        raise InputError(
+            f"each row contains one coordinate of a point ({listed(sorted(names))}), not x, y and "
+            f"z of one",
+            "export one row for each point",
+            line=draft.line,
+        )
+
+
+def _length(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
+    """The unit of length: what titles say, the lines above, or somebody; else it is asked."""
+    angular = ANGULAR[reading.kind]
+    lengths = reading.places(*(a for k, a in enumerate(AXES[reading.kind]) if k not in angular))
+    with at(line=draft.line):
+        known_units([table.named[k] for k in lengths])
+    said = _said(table, lengths, UNIT_WORDS) | stated.units | _unit_column(table)
+    turned = _said(table, lengths, ANGLE_WORDS)
+    if len(said) > 1 or turned:
+        named = listed(sorted(said | turned))
+        raise InputError(
+            f"the export names several units for its coordinates ({named})",
+            "correct its titles, or export all coordinates in the same unit",
+            line=draft.line,
+        )
+    if said or draft.hints.unit:
+        draft.settle({"unit": settled_unit(next(iter(said), None), draft.hints)})
+        return
+    largest = np.nanmax(np.abs(table.numbers(lengths)), initial=0.0)
+    units = sorted(USUAL_UNITS, key=lambda unit: unit != "m" if largest < _METRES else 0)
+    draft.ask("unit", [Answer(unit, {"unit": unit}) for unit in units])
+
+
+def _unit_column(table: Table) -> set[str]:
+    """Units of length in a column that is called so."""
+    places = [k for k, c in enumerate(table.named) if is_unit_title(c.title)]
+    cells = {cell.lower() for k in places for cell in table.content[k].cells}
+    return {UNIT_WORDS[cell] for cell in cells if cell in UNIT_WORDS}
+
+
+def _angle(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
+    """Unit of angles and zero of the vertical one, likewise; ranges and faces may say them too."""
+    angular = reading.places("azimuth", "vertical")
+    said = _said_of_angles(table, angular, draft.hints, stated)
+    if len(said) > 1:
+        raise InputError(
+            f"the export names several units of angles ({', '.join(sorted(said))})",
+            "correct its titles, or export all angles in the same unit",
+            line=draft.line,
+        )
+    if said or draft.hints.angle:
+        draft.settle({"angle": settled_angle(next(iter(said), None), draft.hints.angle)})
+    else:
+        units = _possible_angles(table.numbers(angular), reading.ways)
+        draft.ask("angle", [Answer(unit, {"angle": unit}) for unit in units])
+    if reading.kind == "spherical":
+        _vertical(table, reading, draft)
+    _horizontal(table, reading, draft, stated)
+
+
+def _said_of_angles(
+    table: Table, angular: Sequence[int], hints: Hints, stated: Stated
+) -> frozenset[str]:
+    """Units of angles that titles and lines above state, and those that are told by the cells."""
+    said = stated.angles | _said(table, angular, ANGLE_WORDS)
+    if any(is_turn(cell) for k in angular for cell in table.content[k].cells):
+        return said | {"deg"}
+    if any(_PACKED.search(table.sheet.titles[k]) for k in angular):
+        return said - {"deg"} | {PACKED}
+    doubtful = hints.angle is None and said == {"deg"} and seem_packed(table.numbers(angular))
+    return frozenset() if doubtful else said
+
+
+def _possible_angles(values: Array, ways: Sequence[Polar]) -> list[str]:
+    """Units that angles may be in by their size, the most plausible one first; all if none may."""
+    largest = np.nanmax(np.abs(values), initial=0.0)
+    allowed = {way.angle for way in ways} or {unit for unit in FULL if largest <= FULL[unit]}
+    allowed -= set() if may_be_packed(values) else {PACKED}
+    units = [unit for unit in FULL if unit in allowed] or [*FULL]
+    return sorted(units, key=PACKED.__ne__) if seem_packed(values) else units
+
+
+def _vertical(table: Table, reading: Reading, draft: _Draft) -> None:
+    (place,), angle = reading.places("vertical"), str(draft.hints.angle)
+    values = table.numbers([place])[:, 0]
+    role = table.named[place].role
+    called = role if role in ZEROS else None
+    allowed = {way.vertical for way in reading.ways if way.angle == angle}
+    if draft.hints.vertical is None and called is None and len(allowed) == 1:
+        called = allowed.pop()
+    try:
+        draft.settle({"vertical": settled_vertical(called, draft.hints.vertical, values, angle)})
+    except InputError:
+        if draft.hints.vertical is not None:
+            raise
+        zeros = ZEROS if steeper_than_not(values, angle) else ZEROS[::-1]
+        draft.ask("vertical", [Answer(zero, {"vertical": zero}) for zero in zeros])
+
+
+_RECORDS = {"SS", "TR", "BS", "FS", "BD", "BR", "FD", "FR"}
+"""How the lines of a total station's raw file begin: sideshot, traverse, back- and foresight."""
+
+
+def _horizontal(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
+    """Which way azimuths grow: what lines above say, titles or records; else it is asked."""
+    titled = horizontal(table.named, reading.place("azimuth"))
+    said = stated.senses | ({titled} if titled else set())
+    if any(all(JOINT in cell for cell in one.cells) for one in table.content):
+        said |= {"counter-clockwise"}  # SpatialAnalyzer alone writes such names
+    if any({*one.cells} <= _RECORDS for one in table.content):
+        said |= {"clockwise"}
+    if len(said) == 1 or draft.hints.horizontal:
+        found = settled_horizontal(min(said, default=None), draft.hints.horizontal)
+        draft.settle({"horizontal": found})
+        return
+    senses = ("counter-clockwise", "clockwise")
+    draft.ask("horizontal", [Answer(sense, {"horizontal": sense}) for sense in senses])
+
+
+# --- shown ----------------------------------------------------------------------------------------
+
+
+def _columns(table: Table, reading: Reading) -> tuple[Column, ...]:
+    out = []
+    for place, content in enumerate(table.content):
+        role = reading.roles.get(place)
+        if role is None:
+            role = Role("", "empty" if content.kind == "empty" else "untold")
+        out.append(
+            Column(place + 1, table.sheet.titles[place], content.example, role.role, role.why)
+        )
+    return tuple(out)

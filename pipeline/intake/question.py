@@ -1,0 +1,113 @@
+"""What a file leaves open, with the answers that fit, and the proposal that follows the first."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from typing import Any, Literal
+
+from pipeline.base.errors import InputError, listed
+from pipeline.intake._beside import Why
+from pipeline.readers._reader import Hints
+
+About = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertical", "horizontal",
+                "decimal"]  # fmt: skip
+"""What is asked."""
+
+
+@dataclass(frozen=True)
+class Column:
+    """What a column seems to be.
+
+    Attributes:
+        number: Counted from 1.
+        title: As written, empty where it has none.
+        example: Its first cell that is filled in.
+        role: A word of [tracker.mapping] columns, empty where it is not used.
+        why: What says so.
+    """
+
+    number: int
+    title: str
+    example: str
+    role: str
+    why: Why
+
+
+@dataclass(frozen=True)
+class Answer:
+    """One answer to a question.
+
+    Attributes:
+        said: The answer in a word: `mm`, `zenith`, or the columns it stands for.
+        hints: What [tracker] then says, by its keys.
+    """
+
+    said: str
+    hints: Mapping[str, Any]
+
+
+@dataclass(frozen=True)
+class Question:
+    """What a file leaves open.
+
+    Attributes:
+        about: What is asked.
+        answers: Those that make sense, the most plausible one first.
+        line: Line of the file it is about.
+        wrong: What a reader says of it, None where nothing but the question has to be said.
+    """
+
+    about: About
+    answers: tuple[Answer, ...]
+    line: int
+    wrong: InputError | None = None
+
+    def problem(self) -> InputError:
+        """The same as an error, with the way out."""
+        if self.wrong is not None:
+            return self.wrong
+        said = [answer.said for answer in self.answers]
+        thing, way_out = _WORDS[self.about]
+        shown = f'"{said[0]}"' + (f" (or {listed(map(_quoted, said[1:]))})" if said[1:] else "")
+        paste = "paste what `pipeline inspect` proposes"
+        return InputError(
+            thing.format(listed(map(_quoted, said))), way_out.format(shown, paste), line=self.line
+        )
+
+
+def _quoted(word: str) -> str:
+    return f'"{word}"'
+
+
+_WRITE = "into [tracker] of campaign.toml"
+_WORDS: dict[str, tuple[str, str]] = {
+    "columns": ("the table does not say for certain which columns are the coordinates (maybe {0})",
+                "describe its columns in [tracker.mapping] of campaign.toml: {1}"),
+    "coordinates": ("the coordinates may be {0}, the numbers allow each",
+                    f"write coordinates = {{0}} {_WRITE}, or {{1}}"),
+    "instrument": ("there are readings of several instruments ({0}), each in a frame of its own",
+                   "describe those of one in [tracker.mapping] of campaign.toml: {1}"),
+    "unit": ("the export does not say its unit of length", f"write unit = {{0}} {_WRITE}"),
+    "angle": ("the export does not say its unit of angles", f"write angle = {{0}} {_WRITE}"),
+    "vertical": ("the export does not say its vertical angle's zero",
+                 f"write vertical = {{0}} {_WRITE}"),
+    "horizontal": ("the export does not say its sense of horizontal angles",
+                   f"write horizontal = {{0}} {_WRITE}"),
+}  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """How a table would be read.
+
+    Attributes:
+        hints: All of [tracker] that the reading needs, open questions answered by their first
+            answer.
+        columns: What each column seems to be.
+        questions: What is open, in the order in which it is asked.
+    """
+
+    hints: Hints
+    columns: tuple[Column, ...]
+    questions: tuple[Question, ...] = ()
