@@ -8,6 +8,7 @@ from scipy import stats
 from small_case import asked, moved, small, where
 
 from pipeline.diagnosis.bounds import FAULTY, bounds
+from pipeline.faults.base_reading import astray
 from pipeline.reduction.bring import bring
 from pipeline.system.family import FREEDOM, Family
 from pipeline.system.far import AWAY, Far, _chance, far
@@ -52,6 +53,32 @@ def test_noise_of_many_times_the_stated_is_faulty(times, faulty):
 
     assert got.tracker == pytest.approx(times, rel=0.35)
     assert got.faulty is faulty
+
+
+@pytest.mark.parametrize(("wide", "faulty"), [(9.0, False), (30.0, True)])
+def test_tails_are_a_part_of_the_noise(case, wide, faulty):
+    """All readings as wide by tails as by a wrong certificate, up to what counts as far off."""
+    right = fit(case, bring(case))
+    variance = np.full(len(right.shape.variance), wide)
+    heavy = replace(right, shape=replace(right.shape, variance=variance))
+
+    got = bounds(heavy, right.system, right.estimate, Far.none(), 1.0)
+
+    usual = bounds(right, right.system, right.estimate, Far.none(), 1.0).tracker
+    assert got.tracker / usual == pytest.approx(np.sqrt(min(wide, AWAY**2 / 3)), rel=0.02)
+    assert replace(got, tracker=2 * got.tracker).faulty is faulty
+
+
+def test_a_robot_that_does_not_move_at_all_is_predicted_by_nothing(case):
+    """Displacements of exactly zero: nothing is left, and of nothing."""
+    right = fit(case, bring(case))
+    data = replace(right.reduced.data, delta=0 * right.reduced.data.delta)
+    still = replace(right, reduced=replace(right.reduced, data=data))
+
+    got = bounds(still, right.system, right.estimate, Far.none(), 1.0)
+
+    assert got.left == 1.0
+    assert not got.predicts
 
 
 def test_a_scale_has_a_bound_too(case):
@@ -149,3 +176,24 @@ def test_what_is_left_of_a_rotation_is_an_angle():
     assert (got.worst_pose, got.worst_target) == (5, "rotation")
     assert 2e-3 < got.turn_rad < 2e-2
     assert kept(case=small()).turn_rad is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_base_rounds_that_contradict_each_other_are_no_noise(seed):
+    """Three of four in one round and one in the other are 4 mm off: which ones nobody can say."""
+    given = small(seed)
+    rng, rounds = np.random.default_rng(seed), given.readings[given.readings["pose"].isna()]
+    first, second = rounds.groupby("group").indices.values()
+    spoilt = given
+    for k in rounds.index[[*first[:3], second[3]]]:
+        way = rng.standard_normal(3)
+        spoilt = moved(spoilt, spoilt.readings.index == k, 4e-3 * way / np.linalg.norm(way))
+
+    count, of = astray(bring(spoilt).registration, 1.0, AWAY)
+    left = far(seen(given), Family.stated(), (count, of))
+
+    assert (2 <= count <= 4, of) == (True, 8)
+    assert kept(given, left=left).scattered
+    assert astray(bring(given).registration, 1.0, AWAY) == (0, 8)
+    one = moved(given, given.readings.index == rounds.index[0], [4e-3, 0, 0])
+    assert astray(bring(one).registration, 1.0, AWAY) == (1, 8)

@@ -7,6 +7,7 @@ import pytest
 from small_case import asked
 from test_exchanged import case, files, table, written
 
+from pipeline.faults.conventions import conventions
 from pipeline.faults.dead_sensor import dead
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
@@ -112,3 +113,22 @@ def test_a_clean_campaign_has_no_dead_sensor(seed):
 def test_campaigns_that_ship_have_no_dead_sensor():
     """Neither the demo nor the one that arrives reduced."""
     assert dead(asked(case(raw("kr500_demo")))) == dead(asked(case(raw("fanuc_r2000ic")))) == []
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("rows", [4, 7])
+def test_one_row_of_the_joint_log_copied_down(seed, rows):
+    """Its lines, and no value to use where it is all; nor does any unit explain a point."""
+    head, log = table(files(seed), "joints.csv")
+    log[:rows] = [[row[0], *log[0][1:]] for row in log[:rows]]
+    made = written(files(seed), "joints.csv", head, log)
+
+    (found,) = dead(asked(case(made)))
+
+    assert (found.name, found.hopeless) == ("copied_column", rows == 7)
+    assert [int(one.rpartition(":")[2]) for one in found.at] == list(range(2, rows + 2))
+    assert conventions(case(made)) == []
+    left = set(found.correct(case(made)).joints["pose"])
+    assert left == (set(range(rows + 1, 8)) or set(range(1, 8)))
+    assert dead(asked(case(files(seed)))) == []

@@ -341,6 +341,24 @@ def test_a_row_too_few_leaves_one_without_a_place():
     assert rings(cost[:3, :3], 10, 10) == []
 
 
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.parametrize("step", [1, -1])
+def test_forces_that_are_off_by_one_from_some_row_on(seed, step):
+    """A line lost, or written twice, in mid-file: those that follow are put back as one."""
+    since = 9 + seed % 4
+    order = [*range(since), *(min(k + step, PULLS - 1) for k in range(since, PULLS))]
+    made = reordered(files(seed), "loads.csv", [2], order)
+
+    found = exchanged_pulls(asked(case(made)))
+
+    assert len(found) == 1
+    true, right = case(files(seed)).loads, put_right(found, case(made)).loads
+    both = right.merge(true, on=["pose", "repeat"])
+    assert both["force_n_x"].to_numpy() == pytest.approx(both["force_n_y"].to_numpy(), rel=0.05)
+    assert len(both) >= PULLS - 1
+
+
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", SEEDS)
 def test_forces_in_any_order_are_put_back(seed):

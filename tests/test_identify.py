@@ -182,6 +182,21 @@ def test_where_three_leave_something_a_fourth_shows_which_was_a_mixture():
     assert sorted(left.model.accepted) == [0, 1, 6]
 
 
+def test_three_that_leave_something_make_room_for_the_parts_of_a_mixture():
+    """A mixture, one that acts and one that does not: as many as can be named, and wrong ones."""
+    truth = made(np.random.default_rng(13), MIXED, {0: [3.0], 1: [3.0], 6: [2.0]}, mixed=PAIRS)
+    case, accepted = case_of(truth), (3, 6, 7)
+    first = case.whitened(case.fitted((), np.zeros(0)))
+    limit = identify.threshold(first, first.base, DOF, np.random.default_rng(1))
+    end = identify._stand(case, case.fitted(accepted, np.zeros(0)), accepted)
+    assert identify._open(end, limit)
+
+    better = identify._fewer(case, end, limit, {})
+
+    assert sorted(better.seen.model.accepted) == [0, 1, 6]
+    assert identify._worth(case, better) > identify._worth(case, end)
+
+
 def test_the_same_is_found_in_whatever_order_poses_and_causes_stand():
     """Rows of other poses first, and the catalogue backwards."""
     truth = made(np.random.default_rng(116), MIXED, {k: [2.5] for k in range(3)}, mixed=PAIRS)

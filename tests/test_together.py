@@ -172,6 +172,7 @@ def test_where_nobody_states_a_noise_the_middle_of_the_others_is_it(seed):
     held = together(Base.of(X, y, key), suspects, 1e-30)
 
     assert held.which.tolist() == true.tolist()
+    assert _end(Base.of(X, y, key), suspects, 1e-30, np.inf).which.tolist() == true.tolist()
     assert held.variance == pytest.approx(1e-10, rel=0.8)
 
 

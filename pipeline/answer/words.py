@@ -445,11 +445,13 @@ def _beyond_noise(facts: Facts) -> str:
 
 def _scattered(facts: Facts) -> str:
     left = facts.bounds.far
-    poses = listed([str(pose) for pose in sorted(set(left.pose.tolist()))[:_PLACES]])
+    poses = sorted(set(left.pose.tolist()))[:_PLACES]
+    places = [f"pose {listed([str(pose) for pose in poses])}"] if poses else []
+    places += [f"{left.base} in the rounds of the base reflectors"] if left.base else []
+    first = f" {_look_first(facts)}" if poses else ""
     return (
-        f"Of the readings in use {len(left.pose)} are more than {AWAY:.0f} standard uncertainties "
-        f"from where all others put them, which no noise explains (pose {poses}). "
-        f"{_look_first(facts)}"
+        f"Of the readings in use {left.count} are more than {AWAY:.0f} standard uncertainties "
+        f"from where all others put them, which no noise explains ({'; '.join(places)}).{first}"
     )
 
 

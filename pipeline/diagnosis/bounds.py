@@ -77,7 +77,7 @@ class Bounds:
     @property
     def scattered(self) -> bool:
         """Whether too many readings are too far off for any tails."""
-        return len(self.far.pose) > 1 and self.far.p_value < alarms.READING
+        return self.far.count > 1 and self.far.p_value < alarms.READING
 
     @property
     def predicts(self) -> bool:

@@ -17,6 +17,7 @@ from pipeline.diagnosis.bounds import bounds
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import drift
 from pipeline.diagnosis.facts import Diagnosis
+from pipeline.faults.base_reading import astray
 from pipeline.faults.screen import Beside, Screened, files_of, singles_of
 from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.room import room_of
@@ -27,7 +28,7 @@ from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.reduction.register import timed
 from pipeline.system import alarms
 from pipeline.system.family import Family
-from pipeline.system.far import Far, far
+from pipeline.system.far import AWAY, Far, far
 from pipeline.system.fit import Fitted, fit
 from pipeline.system.linearised import linearise
 from pipeline.system.shape import Shape, shape, tails
@@ -86,7 +87,9 @@ def _bounded(end: Settled) -> Settled:
     right, said = end.right, end.diagnosis
     left = Far.none()
     if right.plain.noise_stated:
-        left = far(replace(said.seen, data=right.shape.off(said.seen.data)), right.shape.family)
+        seen = replace(said.seen, data=right.shape.off(said.seen.data))
+        base = astray(right.reduced.registration, float(right.noise.scale[0]), AWAY)
+        left = far(seen, right.shape.family, base)
     best = said.hypotheses[0] if said.hypotheses else right
     told = said.scatter.force > 1 and said.scatter.known_from == "contrasts"
     force = said.scatter.force * said.scatter.tracker if told else 1.0

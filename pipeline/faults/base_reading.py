@@ -173,6 +173,32 @@ def shifts(registration: Registration, scale: float, which: Ints) -> Beside:
     return base.beside(D.reshape(1, -1, *D.shape[2:])).of_block(0)
 
 
+def astray(registration: Registration, scale: float, far: float) -> tuple[int, int]:
+    """How many base readings must be off by more than `far` standard deviations, and of how many.
+
+    Whatever the tracker did between its rounds, and wherever the reflectors are: set free one by
+    one, the farthest first, until the others leave no more than one such reading would. Which ones
+    they are it does not tell.
+
+    Args:
+        registration: Where the tracker stands.
+        scale: Scatter of the readings over the stated one.
+        far: So many of them [1].
+    """
+    table = registration.table
+    if table["group"].nunique() < 2 or table["group"].nunique() > _ROUNDS:
+        return 0, 0
+    *_, freest = _courses(registration, scale)
+    places = np.eye(table["target"].nunique())[pd.factorize(table["target"])[0]]
+    own = freest.white[:, :, None, :] * places[:, None, :, None]
+    freest = replace(freest, X=np.concatenate([freest.X, own.reshape(len(own), 3, -1)], axis=2))
+    used = np.ones(len(table), dtype=bool)
+    while freest.base(used).dof > 0 and freest.base(used).rest > far**2:
+        worst = np.flatnonzero(used)[int(np.argmax(freest.each(used).drop))]
+        used[worst] = False
+    return int((~used).sum()), len(table)
+
+
 def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
     """A tracker that stands still; drifts; is shifted between rounds; shifted and turned.
 

@@ -120,11 +120,22 @@ def _pairs(singles: Sequence[Hypothesis]) -> list[tuple[Hypothesis, ...]]:
 
 
 def _after(case: Case, chosen: Sequence[Hypothesis], how: Callable[[Case], float | None]) -> float:
-    """How far the reflectors stand off with some mistakes put right; infinite if unknown."""
+    """How far the reflectors stand off with some mistakes put right; infinite if unknown.
+
+    Nor is anything known of poses that are one: a factor that shrinks all to a point fits a point.
+    """
     for hypothesis in chosen:
         case = hypothesis.correct(case)
     value = how(case)
-    return np.inf if value is None else value
+    return np.inf if value is None or BETTER * value > _apart(case) else value
+
+
+def _apart(case: Case) -> float:
+    """How far poses are from each other, as read or by the table, whichever is less [m], rms."""
+    zeros = unloaded(case)
+    target = zeros["target"].to_numpy()
+    both = (pd.DataFrame(each).groupby(target) for each in pairs(case, zeros)[:2])
+    return min(float(np.sqrt(each.var(ddof=0).sum(axis=1).mean())) for each in both)
 
 
 def _finding(case: Case, h: Hypothesis, before: float, after: float) -> Mistake:

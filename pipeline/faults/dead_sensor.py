@@ -1,7 +1,8 @@
-"""Columns that no sensor wrote: displacements without deflection, one force copied down.
+"""Columns that no sensor wrote: displacements without deflection, a force or a pose copied down.
 
-A robot deflects under a load, and no two pulls of a pose that move it unlike had the same force.
-Neither needs an estimate, and neither can be put right: what is missing was not measured.
+A robot deflects under a load, no two pulls of a pose that move it unlike had the same force, and in
+no two poses with the same joint values its reflectors are decimetres apart. None of it needs an
+estimate, and none can be put right: what is missing was not measured.
 """
 
 from __future__ import annotations
@@ -15,13 +16,17 @@ from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.linear import rms
 from pipeline.base.quantities import plain
 from pipeline.faults.assignment import lines
+from pipeline.faults.conventions import unloaded
 from pipeline.faults.exchanged_pulls import displacement_std
 from pipeline.faults.fault import Fault, Screening
-from pipeline.faults.mistake import Mistake, as_it_is, left_out, lines_of
+from pipeline.faults.joint_row import without_poses
+from pipeline.faults.mistake import Mistake, as_it_is, left_out, length, lines_of
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import PULLED
+from pipeline.readers.known import GROSS_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import STILL_M, Measured
+from pipeline.reduction.register import XYZ
 
 _STIFF = 1 / 30
 """No robot moves by a smaller part of what its joints typically yield [1]: stiffnesses of a type
@@ -47,9 +52,9 @@ _CLEAR = 20.0
 
 
 def dead(asked: Screening) -> list[Mistake]:
-    """No deflection anywhere, or one force copied into pulls that moved unlike."""
+    """No deflection anywhere, one force copied into pulls that moved unlike, or one pose."""
     data = asked.reduced.data
-    return _still(asked, data) or _copied(asked.case, data)
+    return _still(asked, data) or [*_copied(asked.case, data), *_one_pose(asked.case)]
 
 
 # --- the tracker ----------------------------------------------------------------------------------
@@ -149,6 +154,41 @@ def _of_copy(case: Case, data: Measured, same: Ints, force: float, every: bool) 
         at=at,
         hopeless=every,
     )
+
+
+# --- the joint log --------------------------------------------------------------------------------
+
+
+def _one_pose(case: Case) -> list[Mistake]:
+    """Rows of the joint log that are one, of poses whose unloaded reflectors are far apart."""
+    log = case.joints.sort_values(["file", "line"])
+    zeros = unloaded(case).groupby(["target", "pose"], observed=True)[XYZ].median()
+    found = []
+    for _, rows in log.groupby(case.joint_columns, sort=False):
+        here = zeros[zeros.index.isin(rows["pose"], level="pose")]
+        spread = here.groupby("target", observed=True).agg(np.ptp).to_numpy(float)
+        if len(rows) < _COPIED or not len(spread) or np.linalg.norm(spread, axis=1).max() < GROSS_M:
+            continue
+        at, size = lines_of(rows), float(np.linalg.norm(spread, axis=1).max())
+        every = len(rows) == len(log)
+        found.append(
+            Mistake(
+                name="copied_column",
+                where=f"{rows['file'].iloc[0]} joints",
+                evidence=f"{len(at)} poses have the same joint values ({lines(at)}), and their "
+                f"unloaded reflectors are up to {length(size)} apart: one row was copied down",
+                correction="nothing can be corrected, no joint values were logged"
+                if every
+                else "recomputed without these poses",
+                before=1e3 * size,
+                after=0.0,
+                unit="mm",
+                correct=as_it_is if every else partial(without_poses, poses=rows["pose"].tolist()),
+                at=at,
+                hopeless=every,
+            )
+        )
+    return found
 
 
 FAULT = Fault("dead_sensor", "column that no sensor wrote", dead, in_files=True, in_forces=True)

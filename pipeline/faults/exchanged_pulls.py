@@ -49,6 +49,9 @@ _APART = 5.0
 """A state of a pose is so many times as far off as usual, in the mean of its coordinates, where
 others are the readings of another state [1]."""
 
+_ROWS = 4
+"""Rows that are off by one at least, from some row on [1]: fewer are exchanges."""
+
 _ROUNDS = 12
 """Reweightings, and assignments, until neither changes any more."""
 
@@ -215,7 +218,13 @@ def copied(asked: Screening, pulls: tuple[tuple[int, int], tuple[int, int]]) -> 
 def _loads(asked: Screening, moved: Moved, given: _Fit, least: float) -> list[Mistake]:
     """Rows that stand for each other, if that leaves all of them where they belong."""
     row = rows_of(asked.case, asked.reduced.data, moved)
-    for fit, found in _orders(moved, given, least, row):
+
+    def left(one: tuple[_Fit, list[Ring]]) -> int:
+        """Pulls that no row fits then, those apart that have none any more."""
+        wrong = np.diag(one[0].cost[_order(one[1], len(moved.force))]) > least
+        return int(wrong.sum() - sum(wrong[ring.members[0]] for ring in one[1] if ring.ended))
+
+    for fit, found in sorted(_orders(moved, given, least, row), key=left):
         kept = [ring for ring in found if _changes(moved, ring) and _both(fit, ring, least)]
         if kept:
             return [_of_loads(asked, moved, fit, ring, row) for ring in kept]
@@ -231,8 +240,11 @@ def _orders(
     if few and _all_fit(moved, few, least):
         yield _fit(moved, _order(few, count)), few
     at = np.argsort(row)  # pulls in the order of the log
-    for step, ended in product((1, -1), (False, True)):
-        ring = shift(at, step, ended)
+    wrong = np.flatnonzero(np.diag(given.cost)[at] > least)
+    first = int(wrong.min(initial=count))
+    since = [k for k in (first, first - 1) if 0 < k <= count - _ROWS]  # or from some row on
+    for begin, step, ended in product((0, *since), (1, -1), (False, True)):
+        ring = shift(at[begin:], step, ended)
         if _all_fit(moved, [ring], least):
             yield _fit(moved, _order([ring], count)), [ring]
     found = _sorted(moved, least)

@@ -245,7 +245,7 @@ def _finding(case: Case, read: _Stand, laid: _Laid, k: int) -> Mistake:
         after=1e3 * others,
         unit="mm",
         size=size,
-        correct=partial(_without_pose, pose=int(read.poses[k])),
+        correct=partial(without_poses, poses=[int(read.poses[k])]),
         at=(f"{row['file']}:{row['line']}",),
     )
 
@@ -261,14 +261,14 @@ def _same(case: Case, row: pd.Series) -> str:
     return f" but repeats that of pose {others['pose'][equal].iloc[0]}" if equal.any() else ""
 
 
-def _without_pose(case: Case, pose: int) -> Case:
-    """The campaign without one pose."""
+def without_poses(case: Case, poses: Sequence[int]) -> Case:
+    """The campaign without some poses."""
     rows, loads, joints = case.readings, case.loads, case.joints
     return replace(
         case,
-        readings=rows[rows["pose"].ne(pose).fillna(True)],
-        loads=loads[loads["pose"] != pose],
-        joints=joints[joints["pose"] != pose],
+        readings=rows[~rows["pose"].isin(poses)],
+        loads=loads[~loads["pose"].isin(poses)],
+        joints=joints[~joints["pose"].isin(poses)],
     )
 
 

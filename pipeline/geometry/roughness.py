@@ -318,6 +318,9 @@ def _estimated(
     log_det = linear.log_det(scaled) + 2 * np.log(size).sum(axis=1)
     log = -0.5 * (sums.square[which] - np.einsum("ci,ci->c", b, x) + log_det)
     size_of = sums.sizes[which]
+    told = np.isfinite(log)  # not where nothing of the table is seen, as of one pose over and over
+    x, cov = np.where(told[:, None], x, 0.0), np.where(told[:, None, None], cov, 0.0)
+    log = np.where(told, log, -1e300)
     return Cells(zeros, tuple(free), std, rough, size_of, width, x, cov, log)
 
 

@@ -26,11 +26,18 @@ class Far(Locked):
         pose: Pose of each, the farthest first, shape (n,).
         target: Index of its target, shape (n,).
         p_value: Probability that noise of the likeliest family throws as many.
+        base: How many base readings must be, too.
     """
 
     pose: Ints
     target: Ints
     p_value: float
+    base: int = 0
+
+    @property
+    def count(self) -> int:
+        """How many there are."""
+        return len(self.pose) + self.base
 
     @classmethod
     def none(cls) -> Far:
@@ -39,7 +46,7 @@ class Far(Locked):
         return cls(nothing, nothing, 1.0)
 
 
-def far(seen: Linearised, family: Family) -> Far:
+def far(seen: Linearised, family: Family, base: tuple[int, int] = (0, 0)) -> Far:
     """Readings beyond `AWAY` of what all others say of them, and whether tails explain so many.
 
     p = P[Bin(n, p_f) >= k], the largest of the families with any weight, n readings of which k are
@@ -48,6 +55,7 @@ def far(seen: Linearised, family: Family) -> Far:
     Args:
         seen: The campaign linearised at a model, all readings weighed alike.
         family: Tails of its readings.
+        base: How many base readings must be as far off, and of how many.
     """
     owner = np.repeat(np.arange(len(seen.suspects)), [len(e.parameters) for e in seen.suspects])
     data, values = replace(seen.data, bends=False), seen.model.values
@@ -60,8 +68,8 @@ def far(seen: Linearised, family: Family) -> Far:
     order = np.argsort(-off, kind="stable")
     away = order[off[order] > AWAY**2]
     pose, target = _places(seen, readings)
-    p = _chance(len(away), int(good.sum()), family.away(AWAY))
-    return Far(pose[away], target[away], p)
+    p = _chance(len(away) + base[0], int(good.sum()) + base[1], family.away(AWAY))
+    return Far(pose[away], target[away], p, base[0])
 
 
 def _places(seen: Linearised, readings: Readings) -> tuple[Ints, Ints]:
