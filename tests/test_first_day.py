@@ -1,5 +1,6 @@
 """What stopped a production engineer on a first day: each dead end, from its command to its end."""
 
+import pypdfium2
 import pytest
 
 from pipeline.app import cli
@@ -181,3 +182,22 @@ def test_a_plan_on_top_of_a_campaign_has_the_name_that_is_typed(tmp_path, monkey
 
     assert code == 0, err
     assert [one.name for one in (tmp_path / "data" / "plans").iterdir()] == ["more.toml"]
+
+
+def test_the_picture_of_a_pose_stands_on_its_page(tmp_path, monkeypatch, capsys):
+    """Heading, axes to drive to and picture of each pose are on one page of the sheet."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.toml").write_text(OWN)
+    (tmp_path / "problem.toml").write_text(PROBLEM)
+    code, _, err = typed(capsys, "design", "problem.toml", "--rounds", 1)
+    assert code == 0, err
+    pdf = pypdfium2.PdfDocument(tmp_path / "reports" / "plans" / "hall7" / "sheet.pdf")
+    pages = [page.get_textpage().get_text_range() for page in pdf]
+    everything = "\n".join(pages)
+
+    for pose in range(1, 7):
+        (own,) = [text for text in pages if f"Pose {pose}\r\nDrive to" in text]
+        assert f"Pose {pose} from the side and from above" in own.partition(f"Pose {pose}\r")[2]
+    assert everything.count("Axes read back") == 6
+    assert "Operator" in everything
+    assert everything.index("as the controller shows them") < everything.index("Annex")

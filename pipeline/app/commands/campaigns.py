@@ -179,7 +179,7 @@ def _asked(said: Proposal, robot: str | None) -> Known:
         _number("Temperature of rail and base [degC]", "Enter: not known") if said.exports else None
     )
     # in the order in which campaign.toml has them
-    frames = [("F_b", said.base), ("the flange frame", [*said.measured, "load_point"])]
+    frames = [("F_b", said.base), ("the flange frame", ["load_point", *said.measured])]
     asked = [(name, frame) for frame, names in frames for name in names if said.measured]
     if asked:
         _tell("Places are in metres, or as 120 35 -40 mm or 4.7 1.4 -1.6 in.")
