@@ -27,7 +27,7 @@ def test_all_tests_together_accuse_one_clean_campaign_in_a_hundred(table):
 
 RATES = {
     "SUSPECT", "LACK_OF_FIT", "READING", "DRIFT", "MISFIT", "SCATTER", "COMPONENT", "LAW",
-    "GEOMETRY", "LOOSE", "BLUNDER", "MOVED", "EXCHANGED", "SCALE",
+    "GEOMETRY", "LOOSE", "MOVED", "EXCHANGED", "SCALE",
 }  # fmt: skip
 
 
@@ -46,10 +46,7 @@ def test_every_rate_is_used_where_a_test_is_made():
 
 
 KNOWN = {
-    "reading._FITS": "choice of the model that readings are tested beside",
-    "pose_moved._FITS": "a pose is named only where all else fits",
     "pose_moved._ALONE": "takes back what other poses show, too",
-    "drift._FITS": "takes back a motion that is not rigid",
     "base_reading._AGREES": "takes back what others contradict",
     "base_reflector._AGREE": "takes back what others contradict",
     "unloaded_geometry._MISFIT": "asks for causes only where positions do not fit",

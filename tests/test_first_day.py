@@ -4,10 +4,10 @@ import pypdfium2
 import pytest
 
 from pipeline.app import cli
-from pipeline.app.commands import campaigns
 from pipeline.base.errors import InputError
 from pipeline.design import spec
 from pipeline.fleet import removal
+from pipeline.intake import command as asking
 from pipeline.machine.robot import SHIPPED, load
 from pipeline.readers import logs
 
@@ -127,17 +127,17 @@ def test_the_robots_that_ship_are_listed_with_their_makers(capsys):
 def test_the_only_correct_spelling_of_a_unit_is_taken(monkeypatch):
     """KN is kn; what is no unit is asked again."""
     answers = iter(["stone", "kN"])
-    monkeypatch.setattr(campaigns, "_answer", lambda *_: next(answers))
+    monkeypatch.setattr(asking, "_answer", lambda *_: next(answers))
 
-    assert campaigns._one_of("Unit", ("n", "kn", "kgf")) == "kn"
+    assert asking._one_of("Unit", ("n", "kn", "kgf")) == "kn"
 
 
 def test_a_reflector_out_of_reach_is_asked_again_and_said_again(monkeypatch, capsys):
     """210 is no metre of an effector; what was understood stands there."""
     answers = iter(["210 60 110", "210 60 110 mm"])
-    monkeypatch.setattr(campaigns, "_answer", lambda *_: next(answers))
+    monkeypatch.setattr(asking, "_answer", lambda *_: next(answers))
 
-    found = campaigns._place("P1 in the flange frame, x y z [m]", logs.LENGTH, 20.0)
+    found = asking._place("P1 in the flange frame, x y z [m]", logs.LENGTH, 20.0)
 
     assert found == pytest.approx((0.21, 0.06, 0.11))
     err = capsys.readouterr().err

@@ -20,7 +20,6 @@ from pipeline.base.quantities import (
     with_std,
 )
 from pipeline.diagnosis.average import LIKELY
-from pipeline.diagnosis.bounds import UNSTATED_M
 from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts, Named
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
@@ -330,7 +329,7 @@ def _geometry_refuted(facts: Facts) -> str:
             "and the axes of [tool] in campaign.toml."
         )
     return (
-        f"The unloaded reflectors are {plain(1e3 * facts.unloaded.miss_m, 2)} mm rms from where "
+        f"The unloaded targets are {plain(1e3 * facts.unloaded.miss_m, 2)} mm rms from where "
         "the robot file places them (base and tool fitted), and neither a listed mistake in the "
         "files nor a wrong DH parameter explains it: compare the joint log with the controller, "
         "column by column and row by row, and check that the robot file is that of this robot."
@@ -436,7 +435,7 @@ def _beyond_noise(facts: Facts) -> str:
     tracker = bounds.tracker >= bounds.force
     times = f"{plain(bounds.tracker if tracker else bounds.force, 2)} times as much as stated"
     if tracker and not bounds.stated:
-        times = f"by {plain(1e3 * UNSTATED_M * bounds.tracker, 2)} mm"
+        times = f"by {plain(1e3 * bounds.unit_m * bounds.tracker, 2)} mm"
     of = "targets" if tracker else "scale"
     return (
         f"The readings of the {of} scatter {times}, which no instrument in working order does: "

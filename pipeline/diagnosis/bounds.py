@@ -53,6 +53,8 @@ class Bounds:
         worst_target: Its target.
         worst_m: What it leaves there, rms [m].
         turn_rad: The same of the rotation of a pose that is read as one [rad]; None of a position.
+        unit_m: What stands for the noise where none is stated, or where what no model of a machine
+            holds belongs to it, too [m].
     """
 
     tracker: float = 1.0
@@ -65,6 +67,7 @@ class Bounds:
     worst_target: str = ""
     worst_m: float = 0.0
     turn_rad: float | None = None
+    unit_m: float = UNSTATED_M
 
     @property
     def faulty(self) -> bool:

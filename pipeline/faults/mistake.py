@@ -27,7 +27,7 @@ class Mistake:
         size: How large the mistake is, where it has a size.
         size_unit: Unit of `size`.
         p_value: Probability of such evidence by chance, None where chance plays no part.
-        correct: The corrected campaign.
+        correct: The corrected campaign; of positions, their corrected table.
         at: Where what is accused stands, `file:line`; nothing where it is no single row.
         axes: Coordinates that the square of `before` is the sum of, where it is in sigma.
         together: Several readings are moved alike, which no tail of single ones does.
@@ -42,7 +42,7 @@ class Mistake:
     before: float
     after: float
     unit: str
-    correct: Callable[[Case], Case]
+    correct: Callable[[Any], Any]
     size: float | None = None
     size_unit: str = "1"
     p_value: float | None = None
@@ -51,6 +51,12 @@ class Mistake:
     together: bool = False
     since: str | None = None
     hopeless: bool = False
+
+    @property
+    def lost(self) -> Mistake:
+        """The same where too few displacements are left without it: no value holds."""
+        said = "nothing can be corrected, too few displacements are left without it"
+        return replace(self, correct=as_it_is, correction=said, hopeless=True)
 
     @property
     def of_reading(self) -> bool:
@@ -62,6 +68,11 @@ class Mistake:
         """Whether it does so by a probability, which heavy tails change."""
         single = self.of_reading and not self.together
         return single and self.unit == "sigma" and self.p_value is not None
+
+
+def as_it_is(case: Case) -> Case:
+    """Nothing puts it right."""
+    return case
 
 
 def lines_of(rows: pd.DataFrame) -> tuple[str, ...]:

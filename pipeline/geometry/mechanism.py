@@ -278,15 +278,30 @@ class Linear(Locked):
     inputs: Inputs
 
 
+def placed(readings: Readings, mechanism: Mechanism, weights: Weights) -> tuple[Array, Array]:
+    """Where a mechanism has the targets and where they were read [m], F_b, both (m, t, 3)."""
+    here = mechanism.stands(_inputs(readings, mechanism, weights))
+    return mechanism.targets(here)[0], _seen(readings, mechanism)
+
+
+def _inputs(readings: Readings, mechanism: Mechanism, weights: Weights) -> Inputs:
+    when = within(readings), readings.series.astype(float)
+    return mechanism.inputs(readings.q, weights, readings.temperature, *when)
+
+
+def _seen(readings: Readings, mechanism: Mechanism) -> Array:
+    """Readings of targets in F_b [m], (m, t, 3)."""
+    own = mechanism.frames[readings.series]
+    return np.einsum("mji,mtj->mti", own[:, :3, :3], readings.at - own[:, None, :3, 3])
+
+
 def linearised(readings: Readings, mechanism: Mechanism, weights: Weights) -> Linear:
     """Readings about a mechanism."""
     robot, where = mechanism.robot, layout(mechanism)
-    when = within(readings), readings.series.astype(float)
-    inputs = mechanism.inputs(readings.q, weights, readings.temperature, *when)
+    inputs = _inputs(readings, mechanism, weights)
     here = mechanism.stands(inputs, robot)
     at, turn = mechanism.targets(here)
-    own = mechanism.frames[readings.series]
-    seen_at = np.einsum("mji,mtj->mti", own[:, :3, :3], readings.at - own[:, None, :3, 3])
+    own, seen_at = mechanism.frames[readings.series], _seen(readings, mechanism)
     seen_turn = np.einsum("mji,mtjk->mtik", own[:, :3, :3], readings.turn)
     off = np.einsum("mtij,mtkj->mtik", seen_turn, turn).reshape(-1, 3, 3)
     turned = Rotation.from_matrix(off).as_rotvec().reshape(at.shape)

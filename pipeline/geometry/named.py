@@ -96,9 +96,11 @@ class Data:
         return self.identify(found.mechanism, wanted, found)
 
     def without(self, bad: Bools) -> Data:
-        """All poses but some."""
-        weights = self.weights.part(np.flatnonzero(~bad))
-        return replace(self, readings=self.readings.part(~bad), weights=weights)
+        """All readings but some (m, t), and the poses where one is left."""
+        at = np.where(bad[..., None], np.nan, self.readings.at)
+        left = (~np.isnan(at[..., 0])).any(axis=1)
+        readings = replace(self.readings, at=at).part(np.flatnonzero(left))
+        return replace(self, readings=readings, weights=self.weights.part(np.flatnonzero(left)))
 
 
 @dataclass(frozen=True, eq=False)

@@ -12,11 +12,10 @@ from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
-from scipy import special
 from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Bools, Locked
-from pipeline.geometry import leftout, search
+from pipeline.geometry import blunders, leftout, search
 from pipeline.geometry.begin import begin
 from pipeline.geometry.identify import Identified, Wanted
 from pipeline.geometry.mechanism import Mechanism, Weights, linearised
@@ -26,10 +25,12 @@ from pipeline.geometry.scatter import start
 from pipeline.geometry.worth import Parting, distances, partings
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.weight import weighs
-from pipeline.system import alarms
 
-_TAILS = 3.0
-"""Sums of squares so many times beyond chance are no tail of what is always there."""
+_ROUNDS = 10
+"""Estimates without the readings that are off; each but the last changes which these are."""
+
+_MOST_OFF = 0.5
+"""Part of the readings that may be off [1]; beyond it nothing is the rule."""
 
 _GROSS = 20.0
 """Residuals of the nominal table beyond so many medians are blunders before any estimate."""
@@ -49,11 +50,15 @@ class Moved(NamedTuple):
 
 
 class Bad(NamedTuple):
-    """A pose that was left out."""
+    """A reading that was left out: of which pose and target, how far off, and by what chance."""
 
     file: str
     line: int
     off_m: float
+    series: str = ""
+    pose: int = 0
+    target: str = ""
+    p: float = 0.0
 
 
 class Step(StrEnum):
@@ -91,14 +96,16 @@ class Study(Locked):
     Attributes:
         stages: From the nominal table to the whole model.
         laws: Named, the largest first.
-        bad: Poses that were left out, with their distance from the model [m].
+        bad: Readings that were left out, with their distance from the model [m].
         moved: When the instrument moved; what was read afterwards is a series of its own.
+        every: All readings, those included.
     """
 
     stages: tuple[Stage, ...]
     laws: tuple[NamedLaw, ...]
     bad: tuple[Bad, ...]
     moved: tuple[Moved, ...] = ()
+    every: Data | None = None
 
     @property
     def final(self) -> Identified:
@@ -126,49 +133,52 @@ def study(
         stated: Roughness of lengths [m] and angles [rad] in the robot file, NaN where not stated.
         rng: Draws copies and intervals.
     """
-    data = Data(readings, weights, stated, start(robot, sigma_m))
+    every = Data(readings, weights, stated, start(robot, sigma_m))
     begun = begin(robot, readings, tool)
-    data, bad = _without_gross(data, begun)
+    gross = _gross(every, begun)
+    data = every.without(gross)
     nominal = data.identify(begun, Wanted(False, False))
     table = data.identify(nominal.mechanism, Wanted(springs=False))
     springs = table
     if weighs(robot) or weights.any:
         springs = data.identify(table.mechanism, Wanted(), table)
-    data, of, chances = _apart(data, springs, rng)
+    every, of, chances = _apart(every, data, springs, rng)
     if chances:
-        springs = data.again(_with_frames(springs, of))
-    data, late = _without_blunders(data, springs)
-    if late or chances:
-        nominal, table = (data.again(_with_frames(one, of)) for one in (nominal, table))
-        springs = data.again(springs)
+        data = every.without(gross)
+        nominal, table, springs = (
+            data.again(_with_frames(one, of)) for one in (nominal, table, springs)
+        )
+    data, springs, late = _without_blunders(every, data, springs, gross)
+    if not np.array_equal(late.which, gross):
+        nominal, table = data.again(nominal), data.again(table)
     parts = partings(data.readings, rng)
     whole = with_laws(data, springs, parts, rng)
-    data, last = _without_blunders(data, whole.found)  # curves show what springs leave hidden
-    if last:
-        nominal, table, springs, all_of_it = (
-            data.again(one) for one in (nominal, table, springs, whole.found)
-        )
-        whole, parts = replace(whole, found=all_of_it), partings(data.readings, rng)
+    before = data
+    # curves show what springs hide
+    data, found, late = _without_blunders(every, data, whole.found, late.which)
+    if data is not before:
+        nominal, table, springs = (data.again(one) for one in (nominal, table, springs))
+        whole, parts = replace(whole, found=found), partings(data.readings, rng)
     steps = ((Step.TABLE, nominal), (Step.LETTERS, table), (Step.SPRINGS, springs),
              (Step.LAWS, whole.found))  # fmt: skip
     stages = tuple(
         Stage(step, found, {k: distances(found, part) for k, part in parts.items()})
         for step, found in steps
     )
-    bad = sorted([*bad, *late, *last])
-    return Study(stages, whole.laws, tuple(bad), tuple(_moves(whole.found, chances)))
+    bad = tuple(_listed(every.readings, late))
+    return Study(stages, whole.laws, bad, tuple(_moves(whole.found, chances)), every)
 
 
 # --- the instrument -------------------------------------------------------------------------------
 
 
 def _apart(
-    data: Data, found: Identified, rng: np.random.Generator
+    every: Data, data: Data, found: Identified, rng: np.random.Generator
 ) -> tuple[Data, list[int], dict[str, float]]:
-    """The readings with another series wherever the instrument moved.
+    """All readings with another series wherever the instrument moved, by some of them.
 
     Returns:
-        The readings, what series each of them was before, and by what chance each began, by name.
+        All readings, what series each of them was before, and by what chance each began, by name.
     """
     of = list(range(len(data.readings.names)))
     chances: dict[str, float] = {}
@@ -176,12 +186,20 @@ def _apart(
         moved = search.moved(found, search.flips(data.readings, rng))
         if moved is None:
             break
+        first = _place(every.readings, data.readings, moved.pose)
         data = replace(data, readings=data.readings.apart(moved.pose))
+        every = replace(every, readings=every.readings.apart(first))
         new = int(data.readings.series[moved.pose])
         of.insert(new, of[new - 1])
         chances[str(data.readings.names[new])] = moved.p
         found = data.again(_with_frames(found, np.insert(np.arange(len(of) - 1), new, new - 1)))
-    return data, of, chances
+    return every, of, chances
+
+
+def _place(every: Readings, some: Readings, pose: int) -> int:
+    """Which of all poses one of some is."""
+    same = (every.file == some.file[pose]) & (every.line == some.line[pose])
+    return int(np.argmax(same))
 
 
 _MOST_MOVES = 8
@@ -214,32 +232,44 @@ def _moves(found: Identified, chances: dict[str, float]) -> Iterator[Moved]:
 # --- blunders -------------------------------------------------------------------------------------
 
 
-def _without_gross(data: Data, begun: Mechanism) -> tuple[Data, list[Bad]]:
-    """The poses but those that stand metres from a nominal robot whose others stand millimetres."""
+def _gross(data: Data, begun: Mechanism) -> Bools:
+    """Readings that stand metres from a nominal robot whose others stand millimetres, (m, t)."""
     rows = linearised(data.readings, begun, data.weights)
     off = leftout.distances(rows.y, rows.read)
-    worst = np.nanmax(off, axis=1)
-    bad = worst > _GROSS * np.nanmedian(off)
-    return data.without(bad), _listed(data.readings, bad, worst)
+    return np.asarray(off > _GROSS * np.nanmedian(off))
 
 
-def _without_blunders(data: Data, found: Identified) -> tuple[Data, list[Bad]]:
-    """The poses but those that stand farther from the model than chance takes any.
+def _without_blunders(
+    every: Data, data: Data, found: Identified, held: Bools
+) -> tuple[Data, Identified, blunders.Off]:
+    """What is left without the readings that are off, the estimate from it, and these.
 
-    |W e|^2 of a pose is chi-square with as many degrees as it has readings; what is not `_TAILS`
-    times beyond the largest that chance allows stays.
+    Args:
+        every: All readings.
+        data: Those of them that the estimate is from.
+        found: The estimate.
+        held: Readings that are out already, shape (m, t).
     """
-    e = found.rows.y - found.rows.along(found.solution.x)
-    square, k = np.sum(e**2, axis=1), found.linear.read.sum(axis=1)
-    limit = _TAILS * special.chdtri(k, alarms.BLUNDER / len(e))
-    bad = square > limit
-    off = np.nanmax(leftout.distances(found.left, found.readings.read), axis=1)
-    return data.without(bad), _listed(data.readings, bad, off)
+    off = blunders.off(found, every.readings, every.weights, held)
+    for _ in range(_ROUNDS):
+        if np.array_equal(off.which, held) or off.which.sum() > _MOST_OFF * off.which.size:
+            break
+        held = off.which
+        data = every.without(held)
+        found = data.again(found)
+        off = blunders.off(found, every.readings, every.weights, held)
+    return data, found, off._replace(which=held)
 
 
-def _listed(readings: Readings, bad: Bools, off: Array) -> list[Bad]:
-    """Poses that are left out, with their distance from the model [m]."""
-    rows = zip(
-        readings.file[bad].tolist(), readings.line[bad].tolist(), off[bad].tolist(), strict=True
-    )
-    return [Bad(*row) for row in rows]
+def _listed(readings: Readings, off: blunders.Off) -> Iterator[Bad]:
+    """Readings that are left out, with their distance from the model [m]."""
+    for m, t in np.argwhere(off.which).tolist():
+        yield Bad(
+            file=str(readings.file[m]),
+            line=int(readings.line[m]),
+            off_m=float(off.size_m[m, t]),
+            series=str(readings.names[readings.series[m]]),
+            pose=int(readings.pose[m]),
+            target=str(readings.targets[t]),
+            p=float(off.p[m, t]),
+        )

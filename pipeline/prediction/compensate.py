@@ -14,12 +14,10 @@ from pipeline.base.errors import InputError
 from pipeline.base.quantities import plain
 from pipeline.machine.robot import Robot, axes, configure, rating
 from pipeline.machine.robot.configuration import velocity
+from pipeline.machine.robot.inverse import ARM_M
 from pipeline.prediction.each_way import Ways, along, each_way
 from pipeline.prediction.model import Model
 from pipeline.readers import logs
-
-_ARM_M = 0.3
-"""Turning the tool by an angle counts as moving a point this far from its tip."""
 
 _FURTHEST = rating.TWIST_RAD
 """A motion of the tool for which joints would have to turn further is left: the arm is at a
@@ -219,7 +217,7 @@ def compensate(
         rounds: Newton steps; each gains about three digits.
     """
     tip = model.tool.load_point if tip is None else np.asarray(tip, float)
-    points = tip + _ARM_M * np.vstack([np.zeros(3), np.eye(3)])
+    points = tip + ARM_M * np.vstack([np.zeros(3), np.eye(3)])
     rating.refuse_unheld(model.robot, path.q, path.force, tip, path.file, path.line)
     before = model.positions(path.q, path.force, points)
     offset = np.zeros_like(path.q)
@@ -285,7 +283,7 @@ def _least(robot: Robot, q: Array, points: Array, missed: Array, soft: Array) ->
 def _turned(points: Array, moved: Array) -> Array:
     """Rotation vector (m, 3) of a small rigid motion: tip and three arms at right angles."""
     arms = points[:, 1:] - points[:, :1]
-    return np.cross(arms, moved[:, 1:] - moved[:, :1]).sum(axis=1) / (2 * _ARM_M**2)
+    return np.cross(arms, moved[:, 1:] - moved[:, :1]).sum(axis=1) / (2 * ARM_M**2)
 
 
 def table(robot: Robot, path: Path, found: Compensation) -> bytes:
