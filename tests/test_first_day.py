@@ -9,7 +9,7 @@ from pipeline.design import spec
 from pipeline.fleet import removal
 from pipeline.intake import command as asking
 from pipeline.machine.robot import SHIPPED, load
-from pipeline.readers import logs
+from pipeline.readers import logs, read
 
 OWN = load("kr210_r2700_2").text.replace('name = "kr210_r2700_2"', 'name = "own"')
 PROBLEM = """
@@ -201,3 +201,13 @@ def test_the_picture_of_a_pose_stands_on_its_page(tmp_path, monkeypatch, capsys)
     assert everything.count("Axes read back") == 6
     assert "Operator" in everything
     assert everything.index("as the controller shows them") < everything.index("Annex")
+
+
+def test_a_german_remark_states_the_unit_of_an_export():
+    """`// Einheiten: mm` above the points of SpatialAnalyzer."""
+    rows = "\n".join(f"A::g::P{k}, {100 * k}.0, 200.0, {300 - k}.0" for k in range(1, 5))
+    text = f"// SpatialAnalyzer ASCII, kartesisch\n// Einheiten: mm\n{rows}\n"
+
+    export = read("points.txt", text.encode())
+
+    assert export.position[:, 0].tolist() == pytest.approx([0.1, 0.2, 0.3, 0.4])
