@@ -10,11 +10,11 @@ from itertools import pairwise
 import numpy as np
 import pytest
 from cell_check import Checked
-from pipeline.library.poses import problem_of
 
 from pipeline.design import spec
 from pipeline.design.arm import bodied, hulls
 from pipeline.design.driven import legs, standing
+from pipeline.design.library import problem_of
 from pipeline.design.problem import build
 from pipeline.design.search import Effort, search
 from pipeline.machine.robot import configure, load

@@ -1,14 +1,15 @@
 """What stopped a production engineer on a first day: each dead end, from its command to its end."""
 
+import pypdfium2
 import pytest
 
 from pipeline.app import cli
-from pipeline.app.commands import campaigns
 from pipeline.base.errors import InputError
 from pipeline.design import spec
 from pipeline.fleet import removal
+from pipeline.intake import command as asking
 from pipeline.machine.robot import SHIPPED, load
-from pipeline.readers import logs
+from pipeline.readers import logs, read
 
 OWN = load("kr210_r2700_2").text.replace('name = "kr210_r2700_2"', 'name = "own"')
 PROBLEM = """
@@ -126,17 +127,17 @@ def test_the_robots_that_ship_are_listed_with_their_makers(capsys):
 def test_the_only_correct_spelling_of_a_unit_is_taken(monkeypatch):
     """KN is kn; what is no unit is asked again."""
     answers = iter(["stone", "kN"])
-    monkeypatch.setattr(campaigns, "_answer", lambda *_: next(answers))
+    monkeypatch.setattr(asking, "_answer", lambda *_: next(answers))
 
-    assert campaigns._one_of("Unit", ("n", "kn", "kgf")) == "kn"
+    assert asking._one_of("Unit", ("n", "kn", "kgf")) == "kn"
 
 
 def test_a_reflector_out_of_reach_is_asked_again_and_said_again(monkeypatch, capsys):
     """210 is no metre of an effector; what was understood stands there."""
     answers = iter(["210 60 110", "210 60 110 mm"])
-    monkeypatch.setattr(campaigns, "_answer", lambda *_: next(answers))
+    monkeypatch.setattr(asking, "_answer", lambda *_: next(answers))
 
-    found = campaigns._place("P1 in the flange frame, x y z [m]", logs.LENGTH, 20.0)
+    found = asking._place("P1 in the flange frame, x y z [m]", logs.LENGTH, 20.0)
 
     assert found == pytest.approx((0.21, 0.06, 0.11))
     err = capsys.readouterr().err
@@ -181,3 +182,32 @@ def test_a_plan_on_top_of_a_campaign_has_the_name_that_is_typed(tmp_path, monkey
 
     assert code == 0, err
     assert [one.name for one in (tmp_path / "data" / "plans").iterdir()] == ["more.toml"]
+
+
+def test_the_picture_of_a_pose_stands_on_its_page(tmp_path, monkeypatch, capsys):
+    """Heading, axes to drive to and picture of each pose are on one page of the sheet."""
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "own.toml").write_text(OWN)
+    (tmp_path / "problem.toml").write_text(PROBLEM)
+    code, _, err = typed(capsys, "design", "problem.toml", "--rounds", 1)
+    assert code == 0, err
+    pdf = pypdfium2.PdfDocument(tmp_path / "reports" / "plans" / "hall7" / "sheet.pdf")
+    pages = [page.get_textpage().get_text_range() for page in pdf]
+    everything = "\n".join(pages)
+
+    for pose in range(1, 7):
+        (own,) = [text for text in pages if f"Pose {pose}\r\nDrive to" in text]
+        assert f"Pose {pose} from the side and from above" in own.partition(f"Pose {pose}\r")[2]
+    assert everything.count("Axes read back") == 6
+    assert "Operator" in everything
+    assert everything.index("as the controller shows them") < everything.index("Annex")
+
+
+def test_a_german_remark_states_the_unit_of_an_export():
+    """`// Einheiten: mm` above the points of SpatialAnalyzer."""
+    rows = "\n".join(f"A::g::P{k}, {100 * k}.0, 200.0, {300 - k}.0" for k in range(1, 5))
+    text = f"// SpatialAnalyzer ASCII, kartesisch\n// Einheiten: mm\n{rows}\n"
+
+    export = read("points.txt", text.encode())
+
+    assert export.position[:, 0].tolist() == pytest.approx([0.1, 0.2, 0.3, 0.4])

@@ -354,7 +354,7 @@ def init(tmp_path, monkeypatch, capsys):
 def test_with_all_answers_it_is_the_campaign_that_was_measured(init):
     """One question at a time: robot, uncertainties, places; nothing else is needed."""
     points = TRUE["tool"] | TRUE["base_frame"]
-    order = ["load_point", "P1", "P2", "P3", "B1", "B2", "B3", "B4"]
+    order = ["B1", "B2", "B3", "B4", "load_point", "P1", "P2", "P3"]  # as campaign.toml
     places = ["; ".join(str(x).replace(".", ",") for x in points[name]) for name in order]
     said = parse(init(FILES, "kr500_rail", "", "0.03", "2,0", "21,5", *places))
     true = parse(MADE["campaign.toml"].decode())
@@ -371,9 +371,9 @@ def test_with_all_answers_it_is_the_campaign_that_was_measured(init):
 def test_answers_may_have_their_own_units(init):
     """As on a drawing in mm or in inches, and on a scale in pounds."""
     points = TRUE["tool"] | TRUE["base_frame"]
-    order = ["load_point", "P1", "P2", "P3", "B1", "B2", "B3", "B4"]
+    order = ["B1", "B2", "B3", "B4", "load_point", "P1", "P2", "P3"]  # as campaign.toml
     mm = [" ".join(f"{1e3 * x:.10g}" for x in points[name]) + " mm" for name in order]
-    mm[1] = ", ".join(f"{x / 0.0254:.16g}" for x in points["P1"]) + "in"
+    mm[5] = ", ".join(f"{x / 0.0254:.16g}" for x in points["P1"]) + "in"
     said = parse(init(FILES, "kr500_rail", "", "3e-5 m", "0,5 lbf", "", *mm))
 
     assert said.tool["P1"] == pytest.approx(points["P1"], rel=1e-11)

@@ -286,16 +286,18 @@ def test_the_sheet_says_what_to_do_and_what_to_expect(proposal):
 
 
 def test_the_sheet_gives_the_axes_of_the_controller(proposal):
-    """A1 to A6 of the sheet turn back into the joint values of the plan."""
+    """Axes of the sheet, mm and degrees, turn back into the joint values of the plan."""
     report = sheet(proposal, Extras(proposal.sights()), 1.0)
     tables = {b.name: b for s in report.sections for b in s.blocks if hasattr(b, "rows")}
     robot = proposal.problem.robot
-    axes = np.array([[float(cell.text) for cell in row[1:]] for row in tables["axes"].rows])
+    rows = [row[1 : 1 + len(robot.controller)] for row in tables["axes"].rows]
+    axes = np.array([[float(cell.text) for cell in row] for row in rows]) * [1e-3, *6 * [1.0]]
     turned = np.where(robot.prismatic, robot.controller_offset, np.rad2deg(robot.controller_offset))
     back = axes @ robot.controller_matrix.T + turned
     q = np.where(robot.prismatic, proposal.plan.q, np.rad2deg(proposal.plan.q))
 
-    assert back == pytest.approx(q, abs=2e-3)
+    assert [c.title for c in tables["axes"].columns[1:3]] == ["E1 [mm]", "A1 [deg]"]
+    assert back == pytest.approx(q, abs=1.1e-2)  # two decimals
 
 
 def test_each_pose_says_where_to_drive_and_how_to_pull(proposal):
@@ -310,7 +312,7 @@ def test_each_pose_says_where_to_drive_and_how_to_pull(proposal):
     )
     for number, section in enumerate(s for s in report.sections if s.title.startswith("Pose ")):
         said = section.blocks[0].text
-        assert all(cell.text in said for cell in axes.rows[number][1:])
+        assert all(cell.text in said for cell in axes.rows[number][1:8])
         way = "rising" if measurement.approach[number] > 0 else "falling"
         assert f"the carriage arrives with r {way}" in said
     moved = expected(proposal.problem, twice)
@@ -368,7 +370,7 @@ def written(proposal, tmp_path_factory):
 def test_a_design_is_written_as_plan_and_sheet(written):
     """The plan is TOML that simulate reads; page and PDF stand beside its pictures."""
     root, made = written
-    plan, page, paper = made.written
+    plan, page, paper, *driven = made.written
 
     assert parse(plan.read_text()).poses.number == 6
     assert page.read_text().startswith("<!doctype html>")
@@ -378,6 +380,7 @@ def test_a_design_is_written_as_plan_and_sheet(written):
     assert {"pose-1.svg", "pose-6.svg", "sights.svg", "anchor.svg"} <= figures
     assert "pipeline design" in plan.read_text().splitlines()[0]
     assert str(plan) in made.as_text()
+    assert {one.suffix for one in driven} <= {".src", ".dat"}
 
 
 def test_a_plan_written_by_hand_is_not_overwritten(proposal, tmp_path):

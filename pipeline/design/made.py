@@ -16,6 +16,7 @@ from pipeline.design.propose import Proposal, propose
 from pipeline.design.search import Effort
 from pipeline.design.unpulled import Unpulled
 from pipeline.machine.poses import in_log_units
+from pipeline.machine.robot import axes
 from pipeline.machine.room import unchecked
 
 _MM = 1e3
@@ -193,6 +194,8 @@ def worth_unpulled(found: Unpulled) -> str:
 
 
 def _unchecked(problem: Problem) -> tuple[str, ...]:
+    if problem.spec.cell is None and problem.room is not None:
+        return ("beams, chain, floor and cables: there is no [cell]",)
     return unchecked(problem.robot, problem.spec.targets, problem.spec)
 
 
@@ -217,13 +220,15 @@ def cell_lines(proposal: Proposal) -> list[str]:
 
 
 def _poses(proposal: Proposal) -> list[str]:
-    joints, measurement = proposal.problem.robot.joints, proposal.measurement
-    head = ["pose", *(f"{j.name} {'m' if j.prismatic else 'deg'}" for j in joints), "steps N"]
+    robot, measurement = proposal.problem.robot, proposal.measurement
+    mapped = axes.of(robot)
+    units = ["mm" if slides else "deg" for slides in mapped.slides]
+    named = [f"{name} {unit}" for name, unit in zip(mapped.names, units, strict=True)]
+    head = ["pose", *named, "steps N"]
+    shown = axes.shown(robot, measurement.q)
     rows = [
         [f"{number:4d}", *(f"{value:.3f}" for value in row), ", ".join(f"{s:g}" for s in steps)]
-        for number, (row, steps) in enumerate(
-            zip(printed(proposal.problem, measurement.q), measurement.steps, strict=True), 1
-        )
+        for number, (row, steps) in enumerate(zip(shown, measurement.steps, strict=True), 1)
     ]
     return [" ".join(f"{cell:>11}" for cell in row) for row in [head, *rows]]
 
@@ -234,7 +239,7 @@ def _poses_without_a_pull(proposal: Proposal) -> list[str]:
     first = len(proposal.measurement.q) + 1
     return [
         " ".join(f"{cell:>11}" for cell in [f"{number:4d}", *(f"{value:.3f}" for value in row)])
-        for number, row in enumerate(printed(proposal.problem, proposal.unpulled.q), first)
+        for number, row in enumerate(axes.shown(proposal.problem.robot, proposal.unpulled.q), first)
     ]
 
 

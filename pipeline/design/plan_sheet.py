@@ -9,7 +9,6 @@ from operator import itemgetter
 import numpy as np
 
 from pipeline.answer.words import capital
-from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import percent, plain
 from pipeline.design.control import Control
@@ -23,7 +22,7 @@ from pipeline.design.propose import Proposal
 from pipeline.design.schedule import pulls_at
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.machine.effect import branches
-from pipeline.machine.robot import Joint, Robot
+from pipeline.machine.robot import Joint, Robot, axes
 from pipeline.report import words
 from pipeline.report.columns import Cells, number, roughly, said, table_of
 from pipeline.report.record import (
@@ -97,6 +96,7 @@ def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
                 _seeing(extras.sights, words.axes_of(problem.robot)),
                 _controlling(problem, extras.controls),
                 _assumptions(problem),
+                _annex(problem, measurement),
             ]
         ),
         run_time=f"{seconds:.1f} s",
@@ -152,7 +152,24 @@ def _setting_up(problem: Problem, measurement: Measurement) -> Section | None:
     todo = [_BEFORE, _AT_EACH, *([_AFTER] if spec.noise.zero == "before_after" else [])]
     columns = [said("What", itemgetter(0)), said("Value", itemgetter(1))]
     table = table_of("setup", "Set-up", columns, rows)
-    return section_of("setup", "Set up", [*map(Text, todo), table])
+    once = table_of(
+        "once",
+        "To write down once",
+        [said("What", str), (Column("Value"), lambda _: Entry("_" * 24))],
+        _ONCE,
+    )
+    return section_of("setup", "Set up", [*map(Text, todo), table, once])
+
+
+_ONCE = (
+    "Date, begin and end",
+    "Operator",
+    "Temperature of base and robot [degC], at the begin and at the end",
+    "Weight that hangs at the load point all the time [kg]",
+    "Serial numbers of robot, tracker and scale",
+    "Standard uncertainty of the scale, by its certificate [N]",
+)
+"""What campaign.toml asks for and nobody remembers afterwards."""
 
 
 def _point(at: tuple[float, float, float]) -> str:
@@ -160,20 +177,40 @@ def _point(at: tuple[float, float, float]) -> str:
 
 
 def _driving(problem: Problem, measurement: Measurement) -> Section | None:
+    """What is driven, as the controller shows it."""
     robot, poses = problem.robot, range(len(measurement.q))
     at = station(problem.experiment, measurement.q, measurement.anchor)
-    names = [f"{j.name} [{'m' if j.prismatic else 'deg'}]" for j in robot.joints]
-    q = _in_degrees(robot, measurement.q)
     carriage: Cells[int] = said("Carriage", lambda k: _way(measurement.approach[k]))
     columns = [
         _POSE,
-        *(_of_pose(name, values, 3) for name, values in zip(names, q.T, strict=True)),
+        *_shown(robot, measurement.q),
         *([carriage] if robot.prismatic[0] else []),
         _of_pose("Chain [m]", at.chain_m, 2),
         _of_pose("Flange z [m]", at.configuration.flange_origin[:, 2], 2),
     ]
-    table = table_of("poses", "Joint values", columns, poses)
-    return section_of("poses", "Drive", [table, _axes(robot, q) if robot.controller else None])
+    table = table_of("axes", "Axes, as the controller shows them", columns, poses)
+    return section_of("poses", "Drive", [table])
+
+
+def _shown(robot: Robot, q: Array) -> list[Cells[int]]:
+    """A column for each axis of the controller, mm and degrees, of poses (m, n)."""
+    mapped, values = axes.of(robot), axes.shown(robot, q)
+    units = ["mm" if slides else "deg" for slides in mapped.slides]
+    each = zip(mapped.names, units, values.T, strict=True)
+    return [_of_pose(f"{name} [{unit}]", column, 2) for name, unit, column in each]
+
+
+def _annex(problem: Problem, measurement: Measurement) -> Section | None:
+    """The same poses by the joints of the robot file, where these are no axes."""
+    robot = problem.robot
+    if not robot.controller:
+        return None
+    q = _in_degrees(robot, measurement.q)
+    names = [f"{j.name} [{'m' if j.prismatic else 'deg'}]" for j in robot.joints]
+    columns = [_POSE, *(_of_pose(n, own, 3) for n, own in zip(names, q.T, strict=True))]
+    note = "In the robot file, result.json and plan; nobody has to type these at the controller."
+    table = table_of("joint_values", "Joint values of the robot file", columns, range(len(q)), note)
+    return section_of("annex", "Annex", [table])
 
 
 _POSE: Cells[int] = number("Pose", lambda k: k + 1, str)
@@ -191,20 +228,6 @@ def _way(approach: float) -> str:
 def _in_degrees(robot: Robot, q: Array) -> Array:
     """Joint values [m] or [rad], shape (..., n), in [m] or [deg]."""
     return np.where(robot.prismatic, q, np.rad2deg(q))
-
-
-def _turned(robot: Robot, q: Array) -> Array:
-    """Joint values (m, n) [m] or [deg] as the controller shows them."""
-    offset = _in_degrees(robot, robot.controller_offset)
-    return linear.solve(robot.controller_matrix, (q - offset).T).T
-
-
-def _axes(robot: Robot, q: Array) -> Table | None:
-    """The same poses in the controller's own axes."""
-    each = zip(robot.controller, _turned(robot, q).T, strict=True)
-    columns = [_POSE, *(_of_pose(name, values, 3) for name, values in each)]
-    note = "In the axes of the controller; rail in m, the others in degrees."
-    return table_of("axes", "Controller axes", columns, range(len(q)), note)
 
 
 def _pulling(problem: Problem, measurement: Measurement) -> list[Section | None]:
@@ -226,7 +249,8 @@ def _pose(
     )
     drive = Text(_drive_to(problem.robot, measurement, pose))
     log = _log(problem, pose, measurement.steps[pose], moved)
-    return section_of(f"pose{pose + 1}", name, [drive, figure, log])
+    back = _read_back(problem.robot, pose)
+    return section_of(f"pose{pose + 1}", name, [drive, figure, back, log])
 
 
 def _reading_only(proposal: Proposal) -> Section | None:
@@ -234,13 +258,10 @@ def _reading_only(proposal: Proposal) -> Section | None:
     if (found := proposal.unpulled) is None:
         return None
     robot, first = proposal.problem.robot, len(proposal.measurement.q) + 1
-    q = _in_degrees(robot, found.q)
-    names = robot.controller or tuple(joint.name for joint in robot.joints)
-    values = _turned(robot, q) if robot.controller else q
     often = "twice" if proposal.problem.spec.noise.zero == "before_after" else "once"
     columns: list[Cells[int]] = [
         said("Pose", lambda k: first + k),
-        *(_of_pose(name, column, 3) for name, column in zip(names, values.T, strict=True)),
+        *_shown(robot, found.q),
         said("Group in the tracker", lambda k: f"pose{first + k:02d}_rep0_unloaded", code=True),
     ]
     return section_of(
@@ -255,20 +276,18 @@ def _reading_only(proposal: Proposal) -> Section | None:
                 "unpulled",
                 "Poses to measure",
                 columns,
-                range(len(q)),
-                "Rail in m, the others in degrees." if robot.prismatic.any() else "In degrees.",
+                range(len(found.q)),
             ),
         ],
     )
 
 
 def _drive_to(robot: Robot, measurement: Measurement, pose: int) -> str:
-    names = robot.controller or tuple(joint.name for joint in robot.joints)
-    q = _in_degrees(robot, measurement.q[[pose]])
-    values = (_turned(robot, q) if robot.controller else q)[0]
-    units = ("m" if slides else "deg" for slides in robot.prismatic)
+    mapped, values = axes.of(robot), axes.shown(robot, measurement.q[pose])
+    units = ("mm" if slides else "deg" for slides in mapped.slides)
     places = ", ".join(
-        f"{name} {value:.3f} {unit}" for name, value, unit in zip(names, values, units, strict=True)
+        f"{name} {value:.2f} {unit}"
+        for name, value, unit in zip(mapped.names, values, units, strict=True)
     )
     if not robot.prismatic[0]:
         return f"Drive to {places}."
@@ -311,6 +330,19 @@ def _log(problem: Problem, pose: int, steps: Array, moved: list[Array]) -> Table
     if problem.spec.noise.zero == "before_after":
         note += f" Unloaded after: {group}{len(steps) + 1}_unloaded."
     return table_of(f"log-{pose + 1}", "To write down", columns, range(len(steps)), note)
+
+
+def _read_back(robot: Robot, pose: int) -> Table | None:
+    """Boxes for the axes as the controller shows them once it stands there."""
+    columns: list[Cells[int]] = [
+        *((Column(name), _short) for name in axes.of(robot).names),
+        (Column("Arrived by hand from"), _blank),
+    ]
+    return table_of(f"read-back-{pose + 1}", "Axes read back", columns, range(1))
+
+
+def _short(_: int) -> Entry:
+    return Entry("_" * 8)
 
 
 def _blank(_: int) -> Entry:

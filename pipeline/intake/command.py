@@ -193,7 +193,7 @@ def _places(said: Proposal) -> dict[str, tuple[float, float, float]]:
     # in the order in which campaign.toml has them
     frames = [
         ("F_b", said.base, HALL_M),
-        ("the flange frame", [*said.measured, "load_point"], REACH_M),
+        ("the flange frame", ["load_point", *said.measured], REACH_M),
     ]
     found = {
         name: _place(f"{name} in {frame}, x y z [m]", LENGTH, most_m)
