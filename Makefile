@@ -16,13 +16,14 @@
 #   make picture  the picture of the code in docs/code.md
 #   make schema   the keys of result.json in docs/, from their types
 #   make wheel    the package as a wheel, in dist/
+#   make supply   bill of materials, licences, known weaknesses, and whether two wheels are the same
 #   make docs     the documentation site, build/site, from docs/ and the docstrings
 #                 make docs ARGS='-D nb_execution_mode=cache'    tutorials run only if their text changed
 #   make lock     write requirements.lock anew from pyproject.toml      make lock UPGRADE=--upgrade
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test slow team check bench league open-league reference worlds paper compare example picture schema docs wheel lock clean
+.PHONY: run test slow team check bench league open-league reference worlds paper compare example picture schema docs wheel supply lock clean
 
 PYTHON ?=
 ARGS ?=
@@ -96,8 +97,12 @@ docs: .venv/.ready .venv/.docs
 
 wheel: .venv/.ready
 	@rm -rf build/lib
-	@$(PIP) wheel --no-deps --no-build-isolation --no-index --wheel-dir dist .
+	@SOURCE_DATE_EPOCH=$$(git log -1 --format=%ct 2>/dev/null || echo 315532800) \
+		$(PIP) wheel --no-deps --no-build-isolation --no-index --wheel-dir dist .
 	@ls -t dist/*.whl | head -1
+
+supply: .venv/.ready
+	@$(PY) -m bench.supply
 
 # No address goes into the files: whoever installs decides where packages come from, the hashes decide which.
 lock: .venv/.ready

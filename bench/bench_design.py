@@ -26,10 +26,10 @@ from pipeline.base.arrays import Array
 from pipeline.design import search
 from pipeline.design.criteria import relative_std
 from pipeline.design.information import Experiment, information, station, value_and_slope
+from pipeline.design.library import problem_of
 from pipeline.design.limits import slacks
 from pipeline.design.problem import Problem
 from pipeline.design.space import Box
-from pipeline.library.poses import problem_of
 from pipeline.machine.robot.model import model
 from pipeline.report.svg import BLUE, MUTED, PURPLE, RED, STYLE
 

@@ -11,9 +11,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.app import service, supervisor
-from pipeline.app.processes import PYTHON
 from pipeline.base import files
+from pipeline.base.processes import PYTHON
+from pipeline.service import server as service
+from pipeline.service import supervisor
 from pipeline.simulate import Plan, simulate
 
 KILLS = 100
@@ -27,7 +28,7 @@ from pathlib import Path
 import pipeline.report.figures.catalogue
 from pipeline.store.campaign import find
 if sys.argv[2] == "prefect":
-    from pipeline.app.flow import identified as run
+    from pipeline.service.flow import identified as run
 else:
     from pipeline.run import run
 
@@ -113,7 +114,7 @@ def server(root: Path, engine: str) -> Iterator[None]:
         return
     before = dict(os.environ)
     urls = supervisor.settled(root, PORT)
-    process = subprocess.Popen([*PYTHON, "pipeline.app.gate", str(root / "reports"), str(PORT)])
+    process = subprocess.Popen([*PYTHON, "pipeline.service.gate", str(root / "reports"), str(PORT)])
     try:
         while not service.answers(urls["api"]):
             time.sleep(0.3)

@@ -18,7 +18,7 @@ from pathlib import Path
 
 from bench import bench_jobs
 from pipeline.answer.archive import earlier, read
-from pipeline.app import pages
+from pipeline.fleet import pages
 from pipeline.run import run as run_one
 from pipeline.store.campaign import every
 

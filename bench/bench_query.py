@@ -12,8 +12,8 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.answer import fleet
-from pipeline.app.query import ask
+from pipeline.fleet import tables as fleet
+from pipeline.fleet.query import ask
 from pipeline.run import run as computed
 from pipeline.store.campaign import Campaign, dump, find
 

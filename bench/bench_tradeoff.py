@@ -13,12 +13,12 @@ from matplotlib import rc_context
 from matplotlib.figure import Figure
 
 from pipeline.design.discriminate import lens
+from pipeline.design.library import problem_of
 from pipeline.design.measurement import of_plan, seen_by
 from pipeline.design.problem import Problem
 from pipeline.design.propose import propose
 from pipeline.design.search import Effort, Plan, rounded, search
 from pipeline.design.trade import trade
-from pipeline.library.poses import problem_of
 from pipeline.report.svg import BLUE, GREEN, MUTED, STYLE
 
 SEEDS = (1, 2)

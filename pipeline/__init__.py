@@ -27,6 +27,7 @@ from pipeline.base.version import __version__ as __version__
 
 if TYPE_CHECKING:
     from pipeline.base.errors import CannotWrite, InputError, PipelineError, UsageError
+    from pipeline.design.library import Design, design_poses
     from pipeline.library.campaign import (
         Campaign,
         Result,
@@ -42,12 +43,11 @@ if TYPE_CHECKING:
         load_model,
         load_position_model,
     )
-    from pipeline.library.poses import Design, design_poses
-    from pipeline.library.virtual import Simulated, simulate_campaign
     from pipeline.machine.robot import Robot
     from pipeline.machine.robot import load as load_robot
     from pipeline.prediction.compensate import Compensation
     from pipeline.prediction.compliance import CartesianStiffness
+    from pipeline.simulate.library import Simulated, simulate_campaign
 
 __all__ = [
     "Campaign",
@@ -86,8 +86,8 @@ _FROM = {
         "load_model",
         "load_position_model",
     ),
-    "library.poses": ("Design", "design_poses"),
-    "library.virtual": ("Simulated", "simulate_campaign"),
+    "design.library": ("Design", "design_poses"),
+    "simulate.library": ("Simulated", "simulate_campaign"),
     "machine.robot": ("Robot", "load_robot"),
     "prediction.compensate": ("Compensation",),
     "prediction.compliance": ("CartesianStiffness",),

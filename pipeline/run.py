@@ -13,7 +13,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.answer import archive, fleet
+from pipeline.answer import archive
 from pipeline.answer.answer import answer as answer_of
 from pipeline.answer.contract import Answer, Which
 from pipeline.answer.findings import Findings
@@ -44,7 +44,6 @@ from pipeline.reduction.measured import Measured
 from pipeline.reduction.stations import one_station
 from pipeline.report import workbook
 from pipeline.report.render import render
-from pipeline.report.wear import told
 from pipeline.store.campaign import Campaign, Raw, dump
 from pipeline.system.fit import fit
 from pipeline.system.one_pose import as_measured
@@ -140,7 +139,7 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> Answer:
         **found.files,
         **workbook.files(found.answer, found.shown),
     }
-    wear = told(found.answer, fleet.wear(campaign.root))  # as known before this campaign
+    wear = archive.together(found.answer, campaign.root)  # as known before this campaign
     pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers), wear)
     about = {
         "run_time_s": run_time_s,

@@ -3,16 +3,20 @@
 import ast
 import functools
 import graphlib
+import re
+import shutil
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
 
+from pipeline.app.commands import COMMANDS
+
 pytestmark = pytest.mark.xdist_group("architecture")  # every file is parsed once
 
 PACKAGE = Path(__file__).parents[1] / "pipeline"
-CORE = (
+PURE = (
     "machine",
     "programs",
     "readers",
@@ -24,8 +28,10 @@ CORE = (
     "design",
     "simulate",
     "geometry",
-    "wear",
+    "fleet/wear",
 )
+SPEAKING = ("command.py", "plan_files.py", "plan_figures.py", "corrected.py", "library.py")
+"""Files of these that parse, draw, or take paths: what is offered of an outbuilding."""
 OUTSIDE = {"prefect", "typer", "matplotlib", "filelock", "jinja2", "typst"}
 LATE = ("pinocchio", "prefect", "matplotlib", "scipy", "pandas", "pyarrow", "numpy")
 
@@ -45,7 +51,7 @@ def imports(path):
             yield node.module
 
 
-FILES = sorted(p for part in CORE for p in (PACKAGE / part).rglob("*.py"))
+FILES = sorted(p for part in PURE for p in (PACKAGE / part).rglob("*.py") if p.name not in SPEAKING)
 
 
 @pytest.mark.parametrize("path", FILES, ids=lambda p: p.relative_to(PACKAGE).as_posix())
@@ -93,7 +99,7 @@ def test_prefect_is_imported_by_flow_and_server_only():
         if any(name.split(".")[0] == "prefect" for name in imports(path))
     }
 
-    assert knowing == {"app/flow.py", "app/gate.py"}
+    assert knowing == {"service/flow.py", "service/gate.py"}
 
 
 def test_matplotlib_is_imported_behind_one_door():
@@ -103,10 +109,15 @@ def test_matplotlib_is_imported_behind_one_door():
         for path in PACKAGE.rglob("*.py")
         if any(name.split(".")[0] == "matplotlib" for name in imports(path))
     }
-    door = "import pipeline.report.svg"
+    figures, plan = PACKAGE / "report/figures/__init__.py", PACKAGE / "design/plan_figures.py"
 
-    assert {one for one in knowing if not one.startswith("report/figures/")} == {"report/svg.py"}
-    assert door in (PACKAGE / "report" / "figures" / "__init__.py").read_text("utf-8")
+    assert {one for one in knowing if not one.startswith("report/figures/")} == {
+        "report/svg.py",
+        "design/plan_figures.py",
+    }
+    assert "import pipeline.report.svg" in figures.read_text("utf-8")
+    order = [node.module for node in nodes(plan) if isinstance(node, ast.ImportFrom)]
+    assert order.index("pipeline.report.svg") < order.index("matplotlib.axes")
 
 
 def test_no_two_files_import_each_other():
@@ -124,37 +135,193 @@ def test_no_two_files_import_each_other():
 ORDER = (
     "base",
     "machine",
-    "programs",
     "tables",
     "readers",
     "reduction",
     "store",
     "system",
-    "wear",
     "geometry",
     "faults",
     "diagnosis",
     "prediction",
-    "design",
-    "simulate",
     "answer",
     "report",
     "run",
     "library",
     "app",
 )
-"""Packages and files at the top, each importing only what stands before it."""
+"""Packages and files of the core, each importing only what stands before it."""
+
+DOORS = ("base", "machine", "tables", "answer.contract", "library")
+"""What an outbuilding may import of the core."""
+
+_COMMAND = "how options are written and answers are shown, the same for every command"
+_PLACES = "where a campaign lies, what may be written there, and how"
+_PAGES = "its pages are made of the records, the columns and the colours of the report"
+
+OUTBUILDINGS = {
+    "design": {
+        "app.commands._shared": _COMMAND,
+        "store.campaign": _PLACES,
+        "answer.words": _PAGES,
+        "report": _PAGES,
+        "reduction.settings": "a plan becomes a campaign.toml, and is written in its words",
+        "reduction.bring": "further poses begin with the readings that a campaign has",
+        "run": "further poses begin with the readings that a campaign has",
+        "system": "a plan is judged by the estimator that will read it",
+        "diagnosis": "and by what the diagnosis will be able to tell apart",
+        "geometry.unloaded": "and unloaded poses by the table that they will determine",
+    },
+    "fleet": {
+        "app.commands._shared": _COMMAND,
+        "app.outcome": _COMMAND,
+        "store.campaign": _PLACES,
+        "answer.archive": "which answers are finished, and where their tables lie",
+        "answer.history": "two answers beside each other, which every report needs as well",
+        "diagnosis.finding": "the verdicts by name",
+        "diagnosis.average": "from which probability on a cause counts as likely",
+        "report": _PAGES,
+    },
+    "page": {"app.commands._shared": _COMMAND},
+    "programs": {
+        "app.commands._shared": _COMMAND,
+        "store.campaign": _PLACES,
+        "prediction": "a program is a path of targets: aimed at and compensated as any other",
+        "readers.logs": "a path is a table of joint values, as the log of a campaign is",
+    },
+    "service": {
+        "app.commands._shared": _COMMAND,
+        "app.outcome": _COMMAND,
+        "app.progress": _COMMAND,
+        "store.campaign": _PLACES,
+        "answer.archive": "which answers are finished, and the page over them",
+        "readers": "how large an export may be that is copied from a storage",
+        "run": "it runs campaigns",
+    },
+    "simulate": {
+        "app.commands._shared": _COMMAND,
+        "store.campaign": _PLACES,
+        "readers": "what is simulated is written in the dialects that are read",
+        "reduction.settings": "a plan becomes a campaign.toml, and is written in its words",
+    },
+}
+"""Folders that the core can do without: what each imports beside the doors, and why."""
+
+
+KNOWN = {
+    ".".join(path.relative_to(PACKAGE).with_suffix("").parts).removesuffix(".__init__")
+    for path in PACKAGE.rglob("*.py")
+}
+
+
+def modules(path):
+    """Modules of the package that a file imports, without the package's name in front."""
+    for node in nodes(path):
+        if isinstance(node, ast.Import):
+            whole = [name.name for name in node.names]
+        elif isinstance(node, ast.ImportFrom) and not node.level:
+            whole = [f"{node.module}.{name.name}" for name in node.names]
+        else:
+            continue
+        for one in whole:
+            root, _, inner = one.partition(".")
+            if root == PACKAGE.name:
+                yield inner if inner in KNOWN else inner.rpartition(".")[0]
+
+
+def leads_into(module, doors):
+    """Whether a module is one of these, or in one."""
+    return any(module == door or module.startswith(f"{door}.") for door in doors)
+
+
+def test_every_folder_is_core_or_outbuilding():
+    """None is in neither, and so in no test of this file."""
+    there = {path.relative_to(PACKAGE).parts[0] for path in PACKAGE.rglob("*.py")}
+
+    assert {one.removesuffix(".py") for one in there} - {"__init__", "__main__"} == {
+        *ORDER,
+        *OUTBUILDINGS,
+    }
 
 
 def test_every_package_imports_only_those_below_it():
-    """The order of docs/code.md, also of what is imported late."""
+    """The order of docs/code.md, also of what is imported late; so no outbuilding, either."""
     for path in PACKAGE.rglob("*.py"):
         mine = path.relative_to(PACKAGE).parts[0].removesuffix(".py")
-        if mine.startswith("__"):
+        if mine.startswith("__") or mine in OUTBUILDINGS:
             continue
-        others = {m.split(".")[1] for m in used(path) if m and m.startswith("pipeline.")}
-        above = [other for other in others & set(ORDER) if ORDER.index(other) > ORDER.index(mine)]
-        assert not above, path
+        others = {module.split(".")[0] for module in modules(path)}
+        below = {*ORDER[: ORDER.index(mine) + 1], "__version__"}
+        assert not (others & {*ORDER, *OUTBUILDINGS}) - below, path
+
+
+@pytest.mark.parametrize("name", OUTBUILDINGS)
+def test_an_outbuilding_is_entered_and_left_by_doors(name):
+    """It imports itself, the doors, and what is listed for it; nothing is listed in vain."""
+    doors = (name, *DOORS, *OUTBUILDINGS[name])
+    found = {one for path in (PACKAGE / name).rglob("*.py") for one in modules(path)}
+
+    assert not {one for one in found if not leads_into(one, doors)}
+    assert not [one for one in OUTBUILDINGS[name] if not any(leads_into(m, [one]) for m in found)]
+
+
+@pytest.mark.parametrize("name", OUTBUILDINGS)
+def test_an_outbuilding_has_a_first_page(name):
+    """What it is, the door, and how it is tested."""
+    page = ast.get_docstring(ast.parse((PACKAGE / name / "__init__.py").read_text("utf-8")))
+
+    assert re.search(r"(?m)^Door: ", page)
+    assert re.search(r"(?m)^Tests: ", page)
+
+
+def without(folder, names):
+    """A copy of the package that has no such outbuildings, and a project with the demo in it."""
+    kept = shutil.ignore_patterns("__pycache__", *names)
+    shutil.copytree(PACKAGE, folder / "pipeline", ignore=lambda at, found: kept(at, found) if
+                    Path(at) == PACKAGE else {"__pycache__"} & {*found})  # fmt: skip
+    shutil.copytree(PACKAGE.parent / "data/raw/kr500_demo", folder / "data/raw/kr500_demo")
+
+
+ALONE = """
+import sys
+sys.meta_path[:] = [one for one in sys.meta_path if "editable" not in repr(one).lower()]
+sys.path[0] = {folder!r}
+from pipeline.app.cli import main
+main({words!r})
+"""
+"""The command line of a copy, and no way to what it lacks in the package that is installed."""
+
+
+def command(folder, *words):
+    """`pipeline` of the copy in this folder."""
+    return subprocess.run(
+        [sys.executable, "-c", ALONE.format(folder=str(folder), words=[*words])],
+        capture_output=True,
+        text=True,
+        cwd=folder,
+    )
+
+
+SETS = [[*OUTBUILDINGS], *([name] for name in OUTBUILDINGS)]
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("names", SETS, ids=["all", *OUTBUILDINGS])
+def test_the_core_runs_without(tmp_path, names):
+    """The demo comes to its report, and a command that is not there says so."""
+    without(tmp_path, names)
+    engine = [] if "service" in names else ["--engine", "local"]
+    done = command(tmp_path, "run", "kr500_demo", *engine)
+
+    assert done.returncode == 0, done.stderr
+    assert (tmp_path / "reports/kr500_demo/report.pdf").is_file()
+    listed = command(tmp_path, "--help").stdout
+    gone = [word for word, one in COMMANDS.items() if one.door.split(".")[1] in names]
+    assert gone == [word for word in COMMANDS if f"\n  {word} " not in listed]
+    if gone:
+        refused = command(tmp_path, gone[0])
+        assert refused.returncode == 2
+        assert "comes without pipeline." in refused.stderr
 
 
 def used(path):

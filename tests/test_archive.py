@@ -13,14 +13,14 @@ import report_sample
 
 from pipeline.answer import archive
 from pipeline.answer.archive import finished, read
-from pipeline.app import pages
 from pipeline.app.cli import _exit_code
-from pipeline.app.guard import Guard
-from pipeline.app.preferences import Preferences, Service
 from pipeline.app.shell import run_all, status
-from pipeline.app.watch import Clock, scan
 from pipeline.base.errors import UsageError
+from pipeline.base.preferences import Preferences, Service
+from pipeline.fleet import pages
 from pipeline.run import run
+from pipeline.service.guard import Guard
+from pipeline.service.watch import Clock, scan
 from pipeline.simulate import simulate
 from pipeline.store.campaign import Campaign, find
 

@@ -88,7 +88,7 @@ def test_a_model_that_leaves_most_of_the_displacements_predicts_nothing(case):
 
     assert got.left > 0.3
     assert not got.predicts
-    assert got.worst_mm > 5
+    assert got.worst_m > 5e-3
 
 
 def test_readings_far_off_are_counted_with_their_places(case):
@@ -131,3 +131,21 @@ def test_heavy_tails_explain_some_far_readings_and_not_a_dozen():
     assert _chance(10, 1000, p) > 0.1
     assert _chance(30, 1000, p) < 1e-4
     assert _chance(0, 1000, p) == 1.0
+
+
+def test_what_is_left_of_a_rotation_is_an_angle():
+    """One pose of a camera turned by 20 mrad under load: mrad of the rotation, and not mm."""
+    six = {"kind": "camera", "measures": "poses", "sigma_m": 5e-5, "sigma_rad": 2e-4}
+    given = small(3, poses={"count": 8}, tracker=six)
+    rows = given.readings
+    turned = (rows["pose"] == 5) & (rows["state"] == "loaded") & (rows["repeat"] == 1)
+    names = given.settings.measured
+    xyz = rows.loc[turned & rows["target"].isin(names), ["x_m", "y_m", "z_m"]].to_numpy(float)
+    off = np.cross([0.0, 0.0, 0.02], xyz - xyz.mean(axis=0))
+    spoilt = moved(given, (turned & rows["target"].isin(names)).to_numpy(), off)
+
+    got = kept(spoilt)
+
+    assert (got.worst_pose, got.worst_target) == (5, "rotation")
+    assert 2e-3 < got.turn_rad < 2e-2
+    assert kept(case=small()).turn_rad is None

@@ -12,8 +12,9 @@ import report_sample
 from get_browser import browser_path
 from pdf_text import pages_of
 
+from pipeline.fleet.overview import render_overview
 from pipeline.report.model import compose
-from pipeline.report.render import render, render_overview
+from pipeline.report.render import render
 
 pytestmark = [pytest.mark.browser, pytest.mark.xdist_group("browser")]
 

@@ -11,10 +11,10 @@ from made_programs import frame, letters_of
 from test_programs import TIP, identified
 
 from pipeline.app import cli
-from pipeline.app.corrected import Frame, Given, write
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
 from pipeline.prediction.aim import Refused
+from pipeline.programs.corrected import Frame, Given, write
 
 ROBOT = load("kr500_rail")
 FORCE = np.array([600.0, -800.0, -900.0])

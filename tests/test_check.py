@@ -11,6 +11,7 @@ from small_case import PLAN
 from bench.bench_check import KINDS, named
 from pipeline.app import cli
 from pipeline.app.wrong_lines import wrong_lines
+from pipeline.machine.robot import load
 from pipeline.run import answered
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
@@ -276,3 +277,48 @@ def test_what_check_says_of_a_point_run_says_too():
     assert not [
         line for line in answer.verdict_sentence if line.startswith("Nothing detectable in")
     ]
+
+
+def next_of(out):
+    """What is to be typed next."""
+    return json.loads(out)["next"]
+
+
+def test_base_distances_that_no_motion_explains_are_told_before_a_run(said):
+    """Coordinates metres off; no turned frame is claimed, and no run is proposed."""
+    text = TOML
+    for name, at in (("B2", "[1.6, 12.5, -0.3]"), ("B3", "[-0.6, 16.5, -1.28]"),
+                     ("B4", "[-2.6, -0.5, 0.28]")):  # fmt: skip
+        (row,) = (row for row in text.splitlines() if row.startswith(f"{name} = "))
+        text = text.replace(row, f"{name} = {at}")
+    _, out, err = said(FILES | {"campaign.toml": text.encode()}, "--json")
+
+    assert "B1 to B2 is 19000.0" in err
+    assert "13038.40 mm as stated" in err
+    assert "turned by" not in err
+    assert next_of(out) == "pipeline check c"
+
+
+def test_a_reflector_in_millimetres_is_refused_with_its_line(said):
+    """As `run` refuses it: a coordinate of 210 m is on no effector."""
+    files, line = changed("P1 = [0.2, 0.05, 0.12]", "P1 = [210, 0.05, 0.12]")
+    code, _, err = said(files)
+
+    assert code == 5
+    assert f"campaign.toml:{line}: [tool] P1: a coordinate of 210 m is on no effector" in err
+
+
+def test_a_wrong_link_of_the_robot_file_is_told_before_a_run(said):
+    """34 mm off in one link: named with its size, as `run` does, while the robot stands there."""
+    robot = load("kr500_rail").text.replace("d_m = 1.3", "d_m = 1.266")
+    text = TOML.replace('robot = "kr500_rail"', 'robot = "robot.toml"')
+    files = FILES | {"campaign.toml": text.encode(), "robot.toml": robot.encode()}
+    _, out, err = said(files, "--json")
+    found = answered("c", in_memory(files)).answer
+    value = err.partition("d_4 = ")[2].partition(" mm")[0].split(" ")
+
+    assert "wrong link length in joint 4 (A3)" in err
+    assert abs(float(value[0]) - 1300) < 3 * float(value[2])
+    assert "not 1266 mm" in err
+    assert "link_length" in {cause.name for cause in found.diagnosis.causes}
+    assert next_of(out) == "pipeline check c"

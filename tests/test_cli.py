@@ -15,8 +15,9 @@ from pathlib import Path
 
 import pytest
 
-from pipeline.app import cli, doctor
+from pipeline.app import cli
 from pipeline.run import run
+from pipeline.service import doctor
 from pipeline.store import campaign as campaigns
 
 HERE = Path(__file__).parents[1]

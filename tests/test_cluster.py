@@ -14,8 +14,8 @@ from pathlib import Path
 import pytest
 
 from pipeline.app.shell import run_all
-from pipeline.base.cluster import Cluster
 from pipeline.base.errors import Unfinished, UsageError
+from pipeline.service.cluster import Cluster
 
 HERE = Path(__file__).parents[1]
 KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"

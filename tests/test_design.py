@@ -17,13 +17,13 @@ from pipeline.design.bound import Worst, bounds, certify
 from pipeline.design.curves import by_anchor, by_size
 from pipeline.design.descent import descend
 from pipeline.design.information import Experiment, information, station, value_and_slope
+from pipeline.design.library import problem_of
 from pipeline.design.limits import kept, penalty, slacks
 from pipeline.design.made import make
 from pipeline.design.propose import propose
 from pipeline.design.scatter import Beam, Scatter
 from pipeline.design.schedule import starts
 from pipeline.design.search import Effort, evaluate, objective
-from pipeline.library.poses import problem_of
 from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.instrument import InstrumentNoise

@@ -17,10 +17,10 @@ from pipeline.design.discriminate import (
     rows,
     sights,
 )
+from pipeline.design.library import problem_of
 from pipeline.design.problem import with_steps
 from pipeline.design.schedule import pulls_at
 from pipeline.diagnosis.isolability import Twins, twins
-from pipeline.library.poses import problem_of
 from pipeline.machine.cell import predict
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load

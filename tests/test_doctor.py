@@ -7,8 +7,8 @@ import time
 
 import pytest
 
-from pipeline.app import doctor
-from pipeline.app.service import LOOKED, RUNNING
+from pipeline.service import doctor
+from pipeline.service.server import LOOKED, RUNNING
 
 
 @pytest.fixture

@@ -9,10 +9,10 @@ import pytest
 import report_sample
 
 from pipeline.answer.contract import Cause, Unit
-from pipeline.answer.experience import experience
-from pipeline.app.priors import toml
 from pipeline.base.errors import InputError
 from pipeline.diagnosis.finding import Verdict
+from pipeline.fleet.experience import experience
+from pipeline.fleet.priors import toml
 from pipeline.reduction.settings import Prior
 from pipeline.run import answered
 from pipeline.simulate import simulate

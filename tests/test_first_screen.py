@@ -312,7 +312,8 @@ def same(case):
 @pytest.mark.parametrize(
     ("names", "said"),
     [
-        (("outlier", "outlier"), "Check that reading against the measurement record"),
+        (("outlier",), "Check that reading against the measurement record"),
+        (("outlier", "outlier"), "Check those readings against the measurement record"),
         (("tool_point",), "Measure that point of the effector again"),
         (("unit_mixup",), "Check that against the measurement record"),
         (("outlier", "unit_mixup"), "Check that against the measurement record"),

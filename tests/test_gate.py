@@ -5,7 +5,7 @@ import asyncio
 import httpx
 import pytest
 
-from pipeline.app.gate import Gate, reports
+from pipeline.service.gate import Gate, reports
 
 PORT = 4200
 OWN = {"host": f"127.0.0.1:{PORT}"}

@@ -9,9 +9,9 @@ from pathlib import Path
 import pytest
 
 from bench.bench_kill import PLAN
-from pipeline.app.guard import Guard
-from pipeline.app.preferences import Service
-from pipeline.app.processes import alive
+from pipeline.base.preferences import Service
+from pipeline.base.processes import alive
+from pipeline.service.guard import Guard
 from pipeline.simulate import simulate
 from pipeline.store import campaign as campaigns
 

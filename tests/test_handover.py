@@ -18,7 +18,6 @@ from bending_robot import BendingRobot
 from made_programs import Kuka
 from test_programs import off, unstamped
 
-from pipeline.app.corrected import Given, program, write
 from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
@@ -28,6 +27,7 @@ from pipeline.prediction import compensate
 from pipeline.prediction import model as handover
 from pipeline.prediction.model import Model
 from pipeline.prediction.urdf import urdf
+from pipeline.programs.corrected import Given, program, write
 from pipeline.run import run, tool
 from pipeline.simulate import parse, simulate
 from pipeline.store.campaign import find, in_memory

@@ -7,10 +7,10 @@ from scipy import stats
 
 from pipeline.answer.contract import Reason, Unit
 from pipeline.answer.history import changes, ordered, previous, robots, together, trends
+from pipeline.fleet.overview import comparison, overview, render_overview
 from pipeline.report.model import compose
-from pipeline.report.overview import comparison, overview
 from pipeline.report.record import Figure, Table
-from pipeline.report.render import render, render_overview
+from pipeline.report.render import render
 
 SAMPLE = report_sample.answer()
 REVOLUTE = SAMPLE.stiffness[1]

@@ -150,7 +150,7 @@ def identified(campaign, force):
     s = get_current_settings()
     print(s.api.url, s.profiles_path, s.logging.config_path, sep="\\n")
 
-sys.modules["pipeline.app.flow"] = flow = types.ModuleType("pipeline.app.flow")
+sys.modules["pipeline.service.flow"] = flow = types.ModuleType("pipeline.service.flow")
 import contextlib
 flow.identified, flow.telling = identified, contextlib.nullcontext
 from pipeline.app import shell

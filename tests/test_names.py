@@ -11,10 +11,11 @@ import pyarrow as pa
 import pytest
 
 from pipeline.answer import archive
-from pipeline.app import cli, pages
+from pipeline.app import cli
 from pipeline.base import files, patterns, toml
 from pipeline.base.errors import InputError, PipelineError
 from pipeline.base.shown import in_json, in_toml, in_xml, printable
+from pipeline.fleet import pages
 from pipeline.machine.poses import default_anchors
 from pipeline.machine.robot import load
 from pipeline.machine.robot import mdh as robots
@@ -474,7 +475,7 @@ def test_the_overview_is_drawn_of_what_is_there_at_last(finished, monkeypatch):
     both = archive.finished(finished)
     drawn = []
     monkeypatch.setattr(
-        "pipeline.report.render.render_overview", lambda all_, wear: drawn.append(len(all_)) or b""
+        "pipeline.fleet.overview.render_overview", lambda all_, wear: drawn.append(len(all_)) or b""
     )
 
     pages._index(finished, both[:1], ())

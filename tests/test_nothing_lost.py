@@ -7,9 +7,9 @@ import sys
 import pytest
 
 from bench.bench_kill import PLAN, Victim, survived
-from pipeline.app.pages import refresh
 from pipeline.base.errors import InputError
 from pipeline.base.files import leftovers
+from pipeline.fleet.pages import refresh
 from pipeline.run import run
 from pipeline.simulate import simulate
 from pipeline.store.campaign import find

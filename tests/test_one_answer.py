@@ -16,8 +16,8 @@ from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
 from pipeline.answer.archive import read
 from pipeline.answer.history import previous, trends
-from pipeline.app.compare import compared
 from pipeline.base.quantities import plain
+from pipeline.fleet.compare import compared
 from pipeline.machine.robot import load
 from pipeline.machine.robot.model import model as pin_model
 from pipeline.prediction import compensate

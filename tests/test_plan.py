@@ -10,16 +10,18 @@ import scipy.linalg
 
 from pipeline import simulate as simulated
 from pipeline.app import cli
-from pipeline.app.commands.design import write
 from pipeline.base.errors import InputError, UsageError
 from pipeline.design import problem
 from pipeline.design import spec as specs
+from pipeline.design.command import write
 from pipeline.design.control import controls
 from pipeline.design.discriminate import APART, _covariance, lens, rows, sights
 from pipeline.design.information import information, station
 from pipeline.design.known import information_of
+from pipeline.design.library import added_to
 from pipeline.design.made import Made
 from pipeline.design.measurement import Measurement, of_plan, seen_by
+from pipeline.design.plan_sheet import Extras, _log, expected, sheet
 from pipeline.design.planfile import plan_content
 from pipeline.design.problem import with_steps
 from pipeline.design.propose import Proposal
@@ -27,11 +29,9 @@ from pipeline.design.schedule import crossed, pulls_at, starts
 from pipeline.design.search import Plan, evaluate
 from pipeline.design.trade import feasible_poses, products, trade
 from pipeline.library.campaign import load_campaign
-from pipeline.library.poses import added_to
 from pipeline.machine.cell import jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
-from pipeline.report.plan_sheet import Extras, _log, expected, sheet
 from pipeline.run import reduce
 from pipeline.simulate import build, parse, simulate
 from pipeline.store.campaign import find, in_memory

@@ -75,6 +75,12 @@ def test_the_answer_has_table_steps_and_what_was_left_out(hall):
     assert answer.position_steps[0].model == "nominal table"
     left_out = {(one.file, one.line) for one in answer.rejected}
     assert left_out == {("tuesday.csv", 62), ("monday.csv", 9)}
+    (cause,) = answer.diagnosis.causes
+    assert answer.diagnosis.verdict == "bad_data"
+    assert (cause.name, cause.where, cause.readings) == (
+        "outlier", "monday/pose08/T", ("monday.csv:9",),
+    )  # fmt: skip
+    assert answer.recommended.data == "corrected"
 
 
 def test_the_first_screen_has_the_lines_of_a_campaign_of_pulls(hall):
@@ -85,8 +91,9 @@ def test_the_first_screen_has_the_lines_of_a_campaign_of_pulls(hall):
 
     assert list(lines) == [*("verdict", "to_do", "model", "numbers", "tolerance", "wrong", "next")]
     assert tuple(lines.values()) == answer.verdict_sentence
-    assert f"pipeline predict {answer.campaign}" in lines["to_do"]
-    assert [name for name in known if name not in lines["numbers"]] == []
+    assert lines["to_do"].startswith("Check that reading")
+    assert known
+    assert [name for name in known if name in lines["numbers"]] == []
     assert lines["tolerance"].startswith("Not decided: no load was applied")
     assert ("left out" in lines["wrong"]) == bool(answer.rejected)
     assert compose(answer, {}).sections[0].key == "identity"
@@ -185,6 +192,10 @@ def test_a_joint_that_errs_from_pose_to_pose_is_said(tmp_path):
 
     said = run(find(tmp_path, "hall"))
 
-    (wrong,) = (line.text for line in said.first_screen if line.about == "wrong")
+    lines = {line.about: line.text for line in said.first_screen}
+    known = [one.axis or one.name for one in said.stiffness if one.value is not None]
+    wrong = lines["wrong"]
+    assert f"pipeline predict {said.campaign}" in lines["to_do"]
+    assert [name for name in known if name not in lines["numbers"]] == []
     assert wrong.startswith("Joint 2 (shoulder_lift_joint) errs by 0.4")
     assert "Nothing detectable" not in wrong

@@ -12,11 +12,11 @@ import pytest
 from bending_robot import BendingRobot
 from made_programs import Abb, Fanuc, Kuka, Ur, frame, on_a_rail
 
-from pipeline.app.corrected import Given, program
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import load
 from pipeline.prediction import model as handover
 from pipeline.prediction.model import Model
+from pipeline.programs.corrected import Given, program
 
 TIP = np.array([0.1, 0.0, 0.2])
 FORCE = {"ur10e": [30.0, -20.0, -40.0]}

@@ -14,10 +14,10 @@ import pytest
 from openpyxl import load_workbook
 
 from bench.bench_query import copies, queries
-from pipeline.answer import fleet
 from pipeline.app import cli
-from pipeline.app.query import ask
 from pipeline.base.errors import UsageError
+from pipeline.fleet import tables as fleet
+from pipeline.fleet.query import ask
 from pipeline.run import run
 from pipeline.store.campaign import Campaign, find
 

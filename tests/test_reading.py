@@ -9,13 +9,13 @@ from scipy import stats
 from small_case import asked, moved, small, uneven, where
 
 from pipeline.faults import reading
+from pipeline.faults.mistake import left_out
 from pipeline.faults.reading import (
     bad_reading,
     lock_lost,
     outliers,
     shifted_readings,
     smallest,
-    without,
 )
 from pipeline.machine.robot import configure
 from pipeline.system import alarms
@@ -361,7 +361,7 @@ def test_only_the_line_of_its_own_file_goes(given):
     rows.loc[rows.index[:50], "file"] = "other.csv"
     rows.loc[rows.index[60], "line"] = rows.loc[rows.index[5], "line"]
 
-    kept = without(replace(given.case, readings=rows), "other.csv", int(rows["line"].iloc[5]))
+    kept = left_out(replace(given.case, readings=rows), [f"other.csv:{rows['line'].iloc[5]}"])
 
     assert set(rows.index) - set(kept.readings.index) == {rows.index[5]}
 
@@ -419,3 +419,29 @@ def test_an_effector_that_moved_as_one_is_no_bad_reading(group):
         case = moved(case, where(case, f"pose03_{group}", target), [6e-4, 3e-4, -5e-4])
 
     assert reading.FAULT.find(asked(case)) == []
+
+
+@pytest.mark.parametrize(("target", "state"), [("P2", "rep1_loaded"), ("P1", "rep0_unloaded")])
+def test_a_zero_and_the_one_pull_read_from_it_are_named_together(target, state):
+    """Their difference is all that anybody has of them: both lines, and neither is used."""
+    case = small(3, poses={"count": 9}, pulls={"steps_n": [3000.0], "zero": "before"})
+    case = moved(case, where(case, f"pose04_{state}", target), [2e-3, -1e-3, 1e-3])
+
+    (found,) = outliers(asked(case))
+
+    groups = ["pose04_rep0_unloaded", "pose04_rep1_loaded"]
+    rows = case.readings[case.readings["group"].isin(groups) & (case.readings["target"] == target)]
+    assert set(found.at) == {f"{f}:{n}" for f, n in zip(rows["file"], rows["line"], strict=True)}
+    assert "nothing tells which" in found.evidence
+    assert len(case.readings) - len(found.correct(case).readings) == 2
+
+
+def test_a_zero_that_several_pulls_are_read_from_is_named_alone():
+    """Three pulls tell it from each of them."""
+    case = small(3, poses={"count": 9}, pulls={"steps_n": [1e3, 3e3, 2e3], "zero": "before"})
+    case = moved(case, where(case, "pose04_rep0_unloaded", "P1"), [2e-3, -1e-3, 1e-3])
+
+    (found,) = outliers(asked(case))
+
+    assert found.where == "pose04_rep0_unloaded/P1"
+    assert len(found.at) == 1

@@ -24,9 +24,9 @@ import pytest
 from get_browser import browser_path
 
 from bench.bench_service import family, free_port
-from pipeline.app import supervisor
-from pipeline.app.preferences import Service
-from pipeline.app.processes import alive
+from pipeline.base.preferences import Service
+from pipeline.base.processes import alive
+from pipeline.service import supervisor
 
 HERE = Path(__file__).parents[1]
 KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"
@@ -242,7 +242,7 @@ def test_serve_outlives_its_server(tmp_path):
     """Prefect's server killed, then the schedule: each is started again, said once, and works."""
     raw, port = project(tmp_path), free_port()
     with serving(tmp_path, port) as process:
-        for word, name in (("pipeline.app.gate", "a"), ("pipeline.app.schedule", "b")):
+        for word, name in (("pipeline.service.gate", "a"), ("pipeline.service.schedule", "b")):
             [victim] = [one for one in running(word) if one in family(process.pid)]
             os.kill(victim, signal.SIGKILL)
             shutil.copytree(KEPT, raw / name)
@@ -262,7 +262,7 @@ def test_nothing_outlives_serve(tmp_path, stop):
     """Stopped or killed in the middle of a campaign, it leaves no process and no lock."""
     project(tmp_path, *TEN)
     with serving(tmp_path, free_port(), stop=stop) as process:
-        until(lambda: running("pipeline.app.worker", tmp_path), 90)
+        until(lambda: running("pipeline.service.worker", tmp_path), 90)
         time.sleep(2)
         everyone = family(process.pid)
 
@@ -486,7 +486,9 @@ def test_what_stands_still_is_started_again(tmp_path):
     raw, port = project(tmp_path, "a"), free_port()
     with serving(tmp_path, port) as process:
         until(lambda: reported(tmp_path, "a"), 120)
-        [still] = [one for one in running("pipeline.app.schedule") if one in family(process.pid)]
+        [still] = [
+            one for one in running("pipeline.service.schedule") if one in family(process.pid)
+        ]
         os.kill(still, signal.SIGSTOP)
         shutil.copytree(KEPT, raw / "b")
         until(lambda: reported(tmp_path, "b"), 360)

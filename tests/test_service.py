@@ -8,7 +8,7 @@ import threading
 
 import pytest
 
-from pipeline.app import service
+from pipeline.service import server as service
 
 
 @pytest.fixture

@@ -13,14 +13,14 @@ import made_bucket
 import pytest
 import report_sample
 
-from pipeline.app import sync as mirror
 from pipeline.app.cli import _exit_code
 from pipeline.app.outcome import outcome
-from pipeline.app.preferences import Preferences, Storage, load
-from pipeline.app.storage import Store
-from pipeline.app.watch import Clock, scan
 from pipeline.base import files
 from pipeline.base.errors import InputError
+from pipeline.base.preferences import Preferences, Storage, load
+from pipeline.service import sync as mirror
+from pipeline.service.storage import Store
+from pipeline.service.watch import Clock, scan
 
 KEPT = Path(__file__).parents[1] / "data" / "raw" / "fanuc_r2000ic"
 LONG_AGO = 1_700_000_000

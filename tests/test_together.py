@@ -4,10 +4,12 @@ from itertools import combinations
 
 import numpy as np
 import pytest
+from scipy import special
 
+from pipeline.system import alarms
 from pipeline.system.beside import Base
 from pipeline.system.blocks import Blocks
-from pipeline.system.together import Suspects, together
+from pipeline.system.together import Suspects, _end, cost, together
 
 BLOCKS, EACH = 8, 7
 """Blocks, and suspects of each: six that have three rows to themselves, one that moves them all."""
@@ -116,3 +118,28 @@ def test_clean_rows_hold_somebody_as_rarely_as_stated():
     noise = rng.standard_normal((2000, len(key)))
 
     assert sum(len(together(base.against(e), suspects, 1.0).which) > 0 for e in noise) <= 4
+
+
+def test_suspects_found_in_the_stated_scatter_stand_out_of_the_others_too():
+    """Rows that scatter three times as stated: whoever is held does not do so by chance."""
+    rng = np.random.default_rng(21)
+    key, X, suspects = bench(rng)
+    for _ in range(40):
+        base = Base.of(X, 3 * rng.standard_normal(len(key)), key)
+        for least in (1.0, 4.0):
+            assert (_end(base, suspects, least, least).p() < alarms.READING).all()
+
+
+@pytest.mark.parametrize("k", [1, 2, 3, 6])
+def test_the_cost_of_a_suspect_is_that_of_its_prior(k):
+    """One in a hundred, any direction, ten e-folds of size: integrated over the size itself.
+
+    The likelihood ratio of x ~ N(s, I) averaged over directions of s is exp(-r^2 / 2)
+    0F1(k / 2; r^2 x^2 / 4) with r = |s|.
+    """
+    x, r = 14.0, np.exp(np.linspace(0, 10, 400_001))
+    near = r[np.abs(r - x) < 9]
+    ratio = special.hyp0f1(k / 2, near**2 * x**2 / 4) * np.exp(-(near**2) / 2)
+    whole = 0.01 * np.trapezoid(ratio, np.log(near)) / 10
+
+    assert float(cost(x**2, k)) == pytest.approx(x**2 - 2 * np.log(whole), abs=0.1)

@@ -14,12 +14,12 @@ import pytest
 from test_unloaded import LETTERS, stands
 
 from pipeline.base.errors import InputError
+from pipeline.design.library import problem_of
 from pipeline.design.planfile import plan_text
 from pipeline.design.propose import propose
 from pipeline.design.search import Effort
 from pipeline.design.spec import validated
 from pipeline.design.unpulled import _Told, unpulled
-from pipeline.library.poses import problem_of
 from pipeline.machine.robot import load
 from pipeline.run import answered
 from pipeline.simulate import parse, simulate

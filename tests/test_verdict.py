@@ -6,7 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.answer.diagnosis import _cause
+from pipeline.answer.diagnosis import cause_entry
 from pipeline.answer.words import enormous, why
 from pipeline.diagnosis.bounds import Bounds
 from pipeline.diagnosis.causes import missing
@@ -36,14 +36,14 @@ def test_a_cause_has_what_neither_a_stranger_nor_a_misfit_takes():
     for stranger, left, outside in ((0.2, 0.0, 0.2), (0.2, 0.9, 0.9), (0.6, 0.5, 0.6)):
         now = replace(one, unnamed=Named(roll, stranger), missing=left)
         assert now.outside == outside
-        told = _cause(now)
+        told = cause_entry(now)
         every = (told, *told.rivals, told.outside_catalogue)
         assert told.probability == pytest.approx(0.7 * (1 - outside))
         assert sum(one.probability for one in every) == pytest.approx(1.0)
 
-    left = _cause(replace(one, missing=0.9)).outside_catalogue
+    left = cause_entry(replace(one, missing=0.9)).outside_catalogue
     assert (left.probability, left.looks_like) == (0.9, None)
-    assert _cause(one).outside_catalogue is None
+    assert cause_entry(one).outside_catalogue is None
 
 
 @pytest.mark.parametrize(
@@ -154,7 +154,7 @@ ROWS = {
     ),
     Finding.PREDICTS_NOTHING: (Facts(bounds=Bounds(left=0.26)), Verdict.UNEXPLAINED),
     Finding.BEYOND_NOISE: (
-        replace(FOUND, bounds=Bounds(force=11.0, worst_pose=3, worst_target="P1", worst_mm=0.4)),
+        replace(FOUND, bounds=Bounds(force=11.0, worst_pose=3, worst_target="P1", worst_m=4e-4)),
         Verdict.UNEXPLAINED,
     ),
     Finding.SCATTERED: (

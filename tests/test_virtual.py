@@ -6,10 +6,10 @@ import os
 import pytest
 
 from pipeline.app import cli
-from pipeline.app.commands.simulate import write
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, UsageError
 from pipeline.machine.robot import load
+from pipeline.simulate.command import write
 
 FEW = {"name": "few", "poses": {"count": 2}}
 

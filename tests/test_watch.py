@@ -15,13 +15,13 @@ from pathlib import Path
 import pytest
 import report_sample
 
-from pipeline.app import preferences, supervisor, watch
 from pipeline.app.outcome import failed, outcome
-from pipeline.app.preferences import Notify, Preferences, Service
-from pipeline.app.service import Looked, Running
-from pipeline.base import files
+from pipeline.base import files, preferences
 from pipeline.base.errors import CannotWrite, InputError
+from pipeline.base.preferences import Notify, Preferences, Service
 from pipeline.run import run
+from pipeline.service import supervisor, watch
+from pipeline.service.server import Looked, Running
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import find
 

@@ -9,17 +9,16 @@ import numpy as np
 import pytest
 from test_history import campaign, unit
 
-from pipeline.answer import worn
 from pipeline.base.quantities import typeset
-from pipeline.report.overview import overview
-from pipeline.report.render import render_overview
-from pipeline.report.wear import alarm, told
-from pipeline.wear.alarm import A_YEAR, Kind, looks
-from pipeline.wear.hierarchy import hierarchy
-from pipeline.wear.machine import Machine, Repair, Visit
-from pipeline.wear.scatter import scatter
-from pipeline.wear.standing import fleet
-from pipeline.wear.trend import trends
+from pipeline.fleet import worn
+from pipeline.fleet.overview import comparison, overview, render_overview
+from pipeline.fleet.sentences import alarm, told
+from pipeline.fleet.wear.alarm import A_YEAR, Kind, looks
+from pipeline.fleet.wear.hierarchy import hierarchy
+from pipeline.fleet.wear.machine import Machine, Repair, Visit
+from pipeline.fleet.wear.scatter import scatter
+from pipeline.fleet.wear.standing import fleet
+from pipeline.fleet.wear.trend import trends
 
 NEW = np.array([2e-7, 1.5e-7, 2.5e-7, 1.8e-6])
 
@@ -323,3 +322,85 @@ def test_only_the_newest_campaigns_are_followed(monkeypatch):
 
     assert worn.rows(history) == worn.rows(newest)
     assert worn.rows(history)[0]["campaigns"] == 5
+
+
+# --- one comparison ------------------------------------------------------------------------
+
+
+def told_by(answers):
+    """The table `wear` made of these answers, whose errors are independent."""
+    campaigns, stiffness, covariance = [], [], []
+    for one in answers:
+        about = {"campaign": one.campaign, "verdict": "adequate", "robot_serial": None}
+        campaigns.append(about | {"measured": datetime.fromisoformat(one.measured)})
+        for j, joint in enumerate(one.stiffness):
+            row = {"campaign": one.campaign, "model": "recommended", "identifiable": True}
+            stiffness.append(
+                row
+                | {"axis": None, "joint": j + 1, "name": joint.name, "compliance": joint.compliance}
+            )
+            covariance += [
+                {
+                    "campaign": one.campaign,
+                    "parameter": f"c_{joint.name.removeprefix('k_')}",
+                    "other": f"c_{other.name.removeprefix('k_')}",
+                    "covariance": joint.compliance_std**2 if joint is other else 0.0,
+                }
+                for other in one.stiffness
+            ]
+    return standing(worn.History(campaigns, stiffness, covariance, []))
+
+
+SOFTER = [2e-7, 2.6e-7, 2e-7]
+
+
+@pytest.mark.parametrize("hours", [("", ""), ("T08:00:00", "T16:00:00")])
+def test_before_and_after_a_repair_of_one_day_are_told_apart(hours):
+    """Overview, wear and comparison say the same where a gear was changed between two campaigns."""
+    before = campaign("before", [2e-7] * 3, measured=f"2026-11-24{hours[0]}")
+    after = campaign("later", SOFTER, measured=f"2026-11-24{hours[1]}")
+
+    page = overview([before, after], told_by([before, after]))
+    two = comparison(
+        ("before", "later"), before.stiffness, after.stiffness, (np.eye(3) * 1e-18,) * 2
+    )
+
+    assert (page.verdict, page.tone) == ("A stiffness has changed", "attention")
+    assert "k_1 changed" in " ".join(line.text for line in page.first)
+    assert two.verdict == "They differ"
+
+
+def test_one_day_among_years_is_compared_by_itself():
+    """A robot that is followed and steady has nothing to do but for the day that differs."""
+    steady = [campaign(f"c{k}", [2e-7] * 3, measured=f"202{k}-05-01") for k in range(4)]
+    broken = campaign("d", SOFTER, measured="2023-05-01")
+    back = campaign("e", [2e-7] * 3, measured="2024-05-01")
+    table = next(
+        block
+        for section in overview([*steady, broken, back], told_by([*steady, back])).sections
+        for block in section.blocks
+        if getattr(block, "name", "").startswith("robots-")
+    )
+
+    page = overview([*steady, broken, back], told_by([*steady, back]))
+    calm = overview([*steady, back], told_by([*steady, back]))
+
+    assert page.verdict == "A stiffness has changed"
+    assert "k_1" in table.rows[0][1].text
+    assert calm.verdict == "No stiffness has changed"
+
+
+def test_a_rehearsal_is_no_campaign_of_the_robot():
+    """What was simulated beside a robot neither raises an alarm for it nor is its last campaign."""
+    first = campaign("first", [2e-7] * 3, measured="2026-01-01")
+    second = campaign("second", [2e-7] * 3, measured="2026-02-01")
+    rehearsal = campaign("rehearsal", SOFTER, measured="2026-02-01")
+    virtual = rehearsal.model_copy(update={"simulated": True})
+
+    kept_apart = overview([first, second, virtual], told_by([first, second]))
+    counted = overview([first, second, rehearsal], told_by([first, second]))
+
+    assert kept_apart.verdict == "No stiffness has changed"
+    assert "1 of them simulated" in kept_apart.first[0].text
+    assert virtual.machine != second.machine
+    assert counted.verdict == "A stiffness has changed"

@@ -13,11 +13,12 @@ import pytest
 import report_sample
 from test_cli import ENVIRONMENT, HERE, on_a_terminal
 
-from pipeline.app import compare, service, supervisor
 from pipeline.app.cli import _exit_code
-from pipeline.app.preferences import Service
 from pipeline.base.errors import CannotWrite, UsageError
-from pipeline.report import overview
+from pipeline.base.preferences import Service
+from pipeline.fleet import compare, overview
+from pipeline.service import server as service
+from pipeline.service import supervisor
 
 SAMPLE = report_sample.answer()
 PIPELINE = [sys.executable, "-m", "pipeline"]
@@ -146,7 +147,7 @@ def test_init_refuses_a_robot_before_it_asks_further(tmp_path):
 
 CTRL_C = """
 import signal, subprocess, sys
-from pipeline.app.processes import sheltered
+from pipeline.base.processes import sheltered
 
 child = "import sys, time; print('up', flush=True); sys.stdin.read(); print('whole', flush=True)"
 try:
@@ -184,7 +185,7 @@ def test_ctrl_c_is_kept_from_the_processes_that_prefect_starts():
 def test_an_end_that_prefect_calls_good_stays_an_interruption():
     """Its runner exits with 0 when it is told to stop; whoever pressed Ctrl-C gets 130."""
     script = (
-        "import signal, sys, time; from pipeline.app.processes import sheltered\n"
+        "import signal, sys, time; from pipeline.base.processes import sheltered\n"
         "with sheltered(signal.SIGTERM):\n"
         "    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))\n"
         "    print('up', flush=True); time.sleep(30)\n"

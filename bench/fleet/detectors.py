@@ -11,9 +11,9 @@ from bench.fleet.world import YEAR, Robot
 from pipeline.answer.contract import Stiffness
 from pipeline.answer.history import changes
 from pipeline.base.arrays import Array
-from pipeline.wear.alarm import A_YEAR, looks
-from pipeline.wear.machine import Machine, Repair, Visit
-from pipeline.wear.scatter import scatter
+from pipeline.fleet.wear.alarm import A_YEAR, looks
+from pipeline.fleet.wear.machine import Machine, Repair, Visit
+from pipeline.fleet.wear.scatter import scatter
 
 SCATTER = 0.01
 """Day-to-day scatter that the simple ones are told."""

@@ -104,4 +104,4 @@ def code() -> str:
 
 
 _WATCHES = ("machine", "beside", "scatter", "alarm")
-"""Files of pipeline/wear that raise alarms."""
+"""Files of pipeline/fleet/wear that raise alarms."""

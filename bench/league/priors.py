@@ -21,9 +21,9 @@ from bench.league.play import drawn, play
 from bench.league.run import KNOWN_LABELS, NEVER, League, answer_of, largest, yardstick
 from bench.league.table import share, wrong
 from pipeline.answer.contract import Answer
-from pipeline.answer.experience import experience
-from pipeline.app.priors import toml
 from pipeline.diagnosis.isolability import twins
+from pipeline.fleet.experience import experience
+from pipeline.fleet.priors import toml
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 
 from bench.paper.tables import ASSUMPTIONS, MISPRINTS, Entry, Reproduction
 from pipeline.base.quantities import plain
-from pipeline.report.figures.plan import anchor_curve, size_curves
+from pipeline.design.plan_figures import anchor_curve, size_curves
 from pipeline.report.record import (
     Block,
     Column,

@@ -93,6 +93,7 @@ def answer(found: Findings) -> Answer:
         campaign=found.campaign,
         name=raw.settings.name,
         robot=raw.robot.name,
+        simulated=raw.settings.simulated,
         measured=measured_on(raw.settings, given.reduced.shown["readings"]),
         verdict_sentence=tuple(line.text for line in lines),
         first_screen=lines,

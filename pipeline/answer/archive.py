@@ -18,6 +18,7 @@ from pipeline.answer.history import precedes, previous
 from pipeline.answer.recommended import row_of
 from pipeline.answer.words import BECAUSE
 from pipeline.base import files, parquet
+from pipeline.base.doors import is_there, opened
 from pipeline.base.errors import UsageError
 from pipeline.diagnosis.finding import Verdict
 from pipeline.store.campaign import Campaign, dump
@@ -191,6 +192,27 @@ def about(answer: Answer) -> dict[str, str | None]:
 
 def _machine(answer: Answer) -> dict[str, str | None]:
     return {"robot": answer.robot, "machine": answer.machine}
+
+
+_TOGETHER, _REFRESH = "pipeline.fleet.pages:together", "pipeline.fleet.pages:refresh"
+"""What all campaigns say together is the fleet's to say."""
+
+
+def together(answer: Answer, root: Path) -> str | None:
+    """What a campaign's page says of its robot's campaigns together, as known by now.
+
+    None where nobody says it, so that the page compares with the campaign before.
+    """
+    return opened(_TOGETHER)(answer, root) if is_there(_TOGETHER) else None
+
+
+def refresh(root: Path) -> Path | None:
+    """Bring the page over all campaigns up to date; None where there is none, or nobody draws it.
+
+    Each report is brought up to date with it, as far as it speaks of other campaigns.
+    """
+    page: Path | None = opened(_REFRESH)(root) if is_there(_REFRESH) else None
+    return page
 
 
 def mark(before: Answer | None) -> str | None:

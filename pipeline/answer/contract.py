@@ -1048,6 +1048,9 @@ class Heading(Fact):
     campaign: str
     name: str
     robot: str
+    simulated: bool = Field(
+        default=False, exclude_if=_nothing, description="the readings are of a virtual cell"
+    )
     measured: Day | None = Field(description="date, or date and time")
     verdict_sentence: tuple[str, ...] = Field(description="the first screen, most important first")
     first_screen: tuple[Line, ...] = Field(
@@ -1152,7 +1155,12 @@ class Answer(Values, Heading):
     def machine(self) -> str:
         """The machine, to find its other campaigns: its type, with its serial number if said."""
         serial = self.robot_unit and self.robot_unit.serial
-        return f"{self.robot}, serial number {serial}" if serial else self.robot
+        return f"{self.kind}, serial number {serial}" if serial else self.kind
+
+    @property
+    def kind(self) -> str:
+        """Type of the robot; virtual ones are none of those that stand in a hall."""
+        return f"{self.robot} (simulated)" if self.simulated else self.robot
 
     def as_json(self) -> dict[str, Any]:
         """The same as plain data, in the order in which result.json has it."""

@@ -79,7 +79,7 @@ def entry(said: Diagnosis, robot: Robot, whole: Facts | None = None) -> contract
         verdict=verdict(facts),
         why=why(facts),
         reasons=tuple(row.finding for row in findings(facts)),
-        causes=tuple(map(_cause, said.causes)),
+        causes=tuple(map(cause_entry, said.causes)),
         alone=tuple(map(_alone, said.alone)),
         unloaded_off_mm=(1e3 * before_m, 1e3 * after_m),
         blind_spots=tuple(map(_blind, said.blind_spots)),
@@ -124,7 +124,8 @@ def _at(effect: Effect) -> dict[str, Any]:
     return {"name": effect.name, "where": effect.where, "axis": effect.axis}
 
 
-def _cause(cause: Cause) -> contract.Cause:
+def cause_entry(cause: Cause) -> contract.Cause:
+    """A cause that the data call for."""
     effect = cause.effect
     return contract.Cause(
         **placed(effect),
@@ -151,7 +152,7 @@ def _law(effect: Effect, law: Law, cause: Cause) -> contract.Law:
     return contract.Law(
         kind=law.kind,
         variable=law.variable,
-        part=law.part,
+        part=law.part or None,
         joint=law.where if isinstance(law.where, int) else 1 if law.part == "drive" else None,
         source_joint=_source(law),
         order=law.order,
@@ -315,10 +316,11 @@ def _data_causes(found: Findings) -> tuple[contract.Cause, ...]:
         ci95=None,
         test_pose_change_mm=None,
     )
-    return tuple(_mistake(one, gain) for one in found.mistakes)
+    return tuple(mistake_entry(one, gain) for one in found.mistakes)
 
 
-def _mistake(one: Mistake, gain: contract.Gain) -> contract.Cause:
+def mistake_entry(one: Mistake, gain: contract.Gain | None) -> contract.Cause:
+    """A mistake in the data; `gain` is what putting right all of them is worth."""
     size = contract.Amplitude(name="size", value=one.size or 0.0, std=None, unit=one.size_unit)
     return contract.Cause(
         name=one.name,

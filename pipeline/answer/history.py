@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
+from types import MappingProxyType
 
 import numpy as np
 from scipy import special
@@ -11,6 +12,8 @@ from scipy import special
 from pipeline.answer.contract import Answer, Stiffness
 from pipeline.base import linear
 from pipeline.base.arrays import Array
+
+NO_SCATTER: Mapping[str, float] = MappingProxyType({})
 
 _SURE = 0.01
 """Probability of a false alarm over all joints of a robot together."""
@@ -97,6 +100,28 @@ def precedes(day: str | None, now: str | None) -> bool:
     return bool(day and now) and str(day) < str(now)
 
 
+def of_one_day(a: Answer, b: Answer) -> bool:
+    """Whether two campaigns are of one day, between which nothing is scatter from day to day."""
+    return bool(a.measured and b.measured) and _day(a) == _day(b)
+
+
+def _day(answer: Answer) -> str:
+    return str(answer.measured)[:10]
+
+
+def within_a_day(answers: Sequence[Answer]) -> list[str]:
+    """Names of the stiffnesses in which campaigns of one robot and day differ, for certain.
+
+    A repair may lie between them; wear and its scatter from day to day do not.
+    """
+    days: dict[str, list[Answer]] = {}
+    for one in answers:
+        if one.measured:
+            days.setdefault(_day(one), []).append(one)
+    found = [trend for own in days.values() for trend in trends(own)]
+    return list(dict.fromkeys(trend.name for trend in found if trend.sure))
+
+
 def compliance(joint: Stiffness) -> tuple[float, float] | None:
     """Compliance and its standard uncertainty, None where the campaign does not determine it."""
     value, std = joint.compliance, joint.compliance_std
@@ -106,12 +131,22 @@ def compliance(joint: Stiffness) -> tuple[float, float] | None:
 
 
 def changes(
-    before: Sequence[Stiffness], after: Sequence[Stiffness], independent: bool = True
+    before: Sequence[Stiffness],
+    after: Sequence[Stiffness],
+    independent: bool = True,
+    scatter: Mapping[str, float] = NO_SCATTER,
 ) -> list[Change]:
     """Joint by joint, how two lists of stiffnesses differ.
 
     Compliances are compared, because their errors are normal. Two models of one campaign share
     its errors: what they differ by is then not tested (`independent` False).
+
+    Args:
+        before: Of the first.
+        after: Of the second.
+        independent: Whether they share no errors.
+        scatter: What a stiffness differs by from day to day [1], by name, between two days of a
+            robot whose campaigns tell it.
     """
     pairs = {joint.name: joint for joint in before}
     both = [
@@ -121,7 +156,7 @@ def changes(
     ]
     tested = sum(bool(compliance(a) and compliance(b)) for a, b in both)
     limit = float(-special.ndtri(_SURE / 2 / max(tested, 1)))
-    return [_change(a, b, limit, independent) for a, b in both]
+    return [_change(a, b, limit, independent, scatter.get(b.name, 0.0)) for a, b in both]
 
 
 def _on_side_of(before: Stiffness, after: Stiffness) -> Stiffness:
@@ -137,9 +172,9 @@ def _on_side_of(before: Stiffness, after: Stiffness) -> Stiffness:
     return after.model_copy(update={name: getattr(one, name) for name in names})
 
 
-def _change(a: Stiffness, b: Stiffness, limit: float, independent: bool) -> Change:
+def _change(a: Stiffness, b: Stiffness, limit: float, independent: bool, scatter: float) -> Change:
     k_a, k_b = _stiffness(a), _stiffness(b)
-    x_a, x_b = compliance(a), compliance(b)
+    x_a, x_b = _on_a_day(compliance(a), scatter), _on_a_day(compliance(b), scatter)
     sigmas = percent = std = None
     if x_a and x_b and independent:
         sigmas = (x_b[0] - x_a[0]) / float(np.hypot(x_a[1], x_b[1]))
@@ -149,6 +184,11 @@ def _change(a: Stiffness, b: Stiffness, limit: float, independent: bool) -> Chan
             std = 100 * k_b / k_a * float(np.hypot(x_a[1] * k_a, x_b[1] * k_b))
     sure = sigmas is not None and abs(sigmas) > limit
     return Change(b.name, k_a, k_b, percent, std, sigmas, sure)
+
+
+def _on_a_day(found: tuple[float, float] | None, scatter: float) -> tuple[float, float] | None:
+    """A compliance with the uncertainty of what it is on any day."""
+    return found and (found[0], float(np.hypot(found[1], scatter * found[0])))
 
 
 def _stiffness(joint: Stiffness) -> float | None:
@@ -193,7 +233,7 @@ class _Point:
 def trends(answers: Sequence[Answer]) -> list[Trend]:
     """Whether the campaigns of one robot, in order, agree on each stiffness; those trusted count.
 
-    This is for campaigns that are too few, or undated, for `pipeline.wear`.
+    This is for campaigns that are too few, or undated, for `pipeline.fleet.wear`.
     """
     names = dict.fromkeys(joint.name for one in answers for joint in one.stiffness)
     counted = [one for one in answers if trusted(one)]

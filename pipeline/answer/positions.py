@@ -3,23 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 import pandas as pd
 
 from pipeline.answer import contract
-from pipeline.answer.contract import (
-    About,
-    Answer,
-    Data,
-    JointType,
-    Line,
-    NoiseFrom,
-    Predicted,
-    Reason,
-    Which,
-)
+from pipeline.answer.contract import About, Answer, Line, NoiseFrom, Reason
+from pipeline.answer.diagnosis import cause_entry, mistake_entry, placed
 from pipeline.answer.geometry import KNOWN, table_combinations, table_entries
 from pipeline.answer.inputs import (
     identity_entry,
@@ -29,19 +21,33 @@ from pipeline.answer.inputs import (
     rejected_entries,
     unit_entry,
 )
+from pipeline.answer.recommended import Basis, Row, decide
 from pipeline.answer.remarks import contradicted
 from pipeline.answer.sentences import entered
-from pipeline.answer.words import BECAUSE, capital
+from pipeline.answer.stiffness import stiffness_entry
+from pipeline.answer.words import (
+    BECAUSE,
+    capital,
+    clear,
+    correct,
+    law_told,
+    listed,
+    mistaken,
+    why,
+    wrong,
+)
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.base.quantities import p_value, percent, plain
 from pipeline.base.tails import chi2_beyond
-from pipeline.diagnosis.finding import Verdict
-from pipeline.diagnosis.verdict import STANDS_M, Row, of_positions
+from pipeline.diagnosis.average import Springs
+from pipeline.diagnosis.facts import Cause, Facts
+from pipeline.diagnosis.positions import facts_of
+from pipeline.diagnosis.verdict import findings, verdict
+from pipeline.faults.mistake import Mistake
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import layout
-from pipeline.geometry.named import NamedLaw
 from pipeline.geometry.scatter import START
 from pipeline.geometry.study import Stage, Step, Study
 from pipeline.geometry.worth import Parting
@@ -53,71 +59,97 @@ from pipeline.store.campaign import Raw, versions
 _QUANTILE = 1.959964
 """Of 95 % intervals: there are thousands of readings."""
 
-UNLISTED = "unlisted_law"
 
+@dataclass(frozen=True, eq=False)
+class Positions:
+    """All that a run found out about a campaign of positions.
 
-def answer(campaign: str, raw: Raw, found: Study, rejected: pd.DataFrame) -> Answer:
-    """The answer to a campaign of positions.
-
-    Args:
+    Attributes:
         campaign: Its name.
         raw: Its files.
-        found: What was identified.
+        found: What was identified from the data without mistakes.
+        facts: What the verdict follows from, mistakes included.
+        row: Which values the answer gives, and why.
         rejected: Table REJECTED.
     """
+
+    campaign: str
+    raw: Raw
+    found: Study
+    facts: Facts
+    row: Row
+    rejected: pd.DataFrame
+
+    @classmethod
+    def of(
+        cls,
+        campaign: str,
+        raw: Raw,
+        found: Study,
+        mistakes: tuple[Mistake, ...],
+        rejected: pd.DataFrame,
+    ) -> Positions:
+        """With its facts, and the row of the one table of decisions that holds for them."""
+        facts = facts_of(found, raw.robot, mistakes)
+        rest = verdict(replace(facts, mistakes=()))
+        row = decide(Basis(bool(mistakes), rest, bool(facts.causes), rivals=False))
+        return cls(campaign, raw, found, facts, row, rejected)
+
+    @property
+    def usable(self) -> bool:
+        """Whether a controller may have the values."""
+        return self.row.reason.holds_for_its_readings and not self.facts.mistakes
+
+
+def answer(said: Positions) -> Answer:
+    """The answer to a campaign of positions."""
+    raw, found, row = said.raw, said.found, said.row
     last, springs = found.stages[-1], _stage(found, Step.SPRINGS)
-    causes = tuple(_cause(law, raw.robot) for law in found.laws)
-    row = of_positions(last.mean(Parting.BETWEEN), bool(causes))
-    model = Which.EXTENDED if causes else Which.JOINT_SPRINGS
-    reason = Reason.CAUSE_IDENTIFIED if causes else Reason.ADEQUATE
-    why = _WHY[bool(causes)]
-    if row.verdict is Verdict.UNEXPLAINED:
-        reason, why = Reason.UNEXPLAINED, BECAUSE[Reason.UNEXPLAINED]
-    lines = tuple(_first_screen(campaign, found, raw.robot, len(rejected)))
-    shown = last if causes else springs
-    values, payloads = _values(shown), payload_entries(shown.found)
-    known = contract.Believed
+    lines = tuple(_first_screen(said))
+    values, payloads = _values(last), payload_entries(last.found)
+    rejected = rejected_entries(said.rejected)
     return Answer(
         format=1,
-        campaign=campaign,
+        campaign=said.campaign,
         name=raw.settings.name,
         robot=raw.robot.name,
+        simulated=raw.settings.simulated,
         measured=measured_on(raw.settings, None),
         verdict_sentence=tuple(line.text for line in lines),
         first_screen=lines,
         recommended=contract.Recommended(
-            model=model,
-            data=Data.AS_GIVEN,
+            model=row.model,
+            data=row.data,
             table=contract.Table.ESTIMATED,
-            reason=reason,
-            why=why,
+            reason=row.reason,
+            why=_WHY.get(row.reason, BECAUSE[row.reason]),
             hypotheses=(
                 contract.Weighed(
                     weight=1.0,
                     causes=tuple(
-                        known(name=UNLISTED, where=law.joint, form=law.kind, in_catalogue=False)
-                        for law in found.laws
+                        contract.Believed(**placed(one.effect), in_catalogue=one.effect.law is None)
+                        for one in said.facts.causes
                     ),
                 ),
             ),
         ),
         **dict(values),
         payloads=payloads,
-        diagnosis=_diagnosis(found, row, causes, lines[0].text),
+        diagnosis=_diagnosis(said, lines[0].text),
         joint_springs=_values(springs),
-        extended=_extended(last) if causes else None,
+        extended=_extended(last) if said.facts.causes else None,
         budget=(),
         noise=contract.Noise(from_=_noise_from(last.found), contrasts=0, components=()),
-        rejected=rejected_entries(rejected),
+        rejected=rejected,
         findings=(*contradicted(payloads, "positions"), *_instrument(found)),
         registration=None,
         instrument=instrument_entry(raw.settings),
         robot_unit=unit_entry(raw.settings),
         identity=identity_entry(
-            raw.settings, None, np.arange(len(shown.found.readings)), np.zeros((0, 3))
+            raw.settings, None, np.arange(len(last.found.readings)), np.zeros((0, 3))
         ),
-        geometry=letter_entries(shown.found),
-        geometry_combinations=letter_combinations(shown.found),
+        geometry=letter_entries(last.found),
+        geometry_combinations=letter_combinations(last.found),
         position_steps=tuple(_step(one) for one in found.stages),
         model=contract.Forward(equilibrium=contract.Equilibrium.UNDEFORMED),
         assumptions=(*raw.robot.assumptions, *_ASSUMED),
@@ -176,11 +208,14 @@ def _body(values: Array, std: Array) -> contract.Body:
 
 
 _WHY = {
-    True: "Laws of the joints were identified that reduce the cross-validation error: the model "
-    "includes them with DH parameters and springs.",
-    False: "DH parameters and springs predict held-out poses as well as any other model that was "
-    "tried.",
+    Reason.CAUSE_IDENTIFIED: "Laws of the joints were identified that reduce the cross-validation "
+    "error: the model includes them with DH parameters and springs.",
+    Reason.ADEQUATE: "DH parameters and springs predict held-out poses as well as any other model "
+    "that was tried.",
+    Reason.UNEXPLAINED: "Neither DH parameters nor springs nor any known cause explains the "
+    "readings: do not rely on the stated uncertainties.",
 }
+"""Where it is another one than of pulls."""
 
 _ASSUMED = (
     "gravity acts along -z of the robot's base, unless campaign.toml states otherwise",
@@ -214,45 +249,24 @@ def _extended(stage: Stage) -> contract.Extended:
 def stiffness_entries(found: Identified) -> tuple[contract.Stiffness, ...]:
     """One record per joint, from what the arm's own weight does to it."""
     part, robot = layout(found.mechanism).compliance, found.mechanism.table
-    value, var = found.solution.x[part], np.diag(found.solution.cov)[part]
-    before = found.known.std[part] ** 2
+    x, cov = found.solution.x[part], found.solution.cov[part, part]
+    std = np.sqrt(np.diag(cov))
+    known = std**2 < KNOWN * found.known.std[part] ** 2
+    springs = Springs(x, cov, x - _QUANTILE * std, x + _QUANTILE * std, known)
     return tuple(
-        _stiffness(number, joint, axis, float(x), float(np.sqrt(v)), bool(v < KNOWN * b))
-        for number, (joint, axis, x, v, b) in enumerate(
-            zip(robot.joints, alone(robot), value, var, before, strict=True), 1
-        )
+        told(one, _about(joint, float(x[k]), bool(known[k])))
+        for k, joint in enumerate(robot.joints)
+        for one in [stiffness_entry(joint, springs, k, (), alone(robot)[k])]
     )
 
 
-def _stiffness(
-    number: int, joint: Joint, axis: str | None, x: float, std: float, known: bool
-) -> contract.Stiffness:
-    has_value = known and x > 0
-    return contract.Stiffness(
-        joint=number,
-        joint_name=joint.name,
-        name=f"k_{joint.name}",
-        unit=joint.stiffness_unit,
-        value=1 / x if has_value else None,
-        std=std / x**2 if has_value else None,
-        ci95=_interval(x, std) if known else (None, None),
-        identifiable=known,
-        joint_type=JointType.PRISMATIC if joint.prismatic else JointType.REVOLUTE,
-        axis=axis,
-        compliance=x if known else None,
-        compliance_std=std if known else None,
-        compliance_unit=joint.compliance_unit,
-        relative_std=std / x if has_value else None,
-        nominal=joint.stiffness,
-        finding=_about(joint, x, known),
-        budget=(),
-    )
+def told(one: contract.Stiffness, finding: str | None) -> contract.Stiffness:
+    """A stiffness with what is to be known of it; a compliance that is not determined is none."""
+    nothing = {} if one.identifiable else _UNKNOWN
+    return one.model_copy(update={"finding": finding, **nothing})
 
 
-def _interval(x: float, std: float) -> tuple[float | None, float | None]:
-    """95 % limits of a stiffness by those of its compliance; None where that may be zero."""
-    low, high = x - _QUANTILE * std, x + _QUANTILE * std
-    return (1 / high if high > 0 else None, 1 / low if low > 0 else None)
+_UNKNOWN = {"compliance": None, "compliance_std": None, "ci95": (None, None)}
 
 
 def _about(joint: Joint, x: float, known: bool) -> str | None:
@@ -337,80 +351,9 @@ def _step(stage: Stage) -> contract.PositionStep:
     )
 
 
-def _cause(law: NamedLaw, robot: Robot) -> contract.Cause:
-    slides = robot.prismatic[law.joint - 1]
-    return contract.Cause(
-        name=UNLISTED,
-        where=law.joint,
-        location=f"joint {law.joint}",
-        form=law.kind,
-        probability=1.0,
-        parameters=(
-            contract.Amplitude(
-                name="amplitude",
-                value=law.amplitude,
-                std=law.std,
-                unit="m" if slides else "rad",
-                ci95=(law.amplitude - _QUANTILE * law.std, law.amplitude + _QUANTILE * law.std),
-            ),
-        ),
-        p_value=law.p,
-        rivals=(),
-        gain=contract.Gain(
-            held_out_rms_before_mm=1e3 * law.gain.before,
-            held_out_rms_after_mm=1e3 * law.gain.after,
-            reduction=law.gain.reduction,
-            ci95=law.gain.ci95,
-            of=Predicted.POSITIONS,
-            test_pose_change_mm=None,
-        ),
-        law=contract.Law(
-            kind=law.kind,
-            variable="position" if law.variable == "angle" and slides else law.variable,
-            joint=law.joint,
-            source_joint=None if law.source == law.joint else law.source,
-            order=law.order,
-            range=law.range,
-            text=text_of(law, robot),
-        ),
-    )
-
-
-def text_of(law: NamedLaw, robot: Robot) -> str:
-    """The law in one sentence."""
-    slides = bool(robot.prismatic[law.joint - 1])
-    unit = "mm" if slides else "mrad"
-    size = f"{plain(1e3 * law.amplitude, 2)} {unit}"
-    turn = "per metre" if slides else "per turn"
-    moves = f"{_called(robot, law.joint)} {'slides' if slides else 'turns'}"
-    if law.kind == "periodic":
-        return f"{moves} with a ripple of {plain(law.order, 3)} {turn}, {size}"
-    if law.kind == "coupling":
-        other = _called(robot, law.source or law.joint)
-        return f"{moves} with {other}, {plain(law.order, 2)} {turn} of that, {size}"
-    if law.variable == "angle":
-        way = "its place" if slides else "its angle"
-        return f"{moves} by a smooth error over {way}, {size} in amplitude"
-    if law.since is not None:
-        series, pose = law.since
-        where = f"pose {pose} of series {series}" if series else f"pose {pose}"
-        whole = f"{plain(2e3 * law.amplitude, 2)} {unit}"
-        return f"{_called(robot, law.joint)} stands {whole} elsewhere from {where} on"
-    if law.kind == "step":
-        return f"{moves} to the other side as its torque changes sign, by {size} each way"
-    return f"{moves} with {_OF[law.variable]}, {size}"
-
-
 def _called(robot: Robot, joint: int) -> str:
     """`joint 3 (A2)`."""
     return in_place(joint, axis=alone(robot)[joint - 1]).removeprefix(" in ")
-
-
-_OF = {
-    "torque": "the square or cube of its torque",
-    "temperature": "the temperature of the air",
-    "time": "the time since the series began",
-}
 
 
 def _instrument(found: Study) -> Iterator[str]:
@@ -425,64 +368,62 @@ def _instrument(found: Study) -> Iterator[str]:
         )
 
 
-def _first_screen(campaign: str, found: Study, robot: Robot, left_out: int) -> Iterator[Line]:
-    """The first screen, line by line as for a campaign of pulls.
-
-    Args:
-        campaign: Its name.
-        found: What was identified.
-        robot: As delivered.
-        left_out: How many rows were rejected.
-    """
-    stiffness = stiffness_entries(found.stages[-1].found)
+def _first_screen(said: Positions) -> Iterator[Line]:
+    """The first screen, line by line as for a campaign of pulls."""
+    stiffness = stiffness_entries(said.found.stages[-1].found)
     lines = (
-        (About.VERDICT, _predicted(found)),
-        (About.TO_DO, _to_do(campaign, found)),
-        (About.MODEL, _model(found)),
-        (About.NUMBERS, f"{entered(stiffness, ())} They come from the arm's own weight."),
+        (About.VERDICT, _verdict(said)),
+        (About.TO_DO, _to_do(said)),
+        (About.MODEL, _model(said.found, said.row)),
+        (About.NUMBERS, _numbers(said, stiffness)),
         (About.TOLERANCE, _NOT_JUDGED),
-        (About.WRONG, " ".join(_wrong(found, robot, left_out))),
-        (About.NEXT, " ".join(_next(found, stiffness))),
+        (About.WRONG, " ".join(_wrong(said))),
+        (About.NEXT, " ".join(_next(said, stiffness))),
     )
     return (Line(about=about, text=text) for about, text in lines)
 
 
-def _predicted(found: Study) -> str:
-    first, last = (1e3 * found.stages[k].mean(Parting.BETWEEN) for k in (0, -1))
-    return (
+def _verdict(said: Positions) -> str:
+    """The mistakes, or that nothing explains the readings, and how well they are predicted."""
+    first, last = (1e3 * said.found.stages[k].mean(Parting.BETWEEN) for k in (0, -1))
+    predicted = (
         f"Targets of held-out poses are predicted to {plain(last, 2)} mm on average, and to "
-        f"{plain(first, 2)} mm with the nominal DH parameters.{_refuted(last)}"
+        f"{plain(first, 2)} mm with the nominal DH parameters."
     )
+    if said.facts.mistakes:
+        return f"{mistaken(said.facts)} {predicted}"
+    if not said.row.reason.holds_for_its_readings:
+        return f"{_WHY[Reason.UNEXPLAINED]} {predicted}"
+    return predicted
 
 
-def _refuted(left_mm: float) -> str:
-    if not left_mm > 1e3 * STANDS_M:
-        return ""
-    return (
-        f" That is more than {plain(1e3 * STANDS_M, 1)} mm: the joint log and the positions do not "
-        "belong together. Compare them row by row and column by column, check units, and do not "
-        "use these values."
-    )
-
-
-def _to_do(campaign: str, found: Study) -> str:
+def _to_do(said: Positions) -> str:
     """What to do with the values, and what of them no controller takes."""
-    laws = bool(found.laws)
-    if found.stages[-1].mean(Parting.BETWEEN) > STANDS_M:
-        return "Use none of these values; put the files right and run again."
-    said = (
-        "Use DH parameters, springs and laws together"
-        if laws
-        else "Use the identified DH parameters with their springs"
-    )
-    beside = " A controller's table has no entry for the laws." if laws else ""
+    if said.facts.mistakes:
+        return f"{correct(said.facts)} enter none of these values into a controller."
+    if not said.row.reason.holds_for_its_readings:
+        return "Use none of these values; find out first what the model misses, and run again."
+    beside = " A controller's table has no entry for the causes." if said.facts.causes else ""
+    those = "DH parameters, springs and causes together" if beside else _ALONE
     return (
-        f"{said}: predict the positions of targets at other joint values with `pipeline predict "
-        f"{campaign} poses.csv`.{beside}"
+        f"Use {those}: predict the positions of targets at other joint values with `pipeline "
+        f"predict {said.campaign} poses.csv`.{beside}"
     )
 
 
-def _model(found: Study) -> str:
+_ALONE = "the identified DH parameters with their springs"
+
+
+def _numbers(said: Positions, stiffness: Sequence[contract.Stiffness]) -> str:
+    """What a controller may have: nothing from wrong readings, or from unexplained ones."""
+    if said.usable:
+        return f"{entered(stiffness, ())} They come from the arm's own weight."
+    if said.facts.mistakes:
+        return "None until the files are put right: what the values rest on is corrected data."
+    return "None: the values below do not explain the readings."
+
+
+def _model(found: Study, row: Row) -> str:
     """What the model holds, and what each part of it is worth."""
     steps = list(pairwise(found.stages))
     said = [
@@ -492,8 +433,9 @@ def _model(found: Study) -> str:
     ]
     parts = "table, springs under the arm's weight"
     whose = f"{parts} and laws of the joints" if found.laws else parts.replace(", ", " and ")
+    data = "the corrected data" if row.data == contract.Data.CORRECTED else "the data as given"
     return (
-        f"{capital(whose)}, from the data as given. Each part reduces the cross-validation error "
+        f"{capital(whose)}, from {data}. Each part reduces the cross-validation error "
         f"of the model before it: {', '.join(said)}."
     )
 
@@ -504,25 +446,40 @@ _NOT_JUDGED = (
 )
 
 
-def _wrong(found: Study, robot: Robot, left_out: int) -> Iterator[str]:
-    if found.laws:
-        first, count = capital(text_of(found.laws[0], robot)), len(found.laws)
-        of = "a law" if count == 1 else f"the largest of {count} laws"
-        yield f"{first}: {of} outside the catalogue."
+def _wrong(said: Positions) -> Iterator[str]:
+    found, facts, left_out = said.found, said.facts, len(said.rejected)
+    if not said.row.reason.holds_for_its_readings:
+        yield wrong(facts, 0)
+    elif facts.causes:
+        yield from _named(facts.causes)
     yield from _instrument(found)
-    erring = _erring(found, robot)
+    erring = _erring(found, said.raw.robot)
     if erring:
         yield erring
-    elif not (found.laws or found.moved or left_out):
+    elif facts.mistakes and clear(facts):
+        yield wrong(facts, 0)
+    elif not (facts.causes or found.moved or left_out) and clear(facts):
         yield "Nothing detectable in these readings."
     if left_out:
         rows = "1 row of the files was" if left_out == 1 else f"{left_out} rows of the files were"
         yield f"{rows} left out; see Rejected rows for file and line of each."
 
 
+def _named(causes: Sequence[Cause]) -> Iterator[str]:
+    """What of the catalogue acts, and the largest law outside of it."""
+    listed_ = [one.effect.called for one in causes if one.effect.law is None]
+    laws = [one for one in causes if one.effect.law is not None]
+    if listed_:
+        yield f"Beside the joint springs {'act' if len(listed_) > 1 else 'acts'} {listed(listed_)}."
+    if laws:
+        of = "a law" if len(laws) == 1 else f"the largest of {len(laws)} laws"
+        yield f"{capital(law_told(laws[0]))}: {of} outside the catalogue."
+
+
 def _erring(found: Study, robot: Robot) -> str | None:
     """The joint that moves the targets most from pose to pose beyond all laws, if unusually."""
-    joints, Z = found.final.scatter.joints, found.final.linear.Z
+    n = robot.n
+    joints, Z = found.final.scatter.joints[:n], found.final.linear.Z[..., :n]
     usual = np.where(robot.prismatic, START[True], START[False])
     positions = Z.reshape(len(Z), -1, 6, Z.shape[2])[:, :, :3]
     moves = np.mean(np.sum(positions**2, axis=2), axis=(0, 1)) * joints**2
@@ -544,8 +501,11 @@ _SHARE = 0.25
 """Part of what joints that err move the targets by, squared, from which on one is said."""
 
 
-def _next(found: Study, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
-    last = found.stages[-1]
+def _next(said: Positions, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
+    last = said.found.stages[-1]
+    if not said.row.reason.holds_for_its_readings:
+        yield _AGAIN
+        return
     apart = Parting.SERIES if Parting.SERIES in last.errors else Parting.SPACE
     of = {Parting.SERIES: "a whole series", Parting.SPACE: "a tenth of joint space"}[apart]
     yield (
@@ -556,16 +516,23 @@ def _next(found: Study, stiffness: Sequence[contract.Stiffness]) -> Iterator[str
         yield "Known loads on the flange determine the stiffnesses that the arm's weight does not."
 
 
-def _diagnosis(
-    found: Study, row: Row, causes: Sequence[contract.Cause], why: str
-) -> contract.Diagnosis:
+_AGAIN = "Nothing until the readings are explained: those taken may then do."
+
+
+def _diagnosis(said: Positions, first_line: str) -> contract.Diagnosis:
+    """`diagnosis`: mistakes in the data first, then the laws."""
+    found, facts = said.found, said.facts
     first, last = found.stages[0], found.stages[-1]
+    causes = (
+        *(mistake_entry(one, None) for one in facts.mistakes),
+        *(cause_entry(one) for one in facts.causes),
+    )
     none = contract.PosesPulls(poses=None, pulls=None)
     return contract.Diagnosis(
-        verdict=row.verdict,
-        why=why,
-        reasons=(row.finding,),
-        causes=tuple(causes),
+        verdict=verdict(facts),
+        why=first_line if clear(facts) and not facts.mistakes else why(facts),
+        reasons=tuple(one.finding for one in findings(facts)),
+        causes=causes,
         alone=(),
         unloaded_off_mm=(1e3 * first.mean(Parting.BETWEEN), 1e3 * last.mean(Parting.BETWEEN)),
         blind_spots=(),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -12,13 +13,18 @@ from pipeline import tables
 from pipeline.answer import positions
 from pipeline.answer.contract import Answer
 from pipeline.answer.pictures import kept_scene
+from pipeline.answer.positions import Positions
 from pipeline.answer.scene import scene_of_positions
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
+from pipeline.diagnosis.positions import UNLISTED
+from pipeline.faults.mistake import Mistake
+from pipeline.faults.position_readings import accused, exchanged_beside, outliers
+from pipeline.faults.position_rows import Sheet, position_rows
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.laws import Law
 from pipeline.geometry.mechanism import layout
-from pipeline.geometry.positioned import Positioned, positioned
+from pipeline.geometry.positioned import Positioned, as_read, usable
 from pipeline.geometry.study import Study, study
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.prediction.model import Hypothesis, Model
@@ -54,21 +60,20 @@ class Stood:
 
 def stood(name: str, raw: Raw, keep: Keep, step: Step) -> Stood:
     """From the tables of positions to the answer."""
-    read = step(positioned)(raw.settings, raw.robot, raw.files)
+    rows, rejects = step(as_read)(raw.settings, raw.robot, raw.files)
+    wrong, sheet = step(position_rows)(Sheet(raw.robot, raw.settings, rows))
+    read = usable(raw.settings, raw.robot, sheet.rows, rejects)
+    found = _studied(raw, read, step)
+    late, sheet = exchanged_beside(Sheet(raw.robot, raw.settings, read.table), found)
+    if late:  # a table as delivered shows decimetres, the identified one a millimetre
+        read = usable(raw.settings, raw.robot, sheet.rows, rejects)
+        found = _studied(raw, read, step)
     keep("10_positions", read.table, tables.positions(raw.robot))
-    settings = raw.settings.positions
-    points = {one: np.array(at) for one, at in raw.settings.tool.items()}
-    found = step(study)(
-        raw.robot,
-        read.readings,
-        read.weights,
-        points,
-        None if settings is None else settings.sigma_m,
-        raw.robot.roughness,
-        np.random.default_rng(_SEED),
-    )
-    rejected = keep("13_rejected", _rejected(read, found), tables.REJECTED)
-    given = positions.answer(name, raw, found, rejected)
+    off = outliers(found, read.table)
+    rejected = keep("13_rejected", _rejected(read, off), tables.REJECTED)
+    mistakes = (*wrong, *late, *accused(off, found))
+    said = Positions.of(name, raw, found, mistakes, rejected)
+    given = positions.answer(said)
     shown = {
         "rejected": rejected,
         "curves": keep("50_curves", _curves(found.final), tables.CURVES),
@@ -83,20 +88,30 @@ def stood(name: str, raw: Raw, keep: Keep, step: Step) -> Stood:
     return Stood(given, shown, _model(name, found.final, given), {MODEL: dumps(kept)})
 
 
-def _rejected(read: Positioned, found: Study) -> pd.DataFrame:
-    """What was left out when it was read, and the blunders."""
-    bad = pd.DataFrame(
-        [
-            (
-                one.file,
-                one.line,
-                f"stands {plain(1e3 * one.off_m, 3)} mm from where all others put it",
-            )
-            for one in found.bad
-        ],
-        columns=["file", "line", "reason"],
+def _studied(raw: Raw, read: Positioned, step: Step) -> Study:
+    settings = raw.settings.positions
+    return step(study)(
+        raw.robot,
+        read.readings,
+        read.weights,
+        {one: np.array(at) for one, at in raw.settings.tool.items()},
+        None if settings is None else settings.sigma_m,
+        raw.robot.roughness,
+        np.random.default_rng(_SEED),
     )
-    return pd.concat([read.rejected, bad], ignore_index=True)
+
+
+def _rejected(read: Positioned, off: Sequence[Mistake]) -> pd.DataFrame:
+    """What was left out when it was read, and the readings that are off."""
+    bad = [
+        (
+            *one.at[0].rsplit(":", 1),
+            f"stands {plain(one.before, 3)} mm from where all others put it",
+        )
+        for one in off
+    ]
+    told = pd.DataFrame(bad, columns=["file", "line", "reason"])
+    return pd.concat([read.rejected, told.astype({"line": "int64"})], ignore_index=True)
 
 
 def _curves(found: Identified) -> pd.DataFrame:
@@ -176,7 +191,7 @@ def _laws(whole: Study) -> pd.DataFrame:
         parts.append(
             pd.DataFrame(
                 {
-                    "cause": f"{positions.UNLISTED}:{law.joint}",
+                    "cause": f"{UNLISTED}:{law.joint}",
                     "part": np.int32(count[law.joint]),
                     "pose": readings.pose[told].astype(np.int32),
                     "repeat": readings.series[told].astype(np.int32),

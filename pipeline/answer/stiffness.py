@@ -65,7 +65,7 @@ def stiffness_entries(
     odd = _Odd(found, linear.nothing(system.B * system.typical), _partners(hypotheses, found))
     out = []
     for k, joint in enumerate(cell.robot.joints):
-        silent = _stiffness(joint, found, k, _budget(found, parts, k), names[k])
+        silent = stiffness_entry(joint, found, k, _budget(found, parts, k), names[k])
         on = [one for one in depends if one.spring == k]
         said = tuple(_remarks(silent, odd.of(k), on, _called(cell, odd.partners[k])))
         told = silent.model_copy(update={"remarks": said, "by_sign": both.get(k)})
@@ -149,7 +149,7 @@ def budget_entries(stiffness: Sequence[Stiffness]) -> tuple[dict[str, str | floa
     return tuple(rows.values())
 
 
-def _stiffness(
+def stiffness_entry(
     joint: Joint, found: Springs, k: int, parts: tuple[BudgetPart, ...], axis: str | None
 ) -> Stiffness:
     """One joint with its numbers, and nothing said of them."""

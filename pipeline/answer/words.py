@@ -5,7 +5,7 @@ Facts come as types (`Facts`, `Finding`, `Reason`); no sentence made here is eve
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 
 import numpy as np
 
@@ -20,7 +20,6 @@ from pipeline.base.quantities import (
     with_std,
 )
 from pipeline.diagnosis.average import LIKELY
-from pipeline.diagnosis.bounds import UNSTATED_M
 from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts, Named
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
@@ -152,6 +151,12 @@ def _told(facts: Facts) -> str:
             ),
         ]
     )
+
+
+def told_of(facts: Facts, asked: Collection[Finding]) -> list[str]:
+    """Those of some findings that hold, in sentences."""
+    held = [row.finding for row in findings(facts) if row.finding in asked]
+    return [capital(_FINDINGS[one](facts)) for one in held]
 
 
 def _impossible(facts: Facts) -> str:
@@ -324,7 +329,7 @@ def _geometry_refuted(facts: Facts) -> str:
             "and the axes of [tool] in campaign.toml."
         )
     return (
-        f"The unloaded reflectors are {plain(1e3 * facts.unloaded.miss_m, 2)} mm rms from where "
+        f"The unloaded targets are {plain(1e3 * facts.unloaded.miss_m, 2)} mm rms from where "
         "the robot file places them (base and tool fitted), and neither a listed mistake in the "
         "files nor a wrong DH parameter explains it: compare the joint log with the controller, "
         "column by column and row by row, and check that the robot file is that of this robot."
@@ -359,7 +364,7 @@ def _sized(cause: Cause) -> str:
         if isinstance(cause.effect, Table):
             factor, letter = _ENTRIES[unit]
             stands = with_std(factor * (cause.effect.nominal + one.value), factor * one.std)
-            stated = plain(factor * cause.effect.nominal)
+            stated = f"{factor * cause.effect.nominal:.7g}"
             sizes.append(f"{one.parameter.name} = {stands} {letter}, not {stated} {letter}")
             continue
         factor, letter = _THOUSANDTHS.get(unit, (1.0, unit))
@@ -430,7 +435,7 @@ def _beyond_noise(facts: Facts) -> str:
     tracker = bounds.tracker >= bounds.force
     times = f"{plain(bounds.tracker if tracker else bounds.force, 2)} times as much as stated"
     if tracker and not bounds.stated:
-        times = f"by {plain(1e3 * UNSTATED_M * bounds.tracker, 2)} mm"
+        times = f"by {plain(1e3 * bounds.unit_m * bounds.tracker, 2)} mm"
     of = "targets" if tracker else "scale"
     return (
         f"The readings of the {of} scatter {times}, which no instrument in working order does: "
@@ -450,9 +455,12 @@ def _scattered(facts: Facts) -> str:
 
 def _look_first(facts: Facts) -> str:
     bounds = facts.bounds
+    left = f"{plain(1e3 * bounds.worst_m, 2)} mm"
+    if bounds.turn_rad is not None:
+        left = f"{plain(1e3 * bounds.turn_rad, 2)} mrad"
     return (
         f"Look first at {bounds.worst_target} of pose {bounds.worst_pose}, where the model leaves "
-        f"{plain(bounds.worst_mm, 2)} mm."
+        f"{left}."
     )
 
 
@@ -604,7 +612,7 @@ _AGAIN = "; then run the campaign once more. Until then"
 
 _CORRECT: Mapping[str, str] = {
     "outlier": (
-        "Check that reading against the measurement record and correct the file, or measure it "
+        "Check {one} against the measurement record and correct the file, or measure {it} "
         f"again{_AGAIN}"
     ),
     "exchanged": (
@@ -623,7 +631,9 @@ def correct(facts: Facts) -> str:
         return f"Measure that pose again, all its states in one go{_AGAIN}"
     kinds = {one.name for one in facts.mistakes}
     if len(kinds) == 1 and kinds <= _CORRECT.keys():
-        return _CORRECT[kinds.pop()]
+        several = len(facts.mistakes) > 1 or len(facts.mistakes[0].at) > 1
+        number = ("those readings", "them") if several else ("that reading", "it")
+        return _CORRECT[kinds.pop()].replace("{one}", number[0]).replace("{it}", number[1])
     return f"Check that against the measurement record and correct the file{_AGAIN}"
 
 

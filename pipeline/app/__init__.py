@@ -1,4 +1,4 @@
-"""Commands, Prefect flow and service, in an environment made before any library is there."""
+"""The command line, in an environment made before any library is there."""
 
 import os
 

@@ -18,14 +18,13 @@ from pipeline.answer.inputs import (
     treated_findings,
 )
 from pipeline.answer.overload import overload_entry, overloaded
+from pipeline.answer.proven import proven
 from pipeline.app.check_positions import of_positions
 from pipeline.app.outcome import Outcome, sentences
 from pipeline.app.wrong_lines import TOML, Wrong, mistaken, text_of, wrong_lines
 from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain as in_digits
 from pipeline.base.toml import line_of
-from pipeline.faults.conventions import conventions
-from pipeline.faults.placement import placement
 from pipeline.faults.survey import Clock, Distance, Stand, clock, distances, over_nominal, stands
 from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.machine.poses import in_log_units
@@ -58,6 +57,7 @@ def check(campaign: Campaign) -> Outcome:
     wrong = wrong_lines(raw)
     try:
         with raw.placing():
+            raw.settings.within_reach(text_of(raw))
             case = ingested(raw, conformed, plain)
             reduced = bring(case)
             expected(case, reduced.data)
@@ -144,7 +144,7 @@ def _told(
     line = ", ".join(f"{count} {what}" for what, count in used.items())
     found = _Seen(case, there, ratio, when)
     grown = growth_findings(registration_entry(reduced.registration))
-    others = [] if wrong else [one.evidence for one in (conventions(case) or placement(case))]
+    others = [] if wrong else proven(case, reduced)
     overload = overload_entry(raw.robot, reduced.data.pulls)
     said = [
         *limit_findings(case),
@@ -161,7 +161,7 @@ def _told(
         *found.doubts(),
         *overloaded(overload),
     ]
-    todo, next_step = _next(name, wrong)
+    todo, next_step = _next(name, wrong, others)
     text = [f"{name}: {line}", *found.lines(raw), f"  next         {todo}"]
     return Outcome(
         campaign=name,
@@ -222,10 +222,17 @@ def _hung(reduced: Reduced) -> dict[str, int]:
     return {what: count for what, count in kinds.items() if count}
 
 
-def _next(name: str, wrong: list[Wrong]) -> tuple[str, str]:
+def _next(name: str, wrong: list[Wrong], others: list[str]) -> tuple[str, str]:
     """What is to be done, in words and as a command."""
-    command = f"pipeline check {name}" if wrong else f"pipeline run {name}"
-    return f"correct campaign.toml, then: {command}" if wrong else command, command
+    if wrong:
+        return f"correct campaign.toml, then: pipeline check {name}", f"pipeline check {name}"
+    if others:
+        return (
+            f"look into {'this' if len(others) == 1 else 'these'} while the robot still stands "
+            f"there, then: pipeline check {name}",
+            f"pipeline check {name}",
+        )
+    return f"pipeline run {name}", f"pipeline run {name}"
 
 
 def _logs(raw: Raw) -> dict[str, bytes]:

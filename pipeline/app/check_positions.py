@@ -30,7 +30,9 @@ def of_positions(name: str, raw: Raw) -> Outcome:
     rejected = rejected_entries(read.rejected)
     series = listed(str(one) or "one" for one in readings.names)
     notes = [f"{one.file}:{one.line}: {one.reason}" for one in rejected]
+    todo = f"pipeline run {name}"
     if off_m > _FAR_M:
+        todo = f"pipeline check {name}"
         notes.append(
             f"the targets are {plain(1e3 * off_m, 3)} mm from where the robot file "
             "places them, which no real robot is: check the units and signs of the joint values "
@@ -47,14 +49,14 @@ def of_positions(name: str, raw: Raw) -> Outcome:
             "series": [str(one) for one in readings.names],
             "off_mm": 1e3 * off_m,
             "notes": notes,
-            "next": f"pipeline run {name}",
+            "next": todo,
         },
         text="\n".join(
             [
                 f"{name}: {count}",
                 f"  series       {series}",
                 f"  stands       {off} mm from the table, median, tool and frames fitted",
-                f"  next         pipeline run {name}",
+                f"  next         {'' if off_m <= _FAR_M else 'look into this, then: '}{todo}",
             ]
         ),
         exit_code=InputError.exit_code if rejected else 0,

@@ -10,27 +10,10 @@ from typing import Any
 import typer
 from typer.exceptions import Abort, TyperException
 
-from pipeline.app.commands import campaigns, compensate, design, predict, query, robot, simulate
-
-# --help lists the commands in the order of these imports
-# isort: split
-from pipeline.app.commands import service
 from pipeline.app.commands._shared import app as everything
 from pipeline.app.commands._shared import fitted
 from pipeline.base.errors import CannotWrite, Interrupted, PipelineError, UsageError, ended
 from pipeline.base.files import FULL
-
-__all__ = [
-    "campaigns",
-    "compensate",
-    "design",
-    "main",
-    "predict",
-    "query",
-    "robot",
-    "service",
-    "simulate",
-]
 
 
 def main(

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import re
-import traceback
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
+from pipeline.app.crash import shareable
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, place
 from pipeline.base.quantities import bracketed, common_prefix, prefixed, scaled, with_std
@@ -188,16 +188,17 @@ _FRUGAL = "split its files, or raise memory_gib in pipeline.toml where a service
 
 
 def record_crash(problem: Exception) -> str:
-    """Keep the traceback in a file and give the sentence for the screen."""
+    """Keep what can be sent to anybody in a file and give the sentence for the screen."""
     import tempfile
 
-    text = "".join(traceback.format_exception(problem)).encode("utf-8", "backslashreplace")
+    text = shareable(problem).encode("utf-8", "backslashreplace")
     path = Path(tempfile.gettempdir()) / f"pipeline-crash-{files.sha256(text)[:8]}.txt"
     try:
         files.write(path, text)
     except CannotWrite as worse:
         return f"internal error ({_brief(problem)}); its details could not be kept ({worse})."
-    return f"internal error ({_brief(problem)}); please report it with {path}."
+    safe = "in which no name or value of yours stands"
+    return f"internal error ({_brief(problem)}); please report it with {path}, {safe}."
 
 
 def _brief(problem: Exception) -> str:

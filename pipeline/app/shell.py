@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import contextlib
-import signal
-import sys
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from pipeline.app import preferences, service, sync
 from pipeline.app.many import Meant, outcomes
 from pipeline.app.outcome import EARLIER, Outcome, dated, failed, named, outcome, sentences
-from pipeline.app.processes import say, sheltered
 from pipeline.app.progress import Progress, Tell, told
-from pipeline.base import files
-from pipeline.base.environment import elsewhere
+from pipeline.base import files, preferences
+from pipeline.base.doors import is_there, opened
 from pipeline.base.errors import InputError, PipelineError, UsageError
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import Campaign
@@ -25,6 +21,16 @@ from pipeline.store.campaign import Campaign
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
     from pipeline.answer.contract import Answer
     from pipeline.base.executor import Executor
+
+PREFECT = "pipeline.service.engine:through_prefect"
+"""Brings a campaign up to date as a Prefect flow."""
+FETCH, PUBLISH = "pipeline.service.sync:fetch", "pipeline.service.sync:publish"
+"""Campaigns that live on object storage, to this machine and back."""
+
+
+def usual_engine() -> str:
+    """What carries out a run where nobody says: Prefect, where the service is there."""
+    return "prefect" if is_there(PREFECT) else "local"
 
 
 def run_all(
@@ -40,7 +46,7 @@ def run_all(
         executor: Who computes several at a time; None: here, one after another.
     """
     storage = preferences.load(root).storage
-    refused = sync.fetch(root, storage)
+    refused = list[Outcome]() if storage == preferences.Storage() else opened(FETCH)(root, storage)
     yield from refused
     everyone = names or campaigns.every(root)
     if not everyone and not refused:
@@ -54,16 +60,17 @@ def run_all(
                 bar.done()
                 yield done
                 bar.now("several at a time")
-    from pipeline.app import pages
+    from pipeline.answer import archive
 
-    pages.refresh(root)
-    yield from sync.publish(root, storage)
+    archive.refresh(root)
+    if storage != preferences.Storage():
+        yield from opened(PUBLISH)(root, storage)
 
 
 def _one_by_one(
     root: Path, everyone: Iterable[Meant], engine: str, force: bool, bar: Progress
 ) -> Iterator[Outcome]:
-    compute = plainly if engine == "local" else _through_prefect
+    compute = plainly if engine == "local" else opened(PREFECT)
     work = partial(outcome, compute=partial(compute, force=force, tell=bar.at))
     for one in everyone:
         bar.now(one.name if isinstance(one, Campaign) else campaigns.label(one))
@@ -86,27 +93,6 @@ def plainly(campaign: Campaign, force: bool = False, tell: Tell = str) -> Answer
     from pipeline.run import run
 
     return run(campaign, partial(told, tell), force)
-
-
-def _through_prefect(campaign: Campaign, force: bool, tell: Tell) -> Answer:
-    """Bring a campaign up to date as a Prefect flow, unless nothing is to be done."""
-    if campaign.current() and not force:  # also says what no engine can read
-        from pipeline.answer.archive import read
-
-        return read(campaign)
-    home = campaign.root / service.HOME
-    with files.writing(home):
-        home.mkdir(parents=True, exist_ok=True)
-    service.has_room(home)
-    if service.serving(campaign.root) is None and (said := service.mended(campaign.root)):
-        say(said, sys.stderr)
-    service.settle(campaign.root)
-    there = Campaign(campaign.root.absolute(), campaign.folder.absolute())
-    with elsewhere():
-        from pipeline.app.flow import identified, telling  # importing Prefect takes two seconds
-
-        with telling(tell), sheltered(signal.SIGUSR1):
-            return identified(there, force)
 
 
 def check(root: Path, name: str) -> Outcome:
@@ -301,34 +287,33 @@ def report(root: Path, name: str | None, form: str) -> Path:
     Raises:
         UsageError: There is no finished campaign, or only campaigns have this form.
     """
-    from pipeline.app import pages
+    from pipeline.answer import archive
     from pipeline.run import run
 
     if name is None:
         if form != "html":
             raise UsageError(f"the page over all campaigns has no form {form}: name a campaign")
-        page = pages.refresh(root)
+        page = archive.refresh(root)
         if page is None:
             raise UsageError("no campaign is finished: run `pipeline run` first")
         return page
 
     campaign = campaigns.find(root, name)
     run(campaign)
-    pages.refresh(root)
+    archive.refresh(root)
     names = {"html": "index.html", "pdf": "report.pdf", "json": "result.json"}
     return campaign.reports / names[form]
 
 
 def report_text(root: Path, name: str) -> str:
     """A campaign's report as plain text."""
-    from pipeline.answer import archive, fleet
+    from pipeline.answer import archive
     from pipeline.report.model import compose
     from pipeline.report.text import as_text
-    from pipeline.report.wear import told as wear_of
 
     report(root, name, "html")
     campaign = campaigns.find(root, name)
     answer = archive.read(campaign)
     before = archive.earlier(campaign, answer)
-    wear = wear_of(answer, fleet.wear(root))
+    wear = archive.together(answer, root)
     return as_text(compose(answer, archive.shown(campaign), previous=before, wear=wear))

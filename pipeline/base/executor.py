@@ -1,4 +1,4 @@
-"""Where work is carried out: in this process or in several; cluster.py has a Dask cluster.
+"""Where work is carried out: in this process or in several; service/cluster.py has a Dask cluster.
 
 The work is a function that can be pickled and that depends on its item alone, so that results are
 the same wherever they come from; only their order is that in which they end.

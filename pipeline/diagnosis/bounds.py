@@ -11,6 +11,7 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.tails import chi2_beyond
+from pipeline.machine import six
 from pipeline.system import alarms
 from pipeline.system.far import AWAY, Far
 from pipeline.system.fit import Fitted
@@ -50,7 +51,10 @@ class Bounds:
         far: Readings in use that are farther off than noise explains.
         worst_pose: Where the model leaves most.
         worst_target: Its target.
-        worst_mm: What it leaves there, rms.
+        worst_m: What it leaves there, rms [m].
+        turn_rad: The same of the rotation of a pose that is read as one [rad]; None of a position.
+        unit_m: What stands for the noise where none is stated, or where what no model of a machine
+            holds belongs to it, too [m].
     """
 
     tracker: float = 1.0
@@ -61,7 +65,9 @@ class Bounds:
     far: Far = field(default_factory=Far.none)
     worst_pose: int = 0
     worst_target: str = ""
-    worst_mm: float = 0.0
+    worst_m: float = 0.0
+    turn_rad: float | None = None
+    unit_m: float = UNSTATED_M
 
     @property
     def faulty(self) -> bool:
@@ -90,6 +96,8 @@ def bounds(right: Fitted, system: System, estimate: Estimate, left: Far, force: 
         force: Scatter of the scale over the one in use, as the springs show it [1].
     """
     pose, target, worst_m = _worst(system, estimate)
+    tool = right.case.tool
+    turned = tool.six and target == six.ROWS[1]
     return Bounds(
         tracker=_tracker(right),
         stated=right.noise.stated,
@@ -99,7 +107,8 @@ def bounds(right: Fitted, system: System, estimate: Estimate, left: Far, force: 
         far=left,
         worst_pose=pose,
         worst_target=target,
-        worst_mm=1e3 * worst_m,
+        worst_m=worst_m,
+        turn_rad=worst_m / six.radius(tool.points) if turned else None,
     )
 
 

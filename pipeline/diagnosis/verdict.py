@@ -140,27 +140,6 @@ TABLE = (_DATA, _BASE, _UNLOADED, _DISPLACEMENTS, _BOUNDS)
 """Rows by subject, in the order in which their sentences are read."""
 
 
-STANDS_M = 5e-3
-"""Distance from their predicted places, mean over held-out poses, beyond which a robot's joint log
-and its positions do not belong together [m]: with nominal tables industrial robots stand within 1
-to 5 mm, with identified ones far closer."""
-
-
-def of_positions(left_m: float, laws: bool) -> Row:
-    """What a campaign of positions comes to.
-
-    Args:
-        left_m: Mean distance of held-out poses from where the whole model puts them [m].
-        laws: Laws were identified.
-    """
-    rows = (
-        Row(Finding.GEOMETRY_REFUTED, Verdict.UNEXPLAINED, lambda _: left_m > STANDS_M),
-        Row(Finding.CAUSE_IDENTIFIED, Verdict.EXPLAINED, lambda _: laws),
-        Row(Finding.NOTHING, Verdict.ADEQUATE, lambda _: True),
-    )
-    return next(row for row in rows if row.holds(Facts()))
-
-
 def findings(facts: Facts) -> tuple[Row, ...]:
     """The first row of each subject that holds; of the displacements there always is one."""
     first = (next((row for row in rows if row.holds(facts)), None) for rows in TABLE)

@@ -18,7 +18,7 @@ from pipeline.base.arrays import Array
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import GROSS_ANCHORED_M, anchored_miss
 from pipeline.faults.fault import Fault
-from pipeline.faults.mistake import Mistake, length
+from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.readers.known import BETTER, GROSS_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
@@ -43,6 +43,18 @@ def base_names(case: Case) -> list[Mistake]:
     if before < GROSS_M and not _nearer(anchored_miss(right), table):
         return []
     return [_finding(case, names, order, before, _miss(seen, nominal, order))]
+
+
+def not_rigid(case: Case) -> float | None:
+    """How far no place of the tracker brings the base reflectors nearer to [base_frame] [m], rms.
+
+    None where they are as far apart as it has them, or where nothing tells.
+    """
+    names, seen, nominal = _reflectors(case)
+    if len(names) < BASE_REFLECTORS:
+        return None
+    off_m = _miss(seen, nominal, range(len(names)))
+    return off_m if off_m >= GROSS_M else None
 
 
 def _reflectors(case: Case) -> tuple[list[str], Array, Array]:
@@ -119,7 +131,7 @@ def _finding(
     wrong = sorted(place)
     rows = case.readings
     rows = rows[rows["pose"].isna() & rows["target"].isin(wrong)]
-    at = tuple(f"{f}:{line}" for f, line in zip(rows["file"], rows["line"], strict=True))
+    at = lines_of(rows)
     each = ", ".join(f"{name} stands at the place of {place[name]}" for name in wrong)
     return Mistake(
         name="label_swap",

@@ -37,7 +37,7 @@ _BASE = 3
 FEWEST_POSES = 3
 """Poses below which a rigid motion can hide a wrong table."""
 
-_UNITS = {
+UNITS = {
     1e3: ("m", "the numbers are metres and were read as millimetres"),
     25.4: ("inch", "the numbers are inches and were read as millimetres"),
     1e-3: ("mm", "the numbers are millimetres and were read as metres"),
@@ -221,7 +221,7 @@ def _moved_onto(seen: Array, expected: Array) -> Array:
 
 def hypotheses(case: Case) -> Iterator[Hypothesis]:
     """Every mistake that is tested."""
-    for factor, (unit, says) in _UNITS.items():
+    for factor, (unit, says) in UNITS.items():
         yield Hypothesis("unit_mixup", unit, f"in the tracker export {says}", scaled(factor))
     for ending, unit, factor, says in LOGGED:
         columns = [column for column in case.joint_columns if column.endswith(ending)]

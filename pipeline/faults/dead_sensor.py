@@ -6,7 +6,6 @@ Neither needs an estimate, and neither can be put right: what is missing was not
 
 from __future__ import annotations
 
-from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -18,7 +17,7 @@ from pipeline.base.quantities import plain
 from pipeline.faults.assignment import lines
 from pipeline.faults.exchanged_pulls import displacement_std
 from pipeline.faults.fault import Fault, Screening
-from pipeline.faults.mistake import Mistake
+from pipeline.faults.mistake import Mistake, left_out, lines_of
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import PULLED
 from pipeline.reduction.case import Case
@@ -85,7 +84,7 @@ def _still(asked: Screening, data: Measured) -> list[Mistake]:
             after=1.0,
             unit="1",
             correct=_as_it_is,
-            at=tuple(f"{f}:{line}" for f, line in zip(rows["file"], rows["line"], strict=True)),
+            at=lines_of(rows),
             hopeless=True,
         )
     ]
@@ -137,7 +136,7 @@ def _of_copy(case: Case, data: Measured, same: Ints, force: float, every: bool) 
     mine = np.array([key in keys for key in zip(loads["pose"], loads["repeat"], strict=True)])
     rows = loads[mine]
     file = str(rows["file"].iloc[0])
-    at = tuple(f"{file}:{line}" for line in rows["line"])
+    at = lines_of(rows)
     return Mistake(
         name="copied_column",
         where=f"{file} force",
@@ -150,16 +149,10 @@ def _of_copy(case: Case, data: Measured, same: Ints, force: float, every: bool) 
         before=_UNLIKE,
         after=1.0,
         unit="1",
-        correct=_as_it_is if every else partial(_without, keys=frozenset(keys)),
+        correct=_as_it_is if every else partial(left_out, at=at, of="loads"),
         at=at,
         hopeless=every,
     )
-
-
-def _without(case: Case, keys: frozenset[tuple[int, int]]) -> Case:
-    loads = case.loads
-    mine = [key not in keys for key in zip(loads["pose"], loads["repeat"], strict=True)]
-    return replace(case, loads=loads[mine])
 
 
 FAULT = Fault("dead_sensor", "column that no sensor wrote", dead, in_files=True, in_forces=True)

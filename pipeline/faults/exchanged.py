@@ -7,9 +7,10 @@ apart. Which row of the joint log each pose fits best, and which pose each group
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import partial
+from typing import Any
 
 import numpy as np
 import pandas as pd
@@ -20,7 +21,7 @@ from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said
 from pipeline.faults.conventions import FEWEST_POSES, anchored
 from pipeline.faults.fault import Fault
 from pipeline.faults.labels import aligned
-from pipeline.faults.mistake import Mistake, length
+from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.machine.robot import configure
 from pipeline.readers.known import GROSS_M
 from pipeline.reduction.case import Case
@@ -217,7 +218,7 @@ def _of_rows(case: Case, poses: Ints, ring: Ring, cost: Array) -> Mistake:
         what=f"{file}: the rows of {said(ring, names, 'row')}",
         of="the reflectors of these poses are",
         cost=cost,
-        at=tuple(f"{file}:{line}" for line in joints["line"]),
+        at=lines_of(joints),
         correct=partial(_renumbered, true=true, lost=numbers[0] if ring.ended else None),
     )
 
@@ -269,7 +270,7 @@ def _of_groups(
         what=f"the groups {', '.join(sets)}",
         of="their reflectors are",
         cost=cost,
-        at=tuple(f"{f}:{line}" for f, line in zip(here["file"], here["line"], strict=True)),
+        at=lines_of(here),
         correct=partial(regrouped, true=true, out=frozenset(out), chain=chain),
     )
 
@@ -333,7 +334,7 @@ def told(
     of: str,
     cost: Array,
     at: tuple[str, ...],
-    correct: partial[Case],
+    correct: Callable[[Any], Any],
 ) -> Mistake:
     """An exchange that the robot's table shows; `cost` in m^2."""
     before = float(np.sqrt(max(cost[i, i] for i, _ in ring.moves)))

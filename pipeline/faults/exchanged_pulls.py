@@ -28,7 +28,7 @@ from pipeline.base.quantities import plain
 from pipeline.faults.assignment import Ring, lines, rings, said, shift
 from pipeline.faults.exchanged import regrouped
 from pipeline.faults.fault import Fault, Screening
-from pipeline.faults.mistake import Mistake
+from pipeline.faults.mistake import Mistake, lines_of
 from pipeline.machine.cell import jacobian
 from pipeline.machine.effect import MOUNTED
 from pipeline.reduction.case import Case
@@ -289,7 +289,7 @@ def _of_loads(asked: Screening, moved: Moved, fit: _Fit, ring: Ring, row: Ints) 
     file = str(rows["file"].iloc[0])
     keys = [(int(p), int(r)) for p, r in zip(rows["pose"], rows["repeat"], strict=True)]
     names = [f"pose{p:02d} rep{r}" for p, r in keys]
-    at = tuple(f"{file}:{line}" for line in rows["line"])
+    at = lines_of(rows)
     where, also = f"{file} {ring.where(names)}", ""
     groups = _groups_of(case, keys) if len(keys) == 2 and keys[0][0] == keys[1][0] else None
     if groups is not None:
@@ -327,14 +327,14 @@ def _of_loads(asked: Screening, moved: Moved, fit: _Fit, ring: Ring, row: Ints) 
 
 def _groups_of(case: Case, keys: Sequence[tuple[int, int]]) -> tuple[str, tuple[str, ...]] | None:
     """The groups of two pulls as `a/b`, and the lines of their readings."""
-    rows, names, at = case.readings, [], []
+    rows, names, at = case.readings, list[str](), list[str]()
     for pose, repeat in keys:
         here = rows[(rows["pose"] == pose) & (rows["repeat"] == repeat)]
         here = here[here["state"] == "loaded"]
         if not len(here):
             return None
         names.append(str(here["group"].iloc[0]))
-        at += [f"{f}:{line}" for f, line in zip(here["file"], here["line"], strict=True)]
+        at += lines_of(here)
     return "/".join(sorted(names)), tuple(at)
 
 
@@ -441,7 +441,7 @@ def _of_states(
     true = {names[i]: names[j] for i, j in ring.moves}
     rows = case.readings
     rows = rows[rows["group"].isin(mine) & rows["target"].isin(case.settings.measured)]
-    at = tuple(f"{f}:{line}" for f, line in zip(rows["file"], rows["line"], strict=True))
+    at = lines_of(rows)
     where = ring.where(mine)
     return Mistake(
         name="exchanged",

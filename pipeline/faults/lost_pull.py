@@ -22,9 +22,7 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
 from pipeline.system.beside import Base, Beside
-
-_DECIDES = 9.2
-"""Drop of chi-square by which a target must beat any other of the pull: odds of 100."""
+from pipeline.system.together import DECIDES
 
 _FEWEST = 3
 """Fewer targets have no shape but one distance, which does not say which of two is wrong."""
@@ -74,7 +72,7 @@ def _worst(group: pd.DataFrame, asked: Screening) -> Mistake | None:
     found = _shifts(read, _mean(zeros, names), unit_m * scale)
     best, second = (int(k) for k in np.argsort(found.drop)[[-1, -2]])
     p, size = float(found.p(1.0, contrasts)[best]), float(np.linalg.norm(found.size[best]))
-    decided = found.drop[best] - found.drop[second] > _DECIDES
+    decided = found.drop[best] - found.drop[second] > DECIDES
     if not decided or size < smallest(asked.reduced.placed, scale):
         return None
     others = "the other targets, as they stood unloaded,"

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Collection
-from dataclasses import dataclass
-from typing import Any
+from dataclasses import dataclass, replace
+from typing import Any, Literal
+
+import pandas as pd
 
 from pipeline.base.quantities import plain
 from pipeline.reduction.case import Case
@@ -25,7 +27,7 @@ class Mistake:
         size: How large the mistake is, where it has a size.
         size_unit: Unit of `size`.
         p_value: Probability of such evidence by chance, None where chance plays no part.
-        correct: The corrected campaign.
+        correct: The corrected campaign; of positions, their corrected table.
         at: Where what is accused stands, `file:line`; nothing where it is no single row.
         axes: Coordinates that the square of `before` is the sum of, where it is in sigma.
         together: Several readings are moved alike, which no tail of single ones does.
@@ -40,7 +42,7 @@ class Mistake:
     before: float
     after: float
     unit: str
-    correct: Callable[[Case], Case]
+    correct: Callable[[Any], Any]
     size: float | None = None
     size_unit: str = "1"
     p_value: float | None = None
@@ -62,11 +64,29 @@ class Mistake:
         return single and self.unit == "sigma" and self.p_value is not None
 
 
+def lines_of(rows: pd.DataFrame) -> tuple[str, ...]:
+    """Where rows of a file stand: `file:line`."""
+    return tuple(f"{file}:{line}" for file, line in zip(rows["file"], rows["line"], strict=True))
+
+
+def left_out(
+    case: Case, at: Collection[str], of: Literal["readings", "loads"] = "readings"
+) -> Case:
+    """The campaign without some rows of one of its tables, `file:line` each."""
+    by_file: dict[str, list[int]] = {}
+    for file, _, line in (place.rpartition(":") for place in at):
+        by_file.setdefault(file, []).append(int(line))
+    table = case.loads if of == "loads" else case.readings
+    for file, numbers in by_file.items():
+        table = table[(table["file"] != file) | ~table["line"].isin(numbers)]
+    return replace(case, loads=table) if of == "loads" else replace(case, readings=table)
+
+
 def of_group(case: Case, group: str, targets: Collection[str]) -> tuple[str, ...]:
     """Where the readings of some targets of a group stand: `file:line`."""
     rows = case.readings
     rows = rows[(rows["group"] == group) & rows["target"].isin(targets)]
-    return tuple(f"{file}:{line}" for file, line in zip(rows["file"], rows["line"], strict=True))
+    return lines_of(rows)
 
 
 _FAR = 1000.0

@@ -16,6 +16,7 @@ import numpy as np
 from pipeline.base import covariance
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rigid
+from pipeline.faults.base_names import not_rigid
 from pipeline.faults.conventions import GROSS_ANCHORED_M, anchored, miss, pairs, unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, length
@@ -27,7 +28,7 @@ from pipeline.reduction.register import XYZ
 def placement(case: Case) -> list[Mistake]:
     """That the readings are not in F_b, where nothing but a rigid motion of all is wrong."""
     free, where = miss(case), anchored(case)
-    if free is None or where is None or free >= GROSS_M:
+    if free is None or where is None or free >= GROSS_M or not_rigid(case) is not None:
         return []
     seen, expected, _ = pairs(case, unloaded(case))
     R, t = where

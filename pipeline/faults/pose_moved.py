@@ -16,11 +16,13 @@ from scipy import special
 
 from pipeline.base.arrays import Array, Ints
 from pipeline.faults.fault import Fault, Screening
-from pipeline.faults.mistake import Mistake, apart, length, of_group, outlying
+from pipeline.faults.mistake import Mistake, apart, left_out, length, lines_of, of_group, outlying
 from pipeline.faults.reading import Shifted, confirmed, shifted_readings
 from pipeline.reduction.case import Case
 from pipeline.system import alarms
 from pipeline.system.beside import Beside
+from pipeline.system.system import System
+from pipeline.system.together import cost
 
 _FITS = 1e-3
 """A model whose misfit is this probable fits."""
@@ -61,6 +63,10 @@ def moved(asked: Screening) -> list[Mistake]:
         return []
     place, first = divmod(best, from_pull)
     pose = int(np.unique(shifted.stack.pose)[place])
+    variance = max(rest, 1.0)
+    single = not asked.cell.tool.six
+    if single and _one_reading(shifted, system, pose, variance) >= _worth(found, variance)[best]:
+        return []
     beside = _flat(shifted.springs(system, columns[first] * _of(shifted, pose)).beside(D))
     others = np.arange(len(found.drop)) // from_pull != place
     if len(found.drop) * float(beside.p(max(rest, 1.0), dof)[others].min(initial=1.0)) < _ALONE:
@@ -68,6 +74,17 @@ def moved(asked: Screening) -> list[Mistake]:
     pulls = asked.reduced.data.pulls
     repeats = np.sort(pulls.repeat[pulls.pose == pose])
     return [_finding(asked.case, pose, repeats, first, size, float(found.drop[best]), p)]
+
+
+def _worth(found: Beside, variance: float) -> Array:
+    """Log likelihood that suspects add, twice, less what the prior takes."""
+    return np.asarray(found.drop / variance - cost(found.drop / variance, found.rank))
+
+
+def _one_reading(shifted: Shifted, system: System, pose: int, variance: float) -> float:
+    """What the best single reading of a pose adds: across the targets' plane a shift is a turn."""
+    found = shifted.beside(shifted.springs(system))
+    return float(_worth(found, variance)[shifted.readings.pose == pose].max(initial=-np.inf))
 
 
 def _of(shifted: Shifted, pose: int) -> Array:
@@ -143,16 +160,9 @@ def _finding(
         size=float(np.linalg.norm(size[:3])),
         p_value=p,
         together=True,
-        correct=partial(_without, lines=tuple(zip(out["file"], out["line"], strict=True))),
+        correct=partial(left_out, at=lines_of(out)),
         at=at,
     )
-
-
-def _without(case: Case, lines: tuple[tuple[str, int], ...]) -> Case:
-    """The campaign without some readings."""
-    rows, out = case.readings, set(lines)
-    kept = [one not in out for one in zip(rows["file"], rows["line"], strict=True)]
-    return replace(case, readings=rows[kept])
 
 
 FAULT = Fault("outlier", "outlying reading", moved)

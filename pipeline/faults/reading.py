@@ -2,14 +2,16 @@
 
 A reading is shifted by an unknown vector [m] in F_b: a suspect of three columns beside the model
 (see `system.beside`; Baarda, A Testing Procedure for Use in Geodetic Networks, 1968, for three
-coordinates). Its p-value is multiplied by the number of readings (Bonferroni). Where the model
-fits, the residuals say how much readings scatter, no less than stated. The model is that of the
-joint springs; where these do not fit either way, a free stiffness of every pose, so that whatever
-the robot does in proportion to the pull does not pass for a bad reading.
+coordinates). A pose that is read as one has six, and is one reading of its state. A p-value is
+multiplied by the number of readings (Bonferroni). Where the model fits, the residuals say how much
+readings scatter, no less than stated. The model is that of the joint springs; where these do not
+fit either way, a free stiffness of every pose, so that whatever the robot does in proportion to the
+pull does not pass for a bad reading.
 """
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -18,9 +20,12 @@ import pandas as pd
 from scipy import special
 
 from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.quantities import plain
+from pipeline.faults.assignment import lines
 from pipeline.faults.fault import Fault, Screening
-from pipeline.faults.mistake import Mistake, apart, length, outlying
+from pipeline.faults.mistake import Mistake, apart, left_out, length, lines_of, of_group, outlying
 from pipeline.machine import instrument
+from pipeline.machine.six import radius
 from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
@@ -53,11 +58,11 @@ _PAPER_TAIL = 4.9
 
 @dataclass(frozen=True, eq=False)
 class Readings(Locked):
-    """Every reading of the measured targets, poses ascending.
+    """Every reading of the measured targets, or of the effector's pose, poses ascending.
 
     Attributes:
         pose: Pose of each reading, shape (n,).
-        target: Index of its target, shape (n,).
+        target: Index of its target, 0 of a pose, shape (n,).
         pull: Index of its pull; -1 for zeros, shape (n,).
         nth: Number of the zero in its pose, by time; 0 for loaded readings, shape (n,).
         of: Zeros of its target in its pose, shape (n,).
@@ -79,7 +84,7 @@ class Shifted(Locked):
         white: Its whitener.
         readings: Every reading.
         blocks: Readings by pose.
-        D: Whitened columns of each reading [1/m], shape (poses, rows, readings, 3).
+        D: Whitened columns of each reading [1/m], shape (poses, rows, readings, 3), 6 of a pose.
     """
 
     stack: Stack
@@ -139,9 +144,12 @@ class Shifted(Locked):
 
         What is held of one pull, or of one zero, may be that the effector moved there as one: this
         motion then is no reading's, and what is off is asked anew beside it. Sizes are those that
-        the model alone tells, as the motion may be a part of the shift.
+        the model alone tells, as the motion may be a part of the shift. A pose that is read as one
+        is such a motion itself.
         """
         first, held = base, together(base, suspects, least)
+        if self.D.shape[3] > 3:
+            return held
         for _ in range(int(self.stack.pull.max(initial=0)) + 1):
             whole = self._moved_as_a_whole(held, base, suspects)
             if not whole:
@@ -216,17 +224,19 @@ def outliers(asked: Screening) -> list[Mistake]:
     told = shifted.told(held, suspects, free, seen=not fits)
     p, size = held.p(), np.linalg.norm(held.size, axis=1)
     least_m = smallest(reduced.placed, float(np.sqrt(held.variance)))
-    return [
-        bad_reading(
-            _row(case, reduced, shifted.readings, int(held.which[k])),
-            "all other readings",
-            float(size[k]),
-            float(np.sqrt(held.drop[k] / held.variance)),
-            float(p[k]),
-        )
-        for k in np.argsort(-held.drop, kind="stable")
-        if told[k] and size[k] > least_m
-    ]
+    found = []
+    for k in np.argsort(-held.drop, kind="stable"):
+        if told[k] and size[k] > least_m:
+            one = int(held.which[k])
+            alike = [one, *suspects.rivals(held, one).tolist()]
+            row, *rivals = (_row(case, reduced, shifted.readings, j) for j in alike)
+            sigmas = float(np.sqrt(held.drop[k] / held.variance))
+            known = sigmas, float(p[k]), rivals
+            if asked.cell.tool.six:
+                found.append(_bad_pose(case, row, held.size[k], *known))
+            else:
+                found.append(bad_reading(row, "all other readings", float(size[k]), *known))
+    return found
 
 
 def _fits(held: Held, pulls: Base, least: float) -> bool:
@@ -252,9 +262,10 @@ def shifted_readings(
     """
     stack = stacked(system, estimate.residual, reduced.data, zeros, case.cell)
     white = whitener(stack.errors, stack.pose)
-    readings = _readings(stack, _zero_counts(reduced.placed, case.settings.measured))
+    six = case.tool.six
+    readings = _readings(stack, _zero_counts(reduced.placed, case.settings.measured), six)
     blocks = Blocks.of(readings.pose)
-    return Shifted(stack, white, readings, blocks, _columns(stack, white, readings, blocks))
+    return Shifted(stack, white, readings, blocks, _columns(stack, white, readings, blocks, six))
 
 
 def confirmed(freer: Beside, k: int, shift: Array, variance: float, seen: bool = False) -> bool:
@@ -291,9 +302,9 @@ def _zero_counts(placed: pd.DataFrame, measured: list[str]) -> dict[tuple[int, i
     return {(int(pose), int(t)): int(n) for (pose, t), n in zip(keys, number, strict=True)}
 
 
-def _readings(stack: Stack, counts: dict[tuple[int, int], int]) -> Readings:
+def _readings(stack: Stack, counts: dict[tuple[int, int], int], six: bool) -> Readings:
     """The readings that the rows of a stack are made of."""
-    rows = np.column_stack([stack.pose, stack.target, stack.pull])
+    rows = np.column_stack([stack.pose, np.where(six, 0, stack.target), stack.pull])
     there = sorted({(int(pose), int(t)) for pose, t, _ in rows})
     zeros = [(*one, -1, nth, counts[one]) for one in there for nth in range(counts.get(one, 0))]
     loaded = {(int(p), int(t), int(i), 0, counts.get((int(p), int(t)), 0)) for p, t, i in rows}
@@ -301,16 +312,18 @@ def _readings(stack: Stack, counts: dict[tuple[int, int], int]) -> Readings:
     return Readings(*np.array(sorted(every), dtype=np.int64).reshape(-1, 5).T)
 
 
-def _columns(stack: Stack, white: Whitener, readings: Readings, blocks: Blocks) -> Array:
+def _columns(stack: Stack, white: Whitener, readings: Readings, blocks: Blocks, six: bool) -> Array:
     """What a unit shift of each reading does to the rows of its pose, whitened.
 
     A loaded reading moves its own row by one; zero n of N moves every loaded row of its target by
     -1/N, its own difference to the mean of those before by one, and those after it by -1/k, k
     their number.
     """
+    target, axis = (
+        (0 * stack.target, 3 * stack.target + stack.axis) if six else (stack.target, stack.axis)
+    )
     row_target, row_pull, which, axis = (
-        white.blocks.padded(part)[:, :, None]
-        for part in (stack.target, stack.pull, stack.which, stack.axis)
+        white.blocks.padded(part)[:, :, None] for part in (target, stack.pull, stack.which, axis)
     )
     target, pull, nth, of = (
         blocks.padded(part)[:, None, :]
@@ -320,7 +333,7 @@ def _columns(stack: Stack, white: Whitener, readings: Readings, blocks: Blocks) 
     later = np.where(which > nth, -1.0 / np.maximum(which, 1), 0.0)
     zero = np.where(row_pull < 0, np.where(which == nth, 1.0, later), -1.0 / np.maximum(of, 1))
     moved = np.where(pull >= 0, row_pull == pull, zero) * (there & (row_target == target))
-    D = moved[..., None] * np.eye(3)[axis]
+    D = moved[..., None] * np.eye(6 if six else 3)[axis]
     return np.asarray(np.einsum("pab,pbni->pani", white.inverse, D, optimize=True))
 
 
@@ -330,6 +343,7 @@ def bad_reading(
     size: float,
     sigmas: float,
     p: float | None = None,
+    rivals: Sequence[pd.Series] = (),
 ) -> Mistake:
     """The finding of a single reading that contradicts others.
 
@@ -340,18 +354,53 @@ def bad_reading(
         sigmas: The same in standard deviations.
         p: That chance puts any reading so far off; a sum, which may exceed 1. None where chance
             plays no part.
+        rivals: Readings that may be it instead.
     """
-    where = f"{row['group']}/{row['target']}"
+    rows = pd.DataFrame([row, *rivals])
+    names = (rows["group"].astype(str) + "/" + rows["target"].astype(str)).tolist()
+    at = lines_of(rows)
+    each = [f"{name} ({place})" for name, place in zip(names, at, strict=True)]
+    one = f"the reading {each[0]}" if len(rows) == 1 else f"one of {', '.join(each)}"
+    doubt = "" if len(rows) == 1 else ", and nothing tells which of them it is"
     return outlying(
-        where,
-        f"the reading {where} ({row['file']}:{row['line']}) is {length(size)} off "
-        f"from where {others} put it, {apart(sigmas)}",
-        f"recomputed without {where}",
+        names[0],
+        f"{one} is {length(size)} off from where {others} put it, {apart(sigmas)}{doubt}",
+        f"recomputed without {' and '.join(names)}",
         before=sigmas,
         size=size,
         p_value=p,
-        correct=partial(without, file=str(row["file"]), line=int(row["line"])),
-        at=(f"{row['file']}:{row['line']}",),
+        correct=partial(left_out, at=at),
+        at=at,
+    )
+
+
+def _bad_pose(
+    case: Case,
+    row: pd.Series,
+    size: Array,
+    sigmas: float,
+    p: float,
+    rivals: Sequence[pd.Series],
+) -> Mistake:
+    """The finding of a pose that was read as one, of size s and L w [m], as of `bad_reading`."""
+    groups = [str(one["group"]) for one in (row, *rivals)]
+    at = tuple(
+        dict.fromkeys(line for g in groups for line in of_group(case, g, case.settings.measured))
+    )
+    turned = float(np.linalg.norm(size[3:])) / radius(case.tool.points)
+    one = f"the pose {groups[0]}" if not rivals else f"one of the poses {', '.join(groups)}"
+    return outlying(
+        groups[0],
+        f"{one} ({lines(at)}) is {length(float(np.linalg.norm(size[:3])))} and "
+        f"{plain(1e3 * turned, 3)} mrad off from where all other readings put it, {apart(sigmas)}"
+        f"{', and nothing tells which of them it is' if rivals else ''}",
+        f"recomputed without {' and '.join(groups)}",
+        before=sigmas,
+        size=float(np.linalg.norm(size)),
+        p_value=p,
+        correct=partial(left_out, at=at),
+        at=at,
+        axes=6,
     )
 
 
@@ -380,14 +429,4 @@ def _row(case: Case, reduced: Reduced, readings: Readings, best: int) -> pd.Seri
     return rows.iloc[readings.nth[best]]
 
 
-def without(case: Case, file: str, line: int) -> Case:
-    """The campaign without one reading."""
-    rows = case.readings
-    return replace(case, readings=rows[(rows["file"] != file) | (rows["line"] != line)])
-
-
-FAULT = Fault(
-    "outlier",
-    "outlying reading",
-    lambda asked: [] if asked.cell.tool.six else outliers(asked),  # a pose is no reading of targets
-)
+FAULT = Fault("outlier", "outlying reading", outliers)

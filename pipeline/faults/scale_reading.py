@@ -19,7 +19,7 @@ import numpy as np
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.tails import chi2_beyond
 from pipeline.faults.fault import Fault
-from pipeline.faults.mistake import Mistake, outlying
+from pipeline.faults.mistake import Mistake, left_out, outlying
 from pipeline.faults.typed import intended
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import HUNG, MOUNTED
@@ -278,7 +278,7 @@ def _finding(
     pose, repeat = int(data.pulls.pose[pull]), int(data.pulls.repeat[pull])
     loads = case.loads
     row = loads[(loads["pose"] == pose) & (loads["repeat"] == repeat)].iloc[0]
-    where = f"{row['file']} pose{pose:02d} rep{repeat}"
+    where, at = f"{row['file']} pose{pose:02d} rep{repeat}", (f"{row['file']}:{row['line']}",)
     sigmas = float(np.sqrt(drop))
     hung = data.pulls.by[pull] == HUNG
     one, unit = (case.settings.gravity.m_s2, "kg") if hung else (1.0, "N")
@@ -294,8 +294,8 @@ def _finding(
         size=abs(given - fits) / one,
         size_unit=unit,
         p_value=p,
-        correct=partial(_without, pose=pose, repeat=repeat),
-        at=(f"{row['file']}:{row['line']}",),
+        correct=partial(left_out, at=at, of="loads"),
+        at=at,
     )
 
 
@@ -303,12 +303,6 @@ def _meant(given: float, fits: float, std: float, unit: str) -> str:
     """The number that was probably meant, in words."""
     found = intended(given, fits, std)
     return "" if found is None else f"; {found[1]}, {found[0]:.6g} {unit} may have been meant"
-
-
-def _without(case: Case, pose: int, repeat: int) -> Case:
-    """The campaign without a line of the scale's log."""
-    loads = case.loads
-    return replace(case, loads=loads[(loads["pose"] != pose) | (loads["repeat"] != repeat)])
 
 
 FAULT = Fault(

@@ -18,8 +18,7 @@ import pandas as pd
 from pipeline.base import covariance
 from pipeline.base.arrays import Array
 from pipeline.faults.fault import Fault
-from pipeline.faults.mistake import Mistake, outlying
-from pipeline.faults.reading import without
+from pipeline.faults.mistake import Mistake, left_out, outlying
 from pipeline.reduction.case import Case
 from pipeline.reduction.digits import rounding
 from pipeline.reduction.measured import STILL_M
@@ -125,7 +124,7 @@ def _repeats(row: pd.Series, earlier: str, later: str, p: float) -> Mistake:
         before=0.0,
         unit="mm",
         p_value=p,
-        correct=partial(without, file=str(row["file"]), line=int(row["line"])),
+        correct=partial(left_out, at=(line,)),
         at=(line,),
     )
 

@@ -22,7 +22,7 @@ from pipeline.faults.conventions import LOGGED
 from pipeline.faults.exchanged import misplaced
 from pipeline.faults.exchanged_pulls import FEWEST, MOST, SPREAD, Moved, rows_of
 from pipeline.faults.fault import Fault, Screening
-from pipeline.faults.mistake import Mistake
+from pipeline.faults.mistake import Mistake, lines_of
 from pipeline.machine.effect import PULLED
 from pipeline.readers.known import BETTER
 from pipeline.readers.logs import FORCE
@@ -108,8 +108,8 @@ def _likelier(moved: Moved, at: Ints, best: tuple[int, str, int]) -> tuple[int, 
 
 
 def _of_forces(case: Case, rows: pd.DataFrame, unit: str, sign: int) -> Mistake:
-    file, factor = str(rows["file"].iloc[0]), float(FORCE[unit] ** sign)
-    at = tuple(f"{file}:{line}" for line in rows["line"])
+    factor = float(FORCE[unit] ** sign)
+    at = lines_of(rows)
     keys = frozenset(zip(rows["pose"].tolist(), rows["repeat"].tolist(), strict=True))
     said = f"are {unit} and were read as N" if sign == 1 else f"are N and were read as {unit}"
     return _finding(
@@ -158,9 +158,7 @@ def _joints(case: Case) -> Iterator[Mistake]:
         columns = [name for name in case.joint_columns if name.endswith(ending)]
         correct = partial(_relogged, columns=columns, poses=poses, factor=factor)
         if columns and not misplaced(correct(case)):
-            at = tuple(f"{f}:{line}" for f, line in zip(log["file"], log["line"], strict=True))[
-                first:
-            ]
+            at = lines_of(log.iloc[first:])
             yield _finding(
                 where=unit,
                 says=f"from {at[0]} on in the joint log {says}",

@@ -369,13 +369,27 @@ class Stand(NamedTuple):
     turn: Array
 
 
+def placed(readings: Readings, mechanism: Mechanism, weights: Weights) -> tuple[Array, Array]:
+    """Where a mechanism has the targets and where they were read [m], F_b, both (m, t, 3)."""
+    return _stand(readings, mechanism, weights).at, _seen(readings, mechanism)
+
+
+def _stand(readings: Readings, mechanism: Mechanism, weights: Weights) -> Stand:
+    when = within(readings), readings.series.astype(float)
+    return mechanism.stand(readings.q, weights, readings.temperature, *when)
+
+
+def _seen(readings: Readings, mechanism: Mechanism) -> Array:
+    """Readings of targets in F_b [m], (m, t, 3)."""
+    own = mechanism.frames[readings.series]
+    return np.einsum("mji,mtj->mti", own[:, :3, :3], readings.at - own[:, None, :3, 3])
+
+
 def linearised(readings: Readings, mechanism: Mechanism, weights: Weights) -> Linear:
     """Readings about a mechanism."""
-    when = within(readings), readings.series.astype(float)
-    stand = mechanism.stand(readings.q, weights, readings.temperature, *when)
+    stand = _stand(readings, mechanism, weights)
     at, turn = stand.at, stand.turn
-    own = mechanism.frames[readings.series]
-    seen_at = np.einsum("mji,mtj->mti", own[:, :3, :3], readings.at - own[:, None, :3, 3])
+    own, seen_at = mechanism.frames[readings.series], _seen(readings, mechanism)
     seen_turn = np.einsum("mji,mtjk->mtik", own[:, :3, :3], readings.turn)
     off = np.einsum("mtij,mtkj->mtik", seen_turn, turn).reshape(-1, 3, 3)
     turned = Rotation.from_matrix(off).as_rotvec().reshape(at.shape)

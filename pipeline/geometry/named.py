@@ -87,19 +87,23 @@ class Data:
         self, begun: Mechanism, wanted: Wanted, earlier: Identified | None = None
     ) -> Identified:
         """An estimate, with the priors of an earlier one; scales of what that had beside."""
-        known = None if earlier is None else earlier.known
-        if earlier is not None and known is not None and earlier.wanted.yields != wanted.yields:
-            known = replace(known, groups=())
-        return identify(begun, self.readings, self.weights, wanted, self.noise, self.stated, known)
+        known, noise = None, self.noise
+        if earlier is not None:
+            known, noise = earlier.known, earlier.scatter
+            if earlier.wanted.yields != wanted.yields:
+                known = replace(known, groups=())
+        return identify(begun, self.readings, self.weights, wanted, noise, self.stated, known)
 
     def again(self, found: Identified) -> Identified:
         """The same model from these readings."""
         return self.identify(found.mechanism, found.wanted, found)
 
     def without(self, bad: Bools) -> Data:
-        """All poses but some."""
-        weights = self.weights.part(np.flatnonzero(~bad))
-        return replace(self, readings=self.readings.part(~bad), weights=weights)
+        """All readings but some (m, t), and the poses where one is left."""
+        at = np.where(bad[..., None], np.nan, self.readings.at)
+        left = (~np.isnan(at[..., 0])).any(axis=1)
+        readings = replace(self.readings, at=at).part(np.flatnonzero(left))
+        return replace(self, readings=readings, weights=self.weights.part(np.flatnonzero(left)))
 
 
 @dataclass(frozen=True, eq=False)

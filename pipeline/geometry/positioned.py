@@ -44,18 +44,44 @@ class Positioned:
     table: pd.DataFrame
 
 
+Rejected = list[tuple[str, int | None, str]]
+"""File, line and reason of rows that were left out."""
+
+
 def positioned(settings: Settings, robot: Robot, raw: Mapping[str, bytes]) -> Positioned:
     """Read a campaign of positions.
 
     Raises:
         InputError: A file is missing or cannot be trusted, or too little is left.
     """
+    return usable(settings, robot, *as_read(settings, robot, raw))
+
+
+def as_read(
+    settings: Settings, robot: Robot, raw: Mapping[str, bytes]
+) -> tuple[pd.DataFrame, Rejected]:
+    """Every row of the tables, whatever its joint values are, and what is no row.
+
+    Raises:
+        InputError: A file is missing or cannot be trusted.
+    """
     said = settings.positions
     assert said is not None
     logs = [_log(settings, said, robot, raw, name) for name in said.named]
     rows = pd.concat([_rows(log, robot, said) for log in logs], ignore_index=True)
+    return rows, [one for log in logs for one in log.rejected]
+
+
+def usable(settings: Settings, robot: Robot, rows: pd.DataFrame, rejected: Rejected) -> Positioned:
+    """The rows that the robot can take, pose by pose.
+
+    Raises:
+        InputError: Too little is left.
+    """
+    said = settings.positions
+    assert said is not None
     rows, beyond = _within_limits(rows, robot)
-    rejected = [*(one for log in logs for one in log.rejected), *beyond]
+    rejected = [*rejected, *beyond]
     unknown = sorted(set(rows["payload"]) - {"", *settings.payload})
     if unknown:
         raise InputError(
@@ -71,7 +97,7 @@ def positioned(settings: Settings, robot: Robot, raw: Mapping[str, bytes]) -> Po
             "measure more, or correct the rows that were left out",
             file=said.named[0],
         )
-    readings = _by_pose(rows, robot, said, list(settings.payload))
+    readings = by_pose(rows, robot, settings)
     return Positioned(readings, weights_of(settings, readings), frame, rows)
 
 
@@ -123,15 +149,13 @@ def _rows(log: Log, robot: Robot, said: Positions) -> pd.DataFrame:
     return pd.DataFrame(table)
 
 
-def _within_limits(
-    rows: pd.DataFrame, robot: Robot
-) -> tuple[pd.DataFrame, list[tuple[str, int, str]]]:
+def _within_limits(rows: pd.DataFrame, robot: Robot) -> tuple[pd.DataFrame, Rejected]:
     """The rows that the robot can take, and why others are left out."""
     q = rows[[joint.name for joint in robot.joints]].to_numpy(float)
     over = np.maximum(robot.lower - q, q - robot.upper)
     worst = np.argmax(over, axis=1)
     bad = over[np.arange(len(q)), worst] > LEEWAY
-    out = []
+    out: Rejected = []
     for k in np.flatnonzero(bad).tolist():
         joint = robot.joints[worst[k]]
         out.append((
@@ -142,8 +166,10 @@ def _within_limits(
     return rows[~bad].reset_index(drop=True), out
 
 
-def _by_pose(rows: pd.DataFrame, robot: Robot, said: Positions, payloads: list[str]) -> Readings:
+def by_pose(rows: pd.DataFrame, robot: Robot, settings: Settings) -> Readings:
     """Readings pose by pose; of targets that are read twice the first counts."""
+    said, payloads = settings.positions, list(settings.payload)
+    assert said is not None
     number = rows.groupby(["series", "pose"], sort=False).ngroup().to_numpy()
     first = np.unique(number, return_index=True)[1]
     head = rows.iloc[first]

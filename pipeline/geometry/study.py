@@ -12,13 +12,12 @@ from enum import StrEnum
 from typing import NamedTuple
 
 import numpy as np
-from scipy import special
 from scipy.spatial.transform import Rotation
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.bootstrap import interval
-from pipeline.geometry import curves, leftout, search
+from pipeline.geometry import blunders, curves, leftout, search
 from pipeline.geometry.begin import begin
 from pipeline.geometry.causes import Cause, Listed, listed, weight
 from pipeline.geometry.identify import Identified, Wanted, likeliest
@@ -34,8 +33,11 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.robot.weight import weighs
 from pipeline.system import alarms
 
-_TAILS = 3.0
-"""Sums of squares so many times beyond chance are no tail of what is always there."""
+_ROUNDS = 10
+"""Estimates without the readings that are off; each but the last changes which these are."""
+
+_MOST_OFF = 0.5
+"""Part of the readings that may be off [1]; beyond it nothing is the rule."""
 
 _GROSS = 20.0
 """Residuals of the nominal table beyond so many medians are blunders before any estimate."""
@@ -55,11 +57,15 @@ class Moved(NamedTuple):
 
 
 class Bad(NamedTuple):
-    """A pose that was left out."""
+    """A reading that was left out: of which pose and target, how far off, and by what chance."""
 
     file: str
     line: int
     off_m: float
+    series: str = ""
+    pose: int = 0
+    target: str = ""
+    p: float = 0.0
 
 
 class Step(StrEnum):
@@ -101,8 +107,9 @@ class Study(Locked):
         causes: Of the catalogue, the largest first.
         mistakes: Entries of the robot file that are wrong by a step; all else is of the file with
             them put right.
-        bad: Poses that were left out, with their distance from the model [m].
+        bad: Readings that were left out, with their distance from the model [m].
         moved: When the instrument moved; what was read afterwards is a series of its own.
+        every: All readings, those included.
     """
 
     stages: tuple[Stage, ...]
@@ -111,6 +118,7 @@ class Study(Locked):
     moved: tuple[Moved, ...] = ()
     causes: tuple[Cause, ...] = ()
     mistakes: tuple[TableMistake, ...] = ()
+    every: Data | None = None
 
     @property
     def final(self) -> Identified:
@@ -139,34 +147,34 @@ def study(
         rng: Draws copies and intervals.
     """
     robot, mistakes = corrected(robot, readings, weights, tool)
-    data = Data(readings, weights, stated, start(robot, sigma_m))
+    every = Data(readings, weights, stated, start(robot, sigma_m))
     begun = begin(robot, readings, tool)
-    data, bad = _without_gross(data, begun)
+    gross = _gross(every, begun)
+    data = every.without(gross)
     base, names = _base(data, begun)
-    data, base, of, chances = _apart(data, base, rng)
+    every, data, base, of, chances = _apart(every, data, base, rng)
     begun = _framed(begun, of)
-    data, late = _without_blunders(data, base)
-    if late:
-        base = data.again(base)
+    data, base, late = _without_blunders(every, data, base, gross)
     parts = partings(data.readings, rng, rail(robot))
     whole = with_laws(data, base, names, parts, rng)
-    data, last = _without_blunders(data, whole.found)  # curves show what springs leave hidden
-    if last:
-        whole = replace(whole, found=data.again(whole.found))
-        parts = partings(data.readings, rng, rail(robot))
+    before = data
+    # curves show what springs leave hidden
+    data, found, late = _without_blunders(every, data, whole.found, late.which)
+    if data is not before:
+        whole, parts = replace(whole, found=found), partings(data.readings, rng, rail(robot))
     plain = list(_plain(data, begun))
     steps = [*zip((Step.TABLE, Step.LETTERS, Step.SPRINGS), plain, strict=True)]
     if base.wanted != plain[-1].wanted:
-        steps.append((Step.CATALOGUE, data.again(base) if last else base))
+        steps.append((Step.CATALOGUE, base if data is before else data.again(base)))
     steps.append((Step.LAWS, whole.found))
     stages = tuple(
         Stage(step, found, {k: distances(found, part) for k, part in parts.items()})
         for step, found in steps
     )
-    bad = sorted([*bad, *late, *last])
+    bad = tuple(_listed(every.readings, late))
     moved = tuple(_moves(whole.found, chances))
     sag = () if weighs(robot) else tuple(_sag(stages, rng))
-    return Study(stages, whole.laws, tuple(bad), moved, (*sag, *whole.causes), mistakes)
+    return Study(stages, whole.laws, bad, moved, (*sag, *whole.causes), mistakes, every)
 
 
 def _sag(stages: Sequence[Stage], rng: np.random.Generator) -> Iterator[Cause]:
@@ -225,16 +233,16 @@ def _plain(data: Data, begun: Mechanism) -> Iterator[Identified]:
 
 
 def _apart(
-    data: Data, found: Identified, rng: np.random.Generator
-) -> tuple[Data, Identified, list[int], dict[str, float]]:
-    """The readings with another series wherever the instrument moved.
+    every: Data, data: Data, found: Identified, rng: np.random.Generator
+) -> tuple[Data, Data, Identified, list[int], dict[str, float]]:
+    """All readings and some of them, with another series wherever the instrument moved.
 
     Rail, joints and time are in the estimate already and compete; a move counts only where stations
     or joint angles that were left out are then nearer for certain.
 
     Returns:
-        The readings, the estimate, what series each of them was before, and by what chance each
-        began, by name.
+        All readings, some of them, the estimate from these, what series each was before, and by
+        what chance each began, by name.
     """
     of = list(range(len(data.readings.names)))
     chances: dict[str, float] = {}
@@ -250,10 +258,18 @@ def _apart(
         trial = then.again(_with_frames(found, order))
         if not Judge(partings(data.readings, rng, on_rail), rng).better(trial, found):
             break
+        first = _place(every.readings, data.readings, moved.pose)
+        every = replace(every, readings=every.readings.apart(first))
         data, found = then, trial
         of.insert(new, of[new - 1])
         chances[str(data.readings.names[new])] = moved.p
-    return data, found, of, chances
+    return every, data, found, of, chances
+
+
+def _place(every: Readings, some: Readings, pose: int) -> int:
+    """Which of all poses one of some is."""
+    same = (every.file == some.file[pose]) & (every.line == some.line[pose])
+    return int(np.argmax(same))
 
 
 _MOST_MOVES = 8
@@ -289,32 +305,44 @@ def _moves(found: Identified, chances: dict[str, float]) -> Iterator[Moved]:
 # --- blunders -------------------------------------------------------------------------------------
 
 
-def _without_gross(data: Data, begun: Mechanism) -> tuple[Data, list[Bad]]:
-    """The poses but those that stand metres from a nominal robot whose others stand millimetres."""
+def _gross(data: Data, begun: Mechanism) -> Bools:
+    """Readings that stand metres from a nominal robot whose others stand millimetres, (m, t)."""
     rows = linearised(data.readings, begun, data.weights)
     off = leftout.distances(rows.y, rows.read)
-    worst = np.nanmax(off, axis=1)
-    bad = worst > _GROSS * np.nanmedian(off)
-    return data.without(bad), _listed(data.readings, bad, worst)
+    return np.asarray(off > _GROSS * np.nanmedian(off))
 
 
-def _without_blunders(data: Data, found: Identified) -> tuple[Data, list[Bad]]:
-    """The poses but those that stand farther from the model than chance takes any.
+def _without_blunders(
+    every: Data, data: Data, found: Identified, held: Bools
+) -> tuple[Data, Identified, blunders.Off]:
+    """What is left without the readings that are off, the estimate from it, and these.
 
-    |W e|^2 of a pose is chi-square with as many degrees as it has readings; what is not `_TAILS`
-    times beyond the largest that chance allows stays.
+    Args:
+        every: All readings.
+        data: Those of them that the estimate is from.
+        found: The estimate.
+        held: Readings that are out already, shape (m, t).
     """
-    e = found.rows.y - found.rows.along(found.solution.x)
-    square, k = np.sum(e**2, axis=1), found.linear.read.sum(axis=1)
-    limit = _TAILS * special.chdtri(k, alarms.BLUNDER / len(e))
-    bad = square > limit
-    off = np.nanmax(leftout.distances(found.left, found.readings.read), axis=1)
-    return data.without(bad), _listed(data.readings, bad, off)
+    off = blunders.off(found, every.readings, every.weights, held)
+    for _ in range(_ROUNDS):
+        if np.array_equal(off.which, held) or off.which.sum() > _MOST_OFF * off.which.size:
+            break
+        held = off.which
+        data = every.without(held)
+        found = data.again(found)
+        off = blunders.off(found, every.readings, every.weights, held)
+    return data, found, off._replace(which=held)
 
 
-def _listed(readings: Readings, bad: Bools, off: Array) -> list[Bad]:
-    """Poses that are left out, with their distance from the model [m]."""
-    rows = zip(
-        readings.file[bad].tolist(), readings.line[bad].tolist(), off[bad].tolist(), strict=True
-    )
-    return [Bad(*row) for row in rows]
+def _listed(readings: Readings, off: blunders.Off) -> Iterator[Bad]:
+    """Readings that are left out, with their distance from the model [m]."""
+    for m, t in np.argwhere(off.which).tolist():
+        yield Bad(
+            file=str(readings.file[m]),
+            line=int(readings.line[m]),
+            off_m=float(off.size_m[m, t]),
+            series=str(readings.names[readings.series[m]]),
+            pose=int(readings.pose[m]),
+            target=str(readings.targets[t]),
+            p=float(off.p[m, t]),
+        )

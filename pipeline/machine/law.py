@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 from typing import Literal, cast, get_args
 
 Kind = Literal["periodic", "smooth", "step", "coupling"]
-Variable = Literal["angle", "torque", "position", "direction", "time", "force"]
+Variable = Literal["angle", "torque", "position", "direction", "time", "force", "temperature"]
 
 _AND = " + "
 

@@ -1,11 +1,16 @@
-"""Robot programs: read, and written again with other coordinates and nothing else changed."""
+"""Outbuilding: robot programs, written again with other coordinates and nothing else changed.
+
+Door: `programs.command:compensate`. Targets, their notation and where the robot stands at them are
+`prediction`'s, which judges paths of poses without any program.
+Tests: test_programs.py, test_program_words.py, test_program_accounts.py, test_cartesian_paths.py.
+"""
 
 from __future__ import annotations
 
 from pipeline.base.errors import InputError
+from pipeline.prediction.program import Program
 from pipeline.programs import krl, rapid, stamp, tp, urscript
 from pipeline.programs._text import LARGEST, letters
-from pipeline.programs.program import Program
 
 __all__ = ["LARGEST", "Program", "dialect", "other_suffix", "read"]
 

@@ -391,6 +391,7 @@ class Settings(Surrounded):
     format: Literal[1]
     name: Name
     robot: FileName
+    simulated: bool = False
     date: datetime.date | None = None
     operator: Name | None = None
     temperature_c: Temperature | None = None

@@ -7,7 +7,7 @@ import contextlib
 import gc
 import hashlib
 import json
-from collections.abc import Collection, Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping
 from dataclasses import asdict, replace
 from importlib.resources import files
 from types import MappingProxyType
@@ -18,7 +18,6 @@ import pandas as pd
 from markupsafe import Markup
 
 from pipeline.answer.contract import Answer
-from pipeline.answer.worn import Robot
 from pipeline.base.quantities import typeset
 from pipeline.base.shown import runs
 from pipeline.base.version import __version__
@@ -43,7 +42,7 @@ def render(
         run_time_s: How long the run took [s]; the only thing here that may differ between two runs.
         previous: The answer to the robot's previous campaign, to say what has changed.
         beside: Names of further files that lie in its folder, for the page to lead there.
-        wear: What all campaigns of the robot say together, of `report.wear.told`.
+        wear: What all campaigns of the robot say together, of `fleet.sentences.told`.
 
     Returns:
         Content by path below the report's folder: index.html, report.pdf, figures/*.svg.
@@ -88,16 +87,6 @@ def _rendered(
         "report.pdf": pdf(report, {n: d.svg for n, d in drawings.items()}),
         **{f"figures/{n}.svg": d.svg.encode() for n, d in drawings.items()},
     }
-
-
-def render_overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> bytes:
-    """The page over all campaigns, from their answers and from what robots' campaigns say."""
-    from pipeline.report.figures.catalogue import draw_robot
-    from pipeline.report.overview import overview
-
-    report = overview(answers, wear)
-    drawings = {figure.name: draw_robot(figure.name, answers, wear) for figure in report.figures}
-    return page(report, {name: drawing.inline for name, drawing in drawings.items()}).encode()
 
 
 def page(

@@ -1,4 +1,8 @@
-"""The virtual cell: poses, pulls, noise and hidden effects become the files of a raw campaign."""
+"""Outbuilding: the virtual cell; poses, pulls, noise and hidden effects become raw files.
+
+Door: `simulate.command` for the command line, `simulate.library` for `import pipeline`.
+Tests: test_simulate.py, test_virtual.py, test_blunders.py; nearly all others measure with it.
+"""
 
 from pipeline.simulate.campaign import RawCampaign, prepared, raw_files, simulate
 from pipeline.simulate.hidden import Planted, plant

@@ -93,10 +93,10 @@ def prepared(plan: Plan, robot: Robot) -> dict[str, bytes]:
     """
     scene = build(plan, robot, np.random.default_rng(plan.seed))
     plan = scene.plan
-    settings = _campaign_toml(plan, plan.robot)
+    settings = _campaign_toml(plan, plan.robot, simulated=False)
     if "base_frame" not in plan.model_fields_set:
         bare = plan.model_copy(update={"base_frame": {}})
-        settings = _campaign_toml(bare, plan.robot) + _TO_FILL
+        settings = _campaign_toml(bare, plan.robot, simulated=False) + _TO_FILL
     files = {
         "campaign.toml": settings,
         "loads.csv": _loads(scene, [""] * len(scene.pulls)),
@@ -235,12 +235,13 @@ def _joints(scene: Scene, logged: Array) -> bytes:
     return _csv(",".join(head), ((pose, *values, way) for pose, values, way in rows))
 
 
-def _campaign_toml(plan: Plan, robot: str) -> bytes:
+def _campaign_toml(plan: Plan, robot: str, simulated: bool = True) -> bytes:
     reader = READERS[plan.tracker.dialect]
     content = {
         "format": 1,
         "name": plan.name,
         "robot": robot if robot in SHIPPED else "robot.toml",
+        "simulated": simulated or None,
         "tracker": {
             "files": [f"tracker{reader.suffix}"],
             "unit": None if reader.says_unit else plan.tracker.unit,

@@ -50,9 +50,6 @@ GEOMETRY = 5e-4
 LOOSE = 1e-4
 """The same of targets that only seem to move against each other under load [1]."""
 
-BLUNDER = 0.001
-"""The same of the largest of all residuals of positions [1]."""
-
 COMPONENT = 0.003
 """The same of each component of the noise that repeats show to be larger than stated [1]; it
 changes weights and uncertainties only."""
@@ -87,7 +84,7 @@ p < 1e-3 and the least had 1e-6; a move by the noise of one reading has 1e-9 to 
 1e-26."""
 
 OF_POSITIONS = {
-    "a pose off": BLUNDER,
+    "a reading off": READING,
     "a law that nobody listed": LAW,
     "a wrong table": GEOMETRY,
     "an instrument that stood elsewhere": MOVED,

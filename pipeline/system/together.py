@@ -38,13 +38,17 @@ _MOST = 0.5
 _SETTLED = 2.0
 """Variance over the least from which the rows may scatter less beside more suspects [1]."""
 
-_COSTS = 2 * np.log(8.4 / 0.01)
-"""What the prior takes from minus twice the log likelihood for each suspect that is held, its size
-apart [1]: one in a hundred is at work, the largest part of `family.MISTAKES`, and the logarithm of
-its size in standard deviations is spread over ten e-folds in all directions."""
+_PART = 0.01
+"""Part of the suspects that is at work beforehand [1]: the largest but one of `family.MISTAKES`."""
+
+_EFOLDS = 10.0
+"""Over so many e-folds the logarithm of a size in standard deviations is spread beforehand [1]."""
 
 _SETS = 600
 """Sets of suspects of one block that are compared at most; more take too long."""
+
+DECIDES = 2 * np.log(100)
+"""Minus twice a log likelihood by which a suspect must beat any other [1]: odds of 100."""
 
 _SAME = 1e-6
 """Minus twice a log likelihood that is no difference [1]."""
@@ -79,6 +83,14 @@ class Suspects(Locked):
         wider = base.more(self.rows(base, held)) if len(held) else base
         return wider, wider.beside(self.D).rows(self.blocks)
 
+    def rivals(self, held: Held, one: int) -> Ints:
+        """Who would do nearly as well in the place of one that is held, beside all others."""
+        found = self.beside(held.given, held.which[held.which != one])[1]
+        told = found.drop / held.variance
+        told = np.where(found.rank > 0, told - cost(told, found.rank), -np.inf)
+        near = np.flatnonzero(told > told[one] - DECIDES)
+        return np.setdiff1d(near, held.which)
+
 
 @dataclass(frozen=True, eq=False)
 class Held(Locked):
@@ -90,7 +102,8 @@ class Held(Locked):
         drop: How far the sum of squares falls by each beside all others, shape (m,).
         rank: Directions in which each is determined, shape (m,).
         variance: Of the rows, from the median of what all others would add.
-        base: The base with all of them.
+        given: The base beside which they are held.
+        base: The same with all of them.
         tests: Suspects that were asked.
     """
 
@@ -99,6 +112,7 @@ class Held(Locked):
     drop: Array
     rank: Ints
     variance: float
+    given: Base
     base: Base
     tests: int
 
@@ -119,13 +133,18 @@ class Held(Locked):
 
 
 def cost(drop: Array | float, rank: Array | Ints | float) -> Array:
-    """What the prior takes from minus twice the log likelihood, 2 ln(1 / pi) + k ln(drop).
+    """What the prior takes from minus twice the log likelihood, Laplace's approximation.
+
+    2 ln(L S_k drop^(k/2) / (pi (2 pi)^(k/2))), S_k = 2 pi^(k/2) / Gamma(k/2) the sphere of all
+    directions, L = `_EFOLDS`, pi = `_PART`.
 
     Args:
         drop: Of the sum of squares over the variance.
         rank: Directions k of the suspect.
     """
-    return np.asarray(_COSTS + np.log(np.maximum(drop, np.e)) * np.maximum(rank, 1))
+    k = np.maximum(rank, 1)
+    fixed = 2 * np.log(2 * _EFOLDS / _PART) - k * np.log(2) - 2 * special.gammaln(k / 2)
+    return np.asarray(fixed + k * np.log(np.maximum(drop, np.e)))
 
 
 def chance(drop: Array, rank: Ints, variance: float, dof: int) -> Array:
@@ -166,10 +185,23 @@ def _end(base: Base, suspects: Suspects, least: float, most: float) -> Held:
             break
         tried.add(joined.tobytes())
         held = joined
-    wider, found = suspects.beside(base, held)
+    held, variance, found, wider = _seen_from_all(base, suspects, held, least)
     size, drop, rank = _each(base, suspects, held)
-    variance = _variance(found, held, least)
-    return Held(held, size, drop, rank, variance, wider, int((found.rank > 0).sum()) + len(held))
+    tests = int((found.rank > 0).sum()) + len(held)
+    return Held(held, size, drop, rank, variance, base, wider, tests)
+
+
+def _seen_from_all(
+    base: Base, suspects: Suspects, held: Ints, least: float
+) -> tuple[Ints, float, Beside, Base]:
+    """Those of an end that stand out in the scatter of all others, whatever it was judged by."""
+    while True:
+        wider, found = suspects.beside(base, held)
+        variance = _variance(found, held, least)
+        stay = _staying(base, suspects, held, variance)
+        if len(stay) == len(held):
+            return held, variance, found, wider
+        held = stay
 
 
 def _variance(found: Beside, held: Ints, least: float) -> float:

@@ -1,1 +1,97 @@
-"""The commands, by what they are about: parse, call, print."""
+"""The commands, each found when it is called: parse, call, print."""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+
+class Command(NamedTuple):
+    """A word of the command line: the door to its function, and one line of `--help`."""
+
+    door: str
+    line: str
+
+
+COMMANDS = {
+    "init": Command(
+        "pipeline.app.commands.campaigns:init",
+        "Set up a campaign: write its campaign.toml.",
+    ),
+    "check": Command(
+        "pipeline.app.commands.campaigns:check",
+        "Check a campaign: what would be used, and what looks wrong.",
+    ),
+    "inspect": Command(
+        "pipeline.app.commands.campaigns:inspect",
+        "Describe a tracker export or a log, and what is wrong with it.",
+    ),
+    "run": Command(
+        "pipeline.app.commands.campaigns:run",
+        "Process new or changed campaigns and write their reports.",
+    ),
+    "status": Command(
+        "pipeline.app.commands.campaigns:status",
+        "List the campaigns: new, changed or done, with their verdicts.",
+    ),
+    "report": Command(
+        "pipeline.app.commands.campaigns:report",
+        "Open or print a report, or the overview of all campaigns.",
+    ),
+    "compare": Command(
+        "pipeline.fleet.command:compare",
+        "Compare two campaigns, or two models of one campaign.",
+    ),
+    "compensate": Command(
+        "pipeline.programs.command:compensate",
+        "Correct a path or a robot program for the deflection under load.",
+    ),
+    "design": Command(
+        "pipeline.design.command:design",
+        "Choose the poses to measure, with a measurement sheet.",
+    ),
+    "predict": Command(
+        "pipeline.app.commands.predict:predict",
+        "Predict the positions of targets at given joint values.",
+    ),
+    "query": Command(
+        "pipeline.fleet.command:query",
+        "Query all finished campaigns in SQL.",
+    ),
+    "priors": Command(
+        "pipeline.fleet.command:priors",
+        "Estimate from all campaigns how common and how large causes are.",
+    ),
+    "robot": Command(
+        "pipeline.app.commands.robot:robot",
+        "Make a robot file from a URDF.",
+    ),
+    "simulate": Command(
+        "pipeline.simulate.command:simulate",
+        "Simulate the raw files of a campaign.",
+    ),
+    "effects": Command(
+        "pipeline.app.commands.robot:effects",
+        "List the causes of misfit that the diagnosis knows.",
+    ),
+    "page": Command(
+        "pipeline.page.command:page",
+        "Bring a campaign from its files to the report in a browser.",
+    ),
+    "serve": Command(
+        "pipeline.service.command:serve",
+        "Process campaigns as they arrive, with Prefect's dashboard.",
+    ),
+    "watch": Command(
+        "pipeline.service.command:watch",
+        "Process campaigns as they arrive, without Prefect.",
+    ),
+    "deploy": Command(
+        "pipeline.service.command:deploy",
+        "Schedule the scan for new campaigns on a Prefect server.",
+    ),
+    "doctor": Command(
+        "pipeline.service.command:doctor",
+        "Check this machine: what is missing, and how to install it.",
+    ),
+}
+"""In the order of `--help`; of an outbuilding that is not there, the command is not either."""

@@ -7,11 +7,16 @@ import sys
 import textwrap
 from importlib import metadata
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated, TextIO
+from typing import TYPE_CHECKING, Annotated, Any, TextIO
 
 import typer
 from typer import Argument, Option
+from typer.core import TyperGroup
+from typer.main import get_command_from_info
+from typer.models import CommandInfo
 
+from pipeline.app.commands import COMMANDS
+from pipeline.base.doors import is_there, opened
 from pipeline.base.errors import UsageError
 from pipeline.base.shown import lines, quoted
 
@@ -19,10 +24,41 @@ if TYPE_CHECKING:
     from pipeline.app.outcome import Outcome
     from pipeline.base.executor import Executor
 
-app = typer.Typer(
-    pretty_exceptions_enable=False,
-    rich_markup_mode=None,
-)
+
+class _Found(TyperGroup):
+    """Commands of which each is imported when it is called."""
+
+    def list_commands(self, ctx: Any) -> list[str]:
+        """Those that this installation has, in the order of the table."""
+        return [name for name, one in COMMANDS.items() if is_there(one.door)]
+
+    def get_command(self, ctx: Any, cmd_name: str) -> Any:
+        """A command by its name."""
+        if cmd_name in COMMANDS and cmd_name not in self.commands:
+            door, line = COMMANDS[cmd_name]
+            self.add_command(
+                get_command_from_info(
+                    CommandInfo(cmd_name, callback=opened(door), short_help=line),
+                    pretty_exceptions_short=False,
+                    rich_markup_mode=None,
+                )
+            )
+        return super().get_command(ctx, cmd_name)
+
+    def format_commands(self, ctx: Any, formatter: Any) -> None:
+        """One line of help for each, without an import."""
+        with formatter.section("Commands"):
+            formatter.write_dl([(name, COMMANDS[name].line) for name in self.list_commands(ctx)])
+
+    def resolve_command(self, ctx: Any, args: list[str]) -> Any:
+        """The command that is meant; of a misspelt one, those like it are named."""
+        if args[0] not in COMMANDS:
+            for name in self.list_commands(ctx):
+                self.get_command(ctx, name)
+        return super().resolve_command(ctx, args)
+
+
+app = typer.Typer(cls=_Found, pretty_exceptions_enable=False, rich_markup_mode=None)
 
 
 def _version(asked: bool) -> None:
@@ -59,12 +95,14 @@ On = Annotated[
 
 def executor(jobs: int | None, on: str | None) -> Executor | None:
     """Where many things are worked on, as these options say; None where they say nothing."""
-    from pipeline.base.cluster import Cluster
     from pipeline.base.executor import Processes
 
     if jobs and on:
         raise UsageError("--jobs is for this machine and --on for a cluster: give one of them")
-    return Cluster(on) if on else Processes(jobs) if jobs else None
+    if on:
+        cluster: Executor = opened("pipeline.service.cluster:Cluster")(on)
+        return cluster
+    return Processes(jobs) if jobs else None
 
 
 Steps = Annotated[

@@ -20,12 +20,12 @@ from pipeline.app.commands._shared import (
     Named,
     On,
     Root,
-    app,
     executor,
     fitted,
     open_it,
     show,
 )
+from pipeline.base.doors import opened as behind
 from pipeline.base.errors import MISFIT, UsageError, listed, worst
 from pipeline.base.shown import lines
 
@@ -39,7 +39,6 @@ _USUAL = "kr500_rail"
 _OPEN = "Enter leaves it open"
 
 
-@app.command(short_help="Set up a campaign: write its campaign.toml.")
 def init(
     name: Annotated[
         str | None, Argument(metavar="NAME", help="Name of the campaign and of its folder.")
@@ -69,9 +68,7 @@ def init(
     elif folder.exists():
         raise UsageError(f"{folder} is there already: choose another name")
     else:
-        from pipeline.app.commands.simulate import prepare
-
-        prepare(folder, plan)
+        behind("pipeline.simulate.command:prepare")(folder, plan)
         typer.echo(folder)
 
 
@@ -306,7 +303,6 @@ def _place(question: str, units: Mapping[str, float]) -> tuple[float, float, flo
     return None
 
 
-@app.command(short_help="Check a campaign: what would be used, and what looks wrong.")
 def check(campaign: Named, as_json: AsJson = False, root: Root = Path()) -> None:
     """Check a campaign without computing it: what would be used, and what looks wrong."""
     from pipeline.app import shell
@@ -316,7 +312,6 @@ def check(campaign: Named, as_json: AsJson = False, root: Root = Path()) -> None
     raise typer.Exit(outcome.exit_code)
 
 
-@app.command(short_help="Describe a tracker export or a log, and what is wrong with it.")
 def inspect(
     file: Annotated[
         Path, Argument(metavar="FILE", help="A tracker export, a load log or a joint log.")
@@ -378,7 +373,6 @@ def _known(what: str, word: str | None, known: Sequence[str]) -> str | None:
     raise UsageError(f'there is no {what} "{word}": use {others}')
 
 
-@app.command(short_help="Process new or changed campaigns and write their reports.")
 def run(
     campaigns: Annotated[
         list[str] | None,
@@ -418,13 +412,14 @@ def run(
             "several of Prefect's workers"
         )
     codes = []
-    for outcome in shell.run_all(root, campaigns or [], engine or "prefect", force, several):
+    for outcome in shell.run_all(
+        root, campaigns or [], engine or shell.usual_engine(), force, several
+    ):
         codes += [outcome.exit_code, MISFIT if strict and outcome.misfit else 0]
         show(outcome, as_json)
     raise typer.Exit(worst(codes))
 
 
-@app.command(short_help="List the campaigns: new, changed or done, with their verdicts.")
 def status(as_json: AsJson = False, root: Root = Path()) -> None:
     """List the campaigns in data/raw: new, changed or done, with their verdicts."""
     from pipeline.app import shell
@@ -438,7 +433,6 @@ def status(as_json: AsJson = False, root: Root = Path()) -> None:
     raise typer.Exit(worst(codes))
 
 
-@app.command(short_help="Open or print a report, or the overview of all campaigns.")
 def report(
     campaign: Annotated[
         str | None,
@@ -462,32 +456,5 @@ def report(
         return
     path = shell.report(root, campaign, form)
     typer.echo(path)
-    if opened:
-        open_it(path)
-
-
-@app.command(short_help="Compare two campaigns, or two models of one campaign.")
-def compare(
-    first: Annotated[
-        str,
-        Argument(
-            metavar="FIRST", help="A campaign; one of its models as NAME:joints or NAME:extended."
-        ),
-    ],
-    second: Annotated[
-        str, Argument(metavar="SECOND", help="Another campaign, or another model of the same one.")
-    ],
-    as_json: AsJson = False,
-    opened: Annotated[bool, Option("--open", help="Open the page in the browser.")] = False,
-    root: Root = Path(),
-) -> None:
-    """Compare the stiffnesses of two campaigns, or of two models of one campaign."""
-    from pipeline.app import compare as comparing
-
-    outcome, path = comparing.compare(root, first, second)
-    show(outcome, as_json)
-    if path is None:
-        raise typer.Exit(outcome.exit_code)
-    typer.secho(path, err=True)
     if opened:
         open_it(path)

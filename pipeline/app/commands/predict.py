@@ -9,7 +9,7 @@ from typing import Annotated
 import typer
 from typer import Argument, Option
 
-from pipeline.app.commands._shared import Named, Root, app
+from pipeline.app.commands._shared import Named, Root
 from pipeline.base import files
 from pipeline.base.errors import InputError, UsageError
 
@@ -22,7 +22,6 @@ class Of(StrEnum):
     NOMINAL = "nominal"
 
 
-@app.command(short_help="Predict the positions of targets at given joint values.")
 def predict(
     campaign: Named,
     file: Annotated[

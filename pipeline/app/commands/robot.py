@@ -1,4 +1,4 @@
-"""`pipeline robot`: a robot file from a URDF."""
+"""`pipeline robot`: a robot file from a URDF; `pipeline effects`: what may deflect in one."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Argument, Option
 
-from pipeline.app.commands._shared import app
+from pipeline.app.commands._shared import AsJson
 from pipeline.base import files
 from pipeline.base.errors import InputError, UsageError
 
@@ -23,7 +23,6 @@ _FAR_M = 1e-6
 on every robot."""
 
 
-@app.command(short_help="Make a robot file from a URDF.")
 def robot(
     file: Annotated[Path, Argument(metavar="FILE.urdf", help="URDF of the robot.")],
     base: Annotated[str, Option(help="Link whose frame is the base frame F_b.")],
@@ -82,3 +81,15 @@ def made(
             file=path.name,
         )
     return text, found
+
+
+def effects(
+    robot: Annotated[str, Option(help="Name of a built-in robot, or a robot file.")] = "kr500_rail",
+    as_json: AsJson = False,
+) -> None:
+    """List the causes of misfit that the diagnosis knows, with magnitudes and signatures."""
+    from pipeline.machine.effects import listing
+    from pipeline.machine.robot import load
+
+    machine = load(robot)
+    typer.echo(listing.as_json(machine) if as_json else listing.as_text(machine))

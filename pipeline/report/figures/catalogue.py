@@ -6,8 +6,6 @@ from collections.abc import Sequence
 from typing import Any
 
 from pipeline.answer.contract import Answer
-from pipeline.answer.history import robots
-from pipeline.answer.worn import Robot
 from pipeline.report.figures import (
     causes,
     enough,
@@ -23,11 +21,9 @@ from pipeline.report.figures import (
     workspace,
 )
 from pipeline.report.figures.plot import Plot
-from pipeline.report.figures.stiffness import draw_history
 from pipeline.report.record import Figure, present
 from pipeline.report.summaries import Tables, has
 from pipeline.report.svg import Drawing, drawn
-from pipeline.report.wear import changed_of, of
 
 CATALOGUE: tuple[Plot, ...] = (
     stiffness.STIFFNESS,
@@ -71,10 +67,3 @@ def live(name: str, answer: Answer, tables: Tables) -> dict[str, Any] | None:
     """The numbers of a figure that the page itself draws; None for a still."""
     of = _PLOTS[name].live
     return of and of(answer, tables)
-
-
-def draw_robot(name: str, answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Drawing:
-    """Draw the history of one robot: `history-0` is that of the first of `robots`."""
-    machine, own = list(robots(answers).items())[int(name.rpartition("-")[2])]
-    changed = changed_of(own, of(machine, wear))
-    return drawn(name, lambda canvas: draw_history(canvas, own, changed))

@@ -7,7 +7,7 @@ from functools import partial
 
 from pipeline.answer import remarks
 from pipeline.answer.contract import Answer, Believed, Combination, Fit, Stiffness, Weighed
-from pipeline.answer.history import Change, changes, trusted
+from pipeline.answer.history import Change, changes, of_one_day, trusted
 from pipeline.answer.words import capital
 from pipeline.base.quantities import (
     MISSING,
@@ -43,13 +43,14 @@ def stiffness(answer: Answer, previous: Answer | None, wear: str | None = None) 
     changed (`wear`): days differ by more than a campaign's own uncertainty.
     """
     since, before = _since(answer, previous), previous.campaign if previous else ""
+    told = wear is None or bool(previous and of_one_day(previous, answer))
     called = {joint.name: joint.called for joint in answer.stiffness}
     return section_of(
         "stiffness",
         "Joint stiffnesses",
         [
             *(Text(finding, "finding") for finding in _findings(answer)),
-            *(_changed(change, before, called) for change in since if change.sure and wear is None),
+            *(_changed(change, before, called) for change in since if change.sure and told),
             _stiffness_table(answer, since, before),
             _combinations_table(answer.combinations),
             _hypotheses_table(answer.recommended.hypotheses),

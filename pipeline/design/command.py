@@ -1,0 +1,103 @@
+"""`pipeline design`: which poses to measure."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from typer import Argument, Option
+
+from pipeline.app.commands._shared import AsJson, Root, Steps, at_work
+from pipeline.base import files
+from pipeline.base.errors import Interrupted, UsageError
+from pipeline.base.shown import lines
+
+if TYPE_CHECKING:
+    from pipeline.design.made import Made
+
+
+def design(
+    problem: Annotated[
+        str,
+        Argument(metavar="PROBLEM", help="paper_reference, or a problem file ending in .toml."),
+    ] = "paper_reference",
+    poses: Annotated[int | None, Option(help="Number of poses m_0.")] = None,
+    readings: Annotated[int | None, Option(help="Total number of pulls n.")] = None,
+    unloaded: Annotated[
+        int | None,
+        Option(help="Number of additional unloaded poses, to identify the DH parameters."),
+    ] = None,
+    step: Steps = None,
+    anchor: Annotated[
+        tuple[float, float, float] | None, Option(help="Fixed position of the anchor in F_b [m].")
+    ] = None,
+    robot: Annotated[str | None, Option(help="Name of a built-in robot, or a robot file.")] = None,
+    criterion: Annotated[
+        str | None, Option(help="Optimality criterion: test_pose, workspace, D, A or E.")
+    ] = None,
+    add_to: Annotated[str | None, Option(help="Propose further poses for this campaign.")] = None,
+    name: Annotated[str | None, Option(help="Name of the plan.")] = None,
+    seed: Annotated[int, Option(help="Seed of the search.")] = 1,
+    rounds: Annotated[
+        int, Option(min=1, help="Number of search rounds from new random starts.")
+    ] = 2,
+    wanted: Annotated[
+        bool | None,
+        Option("--write/--no-write", help="Write plan file and sheet; off with --json."),
+    ] = None,
+    as_json: AsJson = False,
+    root: Root = Path(),
+) -> None:
+    """Choose the poses to measure, and print how close the plan is to the optimum."""
+    from pipeline.design.library import added_to, problem_of
+    from pipeline.design.made import make
+    from pipeline.design.search import Effort
+    from pipeline.library.campaign import load_campaign
+
+    changes = {
+        "name": name,
+        "robot": robot,
+        "plan": {"poses": poses, "readings": readings, "unloaded": unloaded},
+        "pull": {"steps_n": step},
+        "anchor": dict(zip(("x_m", "y_m", "z_m"), anchor, strict=True)) if anchor else None,
+        "criterion": {"kind": criterion},
+    }
+    campaign = load_campaign(add_to, root=root) if add_to else None
+    asked = problem_of(problem, changes)
+    if campaign is not None:
+        asked = added_to(asked, campaign)
+    made = make(asked, seed, Effort(rounds=rounds), at_work)
+    if wanted or (wanted is None and not as_json):
+        made = write(root, made, seed)
+    typer.echo(made.as_json() if as_json else lines(made.as_text()))
+    if made.interrupted:
+        raise Interrupted("Interrupted; this is the best plan so far.")
+
+
+def write(root: Path, made: Made, seed: int) -> Made:
+    """Write plan file, measurement sheet and pictures of a design.
+
+    Args:
+        root: The project's root: data/plans/NAME.toml and reports/plans/NAME.
+        made: The design.
+        seed: Of its searches; the curves use it too.
+
+    Raises:
+        UsageError: A plan of that name was written by hand.
+    """
+    from pipeline.design.plan_files import plan_files
+    from pipeline.design.planfile import MADE_BY, plan_text
+    from pipeline.store.campaign import dump
+
+    name = made.proposal.problem.spec.name
+    plan, folder = root / "data" / "plans" / f"{name}.toml", root / "reports" / "plans" / name
+    if plan.exists() and not plan.read_text("utf-8").startswith(MADE_BY):
+        raise UsageError(f"{plan} was written by hand: choose another --name")
+    files.write(plan, plan_text(made.proposal, f"data/plans/{name}.toml").encode())
+    content = dump(made.content())
+    for inner, data in plan_files(made.proposal, made.seconds, seed).items():
+        files.write(folder / inner, data)
+    files.write(folder / "design.json", content)
+    return replace(made, written=(plan, folder / "sheet.html", folder / "sheet.pdf"))

@@ -1,0 +1,76 @@
+"""From a proposal to the bytes of its measurement sheet, as page, PDF and pictures."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.design.control import controls
+from pipeline.design.curves import ByAnchor, BySize, by_anchor, by_size
+from pipeline.design.plan_figures import anchor_curve, pose_picture, sight_chart, size_curves
+from pipeline.design.plan_sheet import MM, Extras, sheet
+from pipeline.design.propose import Proposal
+from pipeline.report import words
+from pipeline.report.render import page, pdf
+from pipeline.report.svg import Drawing
+
+_SIZES = (3, 4, 6, 12)
+"""Numbers of poses and of readings of Table II."""
+_PLACES = 9
+
+
+def plan_files(proposal: Proposal, seconds: float, seed: int) -> dict[str, bytes]:
+    """Every file of a measurement sheet.
+
+    Args:
+        proposal: The plan.
+        seconds: How long its search took.
+        seed: Of the searches for the curves.
+
+    Returns:
+        Content by path: sheet.html, sheet.pdf, figures/*.svg.
+    """
+    extras = Extras(
+        proposal.sights(),
+        _sizes(proposal, seed),
+        _anchors(proposal, seed),
+        controls(proposal.problem, proposal.measurement),
+    )
+    report = sheet(proposal, extras, seconds)
+    drawings = _drawn(proposal, extras)
+    return {
+        "sheet.html": page(report, {n: d.inline for n, d in drawings.items()}).encode(),
+        "sheet.pdf": pdf(report, {n: d.svg for n, d in drawings.items()}),
+        **{f"figures/{n}.svg": d.svg.encode() for n, d in drawings.items()},
+    }
+
+
+def _sizes(proposal: Proposal, seed: int) -> BySize | None:
+    """Only where one search is quick and readings are independent, as in the paper."""
+    plain = proposal.problem.experiment.scatter.zero == 0 and proposal.mixed is None
+    return by_size(proposal.problem, _SIZES, _SIZES, seed) if plain else None
+
+
+def _anchors(proposal: Proposal, seed: int) -> ByAnchor | None:
+    """Along the first free coordinate of the anchor."""
+    problem = proposal.problem
+    if not problem.free.any() or proposal.mixed is not None:
+        return None
+    axis = int(np.argmax(problem.free))
+    at = np.linspace(problem.anchor_lower[axis], problem.anchor_upper[axis], _PLACES)
+    return by_anchor(problem, proposal.plan, at, seed, axis)
+
+
+def _drawn(proposal: Proposal, extras: Extras) -> dict[str, Drawing]:
+    problem, measurement = proposal.problem, proposal.measurement
+    out = {
+        f"pose-{number + 1}": pose_picture(problem, measurement, number)
+        for number in range(len(measurement.q))
+    }
+    out["sights"] = sight_chart(extras.sights, words.axes_of(proposal.problem.robot))
+    scale, unit = (MM, " [mm]") if problem.criterion.unit == "m" else (1.0, "")
+    label = f"{problem.criterion.meaning[0].upper()}{problem.criterion.meaning[1:]}{unit}"
+    if extras.sizes is not None:
+        out["size"] = size_curves(extras.sizes, scale, label)
+    if extras.anchors is not None:
+        out["anchor"] = anchor_curve(extras.anchors, scale, label)
+    return out

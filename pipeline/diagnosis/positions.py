@@ -1,0 +1,240 @@
+"""What absolute positions show, as the facts that the one table of verdicts is read from."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.base.linear import least_squares, rms
+from pipeline.base.quantities import plain
+from pipeline.diagnosis.bounds import UNSTATED_M, Bounds
+from pipeline.diagnosis.facts import Amplitude, Cause, Facts, Gain, Standing
+from pipeline.faults.mistake import Mistake
+from pipeline.geometry.causes import Cause as Listed
+from pipeline.geometry.mechanism import placed
+from pipeline.geometry.named import NamedLaw
+from pipeline.geometry.scatter import START
+from pipeline.geometry.study import Study
+from pipeline.geometry.worth import Gain as Worth
+from pipeline.geometry.worth import Parting
+from pipeline.machine.effect import Effect
+from pipeline.machine.effects import catalogue
+from pipeline.machine.law import Law
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.axes import alone
+
+UNLISTED = "unlisted_law"
+
+_QUANTILE = 1.959964
+"""Of 95 % intervals: there are thousands of readings."""
+
+
+def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> Facts:
+    """All that the verdict depends on.
+
+    Args:
+        found: What was identified from the data without mistakes.
+        robot: As delivered.
+        mistakes: In the data.
+    """
+    first, last = (found.stages[k].mean(Parting.BETWEEN) for k in (0, -1))
+    causes = (
+        *(_listed(one, robot) for one in found.causes),
+        *(_cause(law, robot) for law in found.laws),
+    )
+    table_m = float(np.sqrt(max(first**2 - last**2, 0.0)))
+    return Facts(
+        detected=bool(causes),
+        explains=True,
+        causes=causes,
+        unloaded=Standing(table_m, last, {}),
+        mistakes=mistakes,
+        bounds=bounds_of(found),
+    )
+
+
+# --- causes of the catalogue ----------------------------------------------------------------------
+
+
+def _listed(one: Listed, robot: Robot) -> Cause:
+    """A cause that the catalogue has, with its parameters as positions show them."""
+    known = (e for e in catalogue(robot) if (e.name, e.where, e.form) == _key(one))
+    by_name = (e for e in catalogue(robot) if (e.name, e.where) == _key(one)[:2])
+    there = next(known, None) or next(by_name, None)
+    effect = there or Effect(
+        name=one.name,
+        where=one.where,
+        noun=_NOUNS.get(one.name, one.name.replace("_", " ")),
+        place="joint" if isinstance(one.where, int) else one.name.split("_")[0],
+        parameters=(),
+        signature=_NOUNS.get(one.name, ""),
+        needs="pulls of known force in the same poses",
+        source="",
+        form=one.form,
+    )
+    typical = {p.name: p.typical for p in effect.parameters}
+    amplitudes = tuple(
+        Amplitude.symmetric(
+            Parameter(p.name, p.unit, typical.get(p.name, max(abs(p.value), p.std))),
+            p.value,
+            p.std,
+            _QUANTILE,
+        )
+        for p in one.amounts
+    )
+    return Cause(effect, 1.0, amplitudes, one.p, gain=_gain(one.gain))
+
+
+def _key(one: Listed) -> tuple[str, int | str | None, str]:
+    return one.name, one.where, one.form
+
+
+_NOUNS = {
+    "rail_shape": "a rail that is not straight",
+    "rail_scale": "a rack whose pitch is not as stated",
+    "compensator": "balancer of the arm",
+    "gravity_sag": "sag under the arm's own weight",
+}
+"""What positions alone know, as a noun."""
+
+
+def _gain(one: Worth) -> Gain:
+    before, after = np.array([one.before]), np.array([one.after])
+    return Gain(before, after, one.reduction, one.ci95, (), "positions")
+
+
+# --- laws -----------------------------------------------------------------------------------------
+
+
+def _cause(law: NamedLaw, robot: Robot) -> Cause:
+    """A law of a joint, as a cause that no catalogue has."""
+    slides = bool(robot.prismatic[law.joint - 1])
+    unit = "m" if slides else "rad"
+    parameter = Parameter("amplitude", unit, START[slides])
+    height = Amplitude.symmetric(parameter, law.amplitude, law.std, _QUANTILE)
+    effect = _effect(law, robot, parameter)
+    return Cause(effect, 1.0, (height,), law.p, gain=_gain(law.gain), height=height)
+
+
+def _effect(law: NamedLaw, robot: Robot, parameter: Parameter) -> Effect:
+    noun = _noun(law, robot)
+    slides = bool(robot.prismatic[law.joint - 1])
+    variable = "position" if law.variable == "angle" and slides else law.variable
+    return Effect(
+        name=UNLISTED,
+        where=law.joint,
+        noun=noun,
+        place="joint",
+        parameters=(parameter,),
+        signature=f"a {noun}",
+        needs="poses that differ in that joint alone",
+        source="found in the readings",
+        axis=alone(robot)[law.joint - 1],
+        law=Law(
+            where=law.joint,
+            part="",
+            kind=law.kind,
+            variable=variable,
+            source=law.source or 0,
+            order=law.order,
+            low=law.range[0],
+            high=law.range[1],
+        ),
+    )
+
+
+def _noun(law: NamedLaw, robot: Robot) -> str:
+    """The law as a noun, without its place and size."""
+    slides = bool(robot.prismatic[law.joint - 1])
+    turn = "per metre" if slides else "per turn"
+    if law.kind == "periodic":
+        return f"ripple of {plain(law.order, 3)} {turn}"
+    if law.kind == "coupling":
+        return f"motion {plain(law.order, 2)} {turn} of joint {law.source}"
+    if law.variable == "angle":
+        return f"smooth error over its {'place' if slides else 'angle'}"
+    if law.since is not None:
+        series, pose = law.since
+        where = f"pose {pose} of series {series}" if series else f"pose {pose}"
+        return f"step from {where} on, half of it to each side,"
+    if law.kind == "step":
+        return "step where its torque changes sign, half of it to each side,"
+    return f"error that grows with {_OF[law.variable]}"
+
+
+_OF = {
+    "torque": "the square or cube of its torque",
+    "temperature": "the temperature of the air",
+    "time": "the time since the series began",
+}
+
+
+# --- what green means -----------------------------------------------------------------------------
+
+
+def bounds_of(found: Study) -> Bounds:
+    """Noise and misfit of a campaign of positions against what they can be.
+
+    What scatters is held against the noise stated together with the usual error of each joint at a
+    pose, which no table holds; where targets of one pose show their own noise, beyond all that
+    joints can do, that is held against the noise stated alone.
+    """
+    last, final = found.stages[-1], found.final
+    off = last.errors[Parting.BETWEEN]
+    usual_m = _usual(found)
+    tracker, stated, unit_m = rms(off[np.isfinite(off)]) / np.sqrt(3) / usual_m, False, usual_m
+    own = _own_noise(found) / final.scatter.position if final.scatter.stated else 0.0
+    if own > tracker:
+        tracker, stated, unit_m = own, True, UNSTATED_M
+    pose, target = np.unravel_index(int(np.nanargmax(off)), off.shape)
+    readings = final.readings
+    return Bounds(
+        tracker=float(tracker),
+        stated=stated,
+        left=_left(off, readings.at),
+        worst_pose=int(readings.pose[pose]),
+        worst_target=str(readings.targets[target]),
+        worst_m=float(off[pose, target]),
+        unit_m=unit_m,
+    )
+
+
+def _usual(found: Study) -> float:
+    """Rms of a coordinate by the noise stated and the usual errors of the joints [m]."""
+    final = found.final
+    joints = np.where(final.mechanism.table.prismatic, START[True], START[False])
+    n = len(joints)
+    Z = final.linear.Z[..., :n].reshape(len(final.readings), -1, 6, n)[:, :, :3]
+    noise = final.scatter.position if final.scatter.stated else UNSTATED_M
+    return float(np.sqrt(noise**2 + np.mean(np.sum((Z * joints) ** 2, axis=3))))
+
+
+def _own_noise(found: Study) -> float:
+    """Noise of a coordinate that the targets of a pose show among each other [m].
+
+    0 where too few are read: what six motions of the effector leave of 3 t coordinates.
+    """
+    final = found.final
+    shifts = np.tile([True] * 3 + [False] * 3, len(final.readings.targets))
+    read, left = final.linear.read[:, shifts], final.left[:, shifts]
+    square, dof = 0.0, 0
+    for e, D, seen in zip(left, _motions(found), read, strict=True):
+        if seen.sum() > D.shape[1]:
+            own = e[seen] - D[seen] @ least_squares(D[seen], e[seen])
+            square, dof = square + float(own @ own), dof + int(seen.sum()) - D.shape[1]
+    return float(np.sqrt(square / dof)) if dof else 0.0
+
+
+def _motions(found: Study) -> Array:
+    """How six motions of the effector move the targets of each pose, F_b, (m, 3 t, 6)."""
+    at = placed(found.final.readings, found.final.mechanism, found.final.weights)[0]
+    lever = at - at.mean(axis=1, keepdims=True)
+    turn = np.stack([np.cross(e, lever) for e in np.eye(3)], axis=3)
+    shift = np.broadcast_to(np.eye(3), (*lever.shape[:2], 3, 3))
+    return np.concatenate([turn, shift], axis=3).reshape(len(lever), -1, 6)
+
+
+def _left(off: Array, at: Array) -> float:
+    """Part of the squared motions of the targets from pose to pose that is left."""
+    spread = at - np.nanmean(at, axis=0)
+    return float(np.nansum(off**2) / max(float(np.nansum(spread**2)), np.finfo(float).tiny))

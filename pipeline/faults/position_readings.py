@@ -1,0 +1,75 @@
+"""Readings of positions that are off, and rows that only the identified robot tells apart."""
+
+from __future__ import annotations
+
+from functools import partial
+
+import numpy as np
+import pandas as pd
+
+from pipeline.base.quantities import plain
+from pipeline.faults.mistake import Mistake, outlying
+from pipeline.faults.position_rows import Rows, Sheet, in_order, laid
+from pipeline.geometry.study import Bad, Study
+
+USUAL = 1e-3
+"""Part of all readings that an unattended instrument loses [1]: fewer are left out and listed, and
+accuse nobody. Of 1000 rows of a published stationary series of an absolute tracker 13 are failed
+locks; in `system.family.MISTAKES` it is the second smallest part."""
+
+
+def exchanged_beside(sheet: Sheet, found: Study) -> tuple[list[Mistake], Sheet]:
+    """Rows in each other's place that stand too near each other for a table as delivered.
+
+    Args:
+        sheet: The table of positions that the study is of.
+        found: The robot as identified.
+    """
+    every = found.every
+    if every is None or not found.bad or len(every.readings) != len(sheet.readings):
+        return [], sheet
+    seen = laid(every.readings, found.final.mechanism, every.weights)
+    mistakes = list(in_order(sheet, seen))
+    for one in mistakes:
+        sheet = sheet.of(one.correct)
+    return mistakes, sheet
+
+
+def outliers(found: Study, rows: Rows) -> list[Mistake]:
+    """Every reading that was left out, with its row of the table."""
+    of = [_row(one, rows) for one in found.bad]
+    lines = rows["line"].to_numpy(int)
+    return [_outlier(one, row, int(lines[row])) for one, row in zip(found.bad, of, strict=True)]
+
+
+def accused(off: list[Mistake], found: Study) -> list[Mistake]:
+    """Those that are a mistake of the campaign: all, where they are more than `USUAL`."""
+    count = 0 if found.every is None else int(np.isfinite(found.every.readings.at[..., 0]).sum())
+    return off if len(off) > USUAL * count else []
+
+
+def _row(one: Bad, rows: Rows) -> int:
+    """Where the row of a reading stands in the table: its pose's first row, or one behind it."""
+    mine = (rows["file"] == one.file) & (rows["pose"] == one.pose) & (rows["target"] == one.target)
+    return int(np.argmax((mine & (rows["line"] >= one.line)).to_numpy()))
+
+
+def _outlier(one: Bad, row: int, line: int) -> Mistake:
+    at = f"{one.file}:{line}"
+    place = f"pose{one.pose:02d}/{one.target}"
+    return outlying(
+        where=f"{one.series}/{place}" if one.series else place,
+        evidence=f"{one.target} of pose {one.pose} ({at}) stands {plain(1e3 * one.off_m, 3)} mm "
+        "from where all other readings put it",
+        correction=f"recomputed without {place}",
+        before=1e3 * one.off_m,
+        unit="mm",
+        size=one.off_m,
+        p_value=one.p,
+        at=(at,),
+        correct=partial(_without, row=row),
+    )
+
+
+def _without(rows: pd.DataFrame, row: int) -> pd.DataFrame:
+    return rows.drop(index=rows.index[row])

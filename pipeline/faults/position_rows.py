@@ -1,0 +1,549 @@
+"""Mistakes in tables of positions: units, columns and names, and rows in each other's place.
+
+The robot says where joint values put every target, to millimetres with its table as delivered;
+poses are decimetres apart, and wrong units metres. Each series is laid on the robot as a rigid body
+by what most of its rows say (`geometry.begin`), so that up to half of them may be wrong; where more
+are, the order in which most fall into place is sought first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property, partial
+from itertools import combinations, permutations
+
+import numpy as np
+import pandas as pd
+from scipy import optimize
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said
+from pipeline.faults.conventions import LOGGED, UNITS
+from pipeline.faults.exchanged import told
+from pipeline.faults.mistake import Mistake, length
+from pipeline.geometry.begin import begin
+from pipeline.geometry.mechanism import Mechanism, Weights, placed
+from pipeline.geometry.positioned import by_pose, weights_of
+from pipeline.geometry.readings import Readings
+from pipeline.machine.robot import Robot, configure
+from pipeline.readers.known import BETTER, GROSS_M
+from pipeline.readers.positions import AXES
+from pipeline.reduction.settings import Settings
+
+Rows = pd.DataFrame
+Correct = Callable[[Rows], Rows]
+
+_LEAST_M = 1e-4
+"""Targets are expected this far from where the robot puts them at least [m]."""
+
+_MOST = 1500
+"""Units of rows of which an assignment is sought: two millions of costs [1]."""
+
+_SHUFFLED = 400
+"""The same where the frame of the instrument is sought with them [1]."""
+
+_FEW = 60
+"""So many units at most tell whether a whole column is wrong [1]."""
+
+_TRIMMED = 12
+"""Fits to the better half; each but the last finds another half [1]."""
+
+_ROUNDS = 40
+"""Assignments and frames by turns, from one first guess [1]."""
+
+_RARE = 0.05
+"""Part of the poses below which a target's name may be another one mistyped [1]."""
+
+
+@dataclass(frozen=True, eq=False)
+class Sheet:
+    """A table of positions with what it is held against.
+
+    Attributes:
+        robot: Its table as delivered.
+        settings: campaign.toml.
+        rows: Table POSITIONS, one row for each reading.
+    """
+
+    robot: Robot
+    settings: Settings
+    rows: Rows
+
+    @cached_property
+    def unit(self) -> Ints:
+        """Which rows of a pose have the same joint values, in the order of the file, (n,)."""
+        keys = ["file", "series", "pose", *(joint.name for joint in self.robot.joints)]
+        return np.asarray(self.rows.groupby(keys, sort=False, dropna=False).ngroup(), np.int64)
+
+    @cached_property
+    def readings(self) -> Readings:
+        """Each unit as a pose."""
+        return by_pose(self.rows.assign(pose=self.unit), self.robot, self.settings)
+
+    @property
+    def points(self) -> dict[str, Array]:
+        """Nominal points of the targets, flange frame [m]."""
+        return {name: np.array(at) for name, at in self.settings.tool.items()}
+
+    def begun(self, order: Ints | None = None) -> Mechanism:
+        """The robot with tool and frames that fit most units, their joint values in some order.
+
+        Where half of them do not fit, to those that do best, again and again (least trimmed
+        squares by concentration; Rousseeuw and Van Driessen, Technometrics 41, 1999).
+        """
+        readings = self.readings
+        if order is not None:
+            readings = replace(readings, q=readings.q[order])
+        weights = weights_of(self.settings, readings)
+        part, found = np.arange(len(readings)), begin(self.robot, readings, self.points)
+        for _ in range(_TRIMMED):
+            seen = laid(readings, found, weights)
+            better = _better_half(seen.own, readings.series)
+            if seen.miss < GROSS_M or np.array_equal(better, part):
+                break
+            part, found = better, begin(self.robot, readings.part(better), self.points)
+        return found
+
+    def laid(self, mechanism: Mechanism | None = None, order: Ints | None = None) -> Laid:
+        """The units on a robot, on the one as delivered when not given; in some order."""
+        weights = weights_of(self.settings, self.readings)
+        return replace(laid(self.readings, mechanism or self.begun(), weights), order=order)
+
+    def of(self, correct: Correct) -> Sheet:
+        """The same with rows put right."""
+        return Sheet(self.robot, self.settings, correct(self.rows))
+
+    def at(self, units: Sequence[int] | Ints) -> tuple[str, ...]:
+        """Where the rows of some units stand: `file:line`."""
+        mine = self.rows[np.isin(self.unit, units)]
+        return tuple(
+            f"{file}:{line}" for file, line in zip(mine["file"], mine["line"], strict=True)
+        )
+
+    def called(self, unit: int) -> str:
+        """`pose07`, or `line 9` where poses have no numbers of their own in their file."""
+        row = self.rows.iloc[int(np.argmax(self.unit == unit))]
+        return f"pose{int(row['pose']):02d}"
+
+
+def _at(rows: Rows) -> tuple[str, ...]:
+    return tuple(f"{file}:{line}" for file, line in zip(rows["file"], rows["line"], strict=True))
+
+
+@dataclass(frozen=True, eq=False)
+class Laid(Locked):
+    """Where targets are expected and where they were seen.
+
+    Attributes:
+        expected: By the joint values of each unit [m], F_b, shape (u, t, 3).
+        at: As the instrument has them [m], F_b, NaN where not read, shape (u, t, 3).
+        order: Units whose joint values are expected here, where that is not their own, (u,).
+    """
+
+    expected: Array
+    at: Array
+    order: Ints | None = None
+
+    @cached_property
+    def off(self) -> Array:
+        """How far each reading is from where it is expected [m], shape (u, t)."""
+        return np.asarray(np.linalg.norm(self.expected - self.at, axis=2))
+
+    @cached_property
+    def own(self) -> Array:
+        """Mean squared distance of each unit from where it is expected [m^2], shape (u,)."""
+        return np.asarray(np.nanmean(self.off**2, axis=1))
+
+    @property
+    def miss(self) -> float:
+        """How far half of the units, in their order, are at most from where they are expected."""
+        expected = self.expected if self.order is None else self.expected[self.order]
+        off = np.sum((expected - self.at) ** 2, axis=2)
+        return float(np.sqrt(np.median(np.nanmean(off, axis=1))))
+
+    @property
+    def limit(self) -> float:
+        """Squared distance from which a unit is elsewhere [m^2]."""
+        return (STANDS_OUT * max(self.miss, _LEAST_M)) ** 2
+
+    @property
+    def away(self) -> Bools:
+        """Units that are elsewhere, shape (u,)."""
+        return np.asarray(self.own > self.limit)
+
+    def cost(self, units: Ints) -> Array:
+        """Mean squared distance of where each of some units is expected from each that was seen."""
+        expected, at = self.expected[units], self.at[units]
+        total, count = np.zeros((2, len(units), len(units)))
+        for k in range(at.shape[1]):
+            there = np.isfinite(at[:, k, 0])
+            square = np.sum((expected[:, None, k] - at[None, there, k]) ** 2, axis=2)
+            total[:, there] += square
+            count[:, there] += 1
+        return np.asarray(total / count)
+
+
+def _better_half(own: Array, series: Ints) -> Ints:
+    """The units of each series that are off by its median or less."""
+    limit = np.array([np.median(own[series == k]) for k in range(int(series.max()) + 1)])
+    return np.flatnonzero(own <= limit[series])
+
+
+def laid(readings: Readings, mechanism: Mechanism, weights: Weights) -> Laid:
+    """Readings on a robot."""
+    return Laid(*placed(readings, mechanism, weights))
+
+
+def position_rows(sheet: Sheet) -> tuple[list[Mistake], Sheet]:
+    """What is wrong with columns, rows and names of a table of positions, and the table without.
+
+    Nothing where the targets are where the robot puts them. What no single mistake explains stays.
+    """
+    found: list[Mistake] = []
+    for look in (_units, _order, _names, _since):
+        new = list(look(sheet))
+        for one in new:
+            sheet = sheet.of(one.correct)
+        found += new
+    return found, sheet
+
+
+# --- columns of the whole table -------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class _Guess:
+    """A column, or a name, that may be wrong throughout: as in `faults.conventions.Hypothesis`."""
+
+    name: str
+    where: str
+    says: str
+    correct: Correct
+
+
+def _units(sheet: Sheet) -> Iterator[Mistake]:
+    before = sheet.laid().miss
+    if before < GROSS_M:
+        return
+    tried = [(guess, _plainly(sheet.of(guess.correct))) for guess in _guesses(sheet)]
+    guess, after = min(tried, key=lambda one: one[1])
+    if after < GROSS_M and BETTER * after < before:
+        yield _of_column(guess, before, after, ())
+
+
+def _plainly(sheet: Sheet) -> float:
+    """What half of some units are off at most where no more than half can be wrong [m]."""
+    some = sheet.readings.part(np.arange(0, len(sheet.readings), 1 + len(sheet.readings) // _FEW))
+    weights = weights_of(sheet.settings, some)
+    return laid(some, begin(sheet.robot, some, sheet.points), weights).miss
+
+
+def _guesses(sheet: Sheet) -> Iterator[_Guess]:
+    yield from _coordinates()
+    yield from _joints(sheet.robot)
+    for a, b in combinations(sheet.robot.joints, 2):
+        if a.prismatic == b.prismatic:
+            swap = {a.name: b.name, b.name: a.name}
+            says = f"the columns of {a.name} and {b.name} stand in each other's place"
+            yield _Guess("exchanged", f"{a.name}/{b.name}", says, partial(_swapped, names=swap))
+    names = sorted(set(sheet.rows["target"]))
+    if sheet.points and len(names) <= _MOST_NAMES:
+        for order in permutations(names):
+            if list(order) != names:
+                true = dict(zip(names, order, strict=True))
+                says = f"the targets {', '.join(names)} carry the names of {', '.join(order)}"
+                yield _Guess("label_swap", "all rows", says, partial(_renamed, true=true))
+
+
+_MOST_NAMES = 4
+"""Targets of which every order of names is tried [1]."""
+
+
+def _coordinates() -> Iterator[_Guess]:
+    """Units of all coordinates or of one, and one that counts the other way."""
+    for factor, (unit, says) in UNITS.items():
+        yield _Guess("unit_mixup", unit, says, partial(_scaled, names=AXES, factor=factor))
+        for axis in AXES:
+            scaled = partial(_scaled, names=(axis,), factor=factor)
+            yield _Guess("unit_mixup", f"{axis}_{unit}", f"in {axis} {says}", scaled)
+    flipped = partial(_scaled, names=("y",), factor=-1.0)
+    yield _Guess("sign_or_convention", "left_handed", "the frame is left-handed", flipped)
+
+
+def _joints(robot: Robot) -> Iterator[_Guess]:
+    """Units of all joints or of one, as the joints of the robot file or the controller's axes."""
+    for ending, unit, factor, says in LOGGED:
+        slides = ending == "_m"
+        mine = tuple(j.name for j in robot.joints if j.prismatic == slides)
+        if mine:
+            yield _Guess("unit_mixup", unit, says, partial(_logged, robot, mine, factor))
+        for name in mine if len(mine) > 1 else ():
+            scaled = partial(_logged, robot, (name,), factor)
+            yield _Guess("unit_mixup", f"{name}_{unit}", f"in {name} {says}", scaled)
+
+
+def _of_column(guess: _Guess, before: float, after: float, at: tuple[str, ...]) -> Mistake:
+    where = f" ({lines(at)})" if at else ""
+    return Mistake(
+        name=guess.name,
+        where=guess.where,
+        evidence=f"{guess.says}{where}: the targets are {length(before)} from where the robot file "
+        f"places them, and {length(after)} once that is put right",
+        correction=f"recomputed with {guess.where} put right",
+        before=1e3 * before,
+        after=1e3 * after,
+        unit="mm",
+        correct=guess.correct,
+        at=at,
+        since=at[0] if at and guess.name == "unit_mixup" else None,
+    )
+
+
+def _scaled(rows: Rows, names: Sequence[str], factor: float, only: Bools | None = None) -> Rows:
+    where = np.ones(len(rows), dtype=bool) if only is None else only
+    return rows.assign(**{one: rows[one].where(~where, rows[one] * factor) for one in names})
+
+
+def _swapped(rows: Rows, names: dict[str, str]) -> Rows:
+    return rows.assign(**{one: rows[other] for one, other in names.items()})
+
+
+def _renamed(rows: Rows, true: dict[str, str]) -> Rows:
+    return rows.assign(target=[true.get(one, one) for one in rows["target"]])
+
+
+def _logged(robot: Robot, names: Sequence[str], factor: float, rows: Rows) -> Rows:
+    """Joint values times a factor, each by the axes of the controller where it has its own zeros.
+
+    q = M a + q0: a unit is one of the number in the file, from which the zero is apart.
+    """
+    every = [joint.name for joint in robot.joints]
+    q = rows[every].to_numpy(float)
+    times = np.where(np.isin(every, names), factor, 1.0)
+    M, zero = robot.controller_matrix, robot.controller_offset
+    if M.shape != (len(every), len(every)):
+        M, zero = np.eye(len(every)), np.zeros(len(every))
+    axes = linear.solve(M, (q - zero).T).T
+    turned = (axes * times) @ M.T + zero
+    return rows.assign(**dict(zip(every, turned.T, strict=True)))
+
+
+# --- rows in each other's place -------------------------------------------------------------------
+
+
+def _order(sheet: Sheet) -> Iterator[Mistake]:
+    """Joint values that belong to other rows."""
+    yield from in_order(sheet, _by_most(sheet))
+
+
+def in_order(sheet: Sheet, seen: Laid) -> Iterator[Mistake]:
+    """Units whose joint values belong to another one.
+
+    Args:
+        sheet: The table.
+        seen: Its units on the robot.
+    """
+    away = np.flatnonzero(seen.away)
+    if not 2 <= len(away) <= _MOST:
+        return
+    cost = seen.cost(away)
+    for ring in rings(cost / max(seen.miss, _LEAST_M) ** 2, STANDS_OUT**2, STANDS_OUT**2):
+        yield _of_ring(sheet, away, ring, cost)
+
+
+def _of_ring(sheet: Sheet, away: Ints, ring: Ring, cost: Array) -> Mistake:
+    units = [int(away[k]) for k in ring.members]
+    names = [sheet.called(unit) for unit in units]
+    file = str(sheet.rows["file"].iloc[int(np.argmax(sheet.unit == units[0]))])
+    own = [np.flatnonzero(sheet.unit == unit) for unit in units]
+    return told(
+        ring,
+        where=ring.where(names),
+        what=f"{file}: the joint values of {said(ring, names, 'row')}",
+        of="their targets are",
+        cost=cost,
+        at=sheet.at(units),
+        correct=partial(_moved, robot=sheet.robot, own=own, ended=ring.ended),
+    )
+
+
+def _moved(rows: Rows, robot: Robot, own: Sequence[Ints], ended: bool) -> Rows:
+    """Joint values of each unit of a ring in the one that follows; the first has none if ended."""
+    every = [joint.name for joint in robot.joints]
+    q = rows[every].to_numpy(float, copy=True)
+    first = [q[mine[0]].copy() for mine in own]
+    for values, mine in zip(first, (*own[1:], own[0]), strict=True):
+        q[mine] = values
+    out = rows.assign(**dict(zip(every, q.T, strict=True)))
+    return out.drop(index=out.index[own[0]]).reset_index(drop=True) if ended else out
+
+
+def _by_most(sheet: Sheet) -> Laid:
+    """The units on the robot where most of their joint values, in some order, put them."""
+    given = sheet.laid()
+    if given.miss < GROSS_M:
+        return given
+    every = np.arange(len(sheet.readings))
+    for order in (np.roll(every, 1), np.roll(every, -1)):
+        if (found := sheet.laid(sheet.begun(order), order)).miss < GROSS_M:
+            return found
+    return _sought(sheet) or given
+
+
+def _sought(sheet: Sheet) -> Laid | None:
+    """The units on the robot in whatever order their joint values fit; None where none does.
+
+    Frame and order by turns: the assignment of least sum for a frame, and the frame that fits it,
+    from every turn that lays the axes of inertia of both clouds of points on each other.
+    """
+    readings = sheet.readings
+    if len(readings) > _SHUFFLED or len(readings.names) > 1:
+        return None
+    here = configure(sheet.robot, readings.q)
+    target = int(np.argmax(np.isfinite(readings.at[..., 0]).sum(axis=0)))
+    seen = np.flatnonzero(np.isfinite(readings.at[:, target, 0]))
+    cloud = here.flange_origin
+    for R in _turns(cloud, readings.at[seen, target]):
+        order = _matched(cloud, here.flange_axes, readings.at[:, target], seen, R)
+        if (found := sheet.laid(sheet.begun(order), order)).miss < GROSS_M:
+            return found
+    return None
+
+
+def _turns(a: Array, b: Array) -> Iterator[Array]:
+    """Rotations that lay the axes of inertia of a (m, 3) on those of b (k, 3), likeliest first."""
+    (_, own), (_, other) = (linear.directions(np.cov((p - p.mean(axis=0)).T)) for p in (a, b))
+    for order in permutations(range(3)):
+        for signs in np.stack(np.meshgrid([1, -1], [1, -1], [1, -1]), -1).reshape(-1, 3):
+            R = (other[:, list(order)] * signs) @ own.T
+            if np.linalg.det(R) > 0:
+                yield R
+
+
+def _matched(cloud: Array, axes: Array, at: Array, seen: Ints, R: Array) -> Ints:
+    """Order in which joint values fit the readings of a target, from a first rotation, (u,)."""
+    order, point = np.arange(len(cloud)), np.zeros(3)
+    t = at[seen].mean(axis=0) - R @ cloud.mean(axis=0)
+    for _ in range(_ROUNDS):
+        expected = cloud + axes @ point
+        cost = np.sum(((expected @ R.T + t)[:, None] - at[None, seen]) ** 2, axis=2)
+        content, place = optimize.linear_sum_assignment(cost)
+        new = np.setdiff1d(np.arange(len(cloud)), content)
+        fits = np.empty(len(cloud), np.int64)
+        fits[seen[place]] = content
+        fits[np.setdiff1d(np.arange(len(cloud)), seen)] = new
+        if np.array_equal(fits, order):
+            break
+        order = fits
+        R, t, point = _refitted(cloud[order][seen], axes[order][seen], at[seen], point)
+    return order
+
+
+def _refitted(origin: Array, axes: Array, at: Array, point: Array) -> tuple[Array, Array, Array]:
+    """Frame and tool point that fit an order, a few times by turns."""
+    R, t = np.eye(3), np.zeros(3)
+    for _ in range(10):
+        R, t = linear.rigid(origin + axes @ point, at)
+        base = (at - t) @ R - origin
+        point = np.einsum("mij,mi->j", axes, base) / len(at)
+    return R, t, point
+
+
+# --- names of targets -----------------------------------------------------------------------------
+
+
+def _names(sheet: Sheet) -> Iterator[Mistake]:
+    """Readings that carry the name of another target of their pose, mistyped or exchanged."""
+    seen = sheet.laid()
+    if seen.miss >= GROSS_M:
+        return
+    rows, names = sheet.rows, sheet.readings.targets
+    k = pd.Index(names).get_indexer(pd.Index(rows["target"]))
+    frame = sheet.begun().frames[sheet.readings.series]
+    at = rows[list(AXES)].to_numpy(float)
+    own = np.einsum("nji,nj->ni", frame[sheet.unit, :3, :3], at - frame[sheet.unit, :3, 3])
+    away = np.linalg.norm(seen.expected[sheet.unit, k] - own, axis=1) ** 2 > seen.limit
+    again = rows.duplicated(["series", "pose", "target"], keep=False).to_numpy() & away
+    count = np.bincount(k, minlength=len(names))
+    rare = count[k] < max(_RARE * len(sheet.readings), 2)
+    for unit in np.unique(sheet.unit[away | again | rare]):
+        mine = np.flatnonzero(sheet.unit == unit)
+        if len(mine) < 2 and not rare[mine].any():
+            continue
+        cost = np.sum((own[mine, None] - seen.expected[unit][None]) ** 2, axis=2)
+        cost[:, count < max(_RARE * len(sheet.readings), 2)] = np.inf
+        yield from _in_pose(sheet, mine, k[mine], away[mine] | rare[mine], cost, seen.limit)
+
+
+def _in_pose(
+    sheet: Sheet, mine: Ints, named: Ints, doubted: Bools, cost: Array, limit: float
+) -> Iterator[Mistake]:
+    """Readings of one pose that fit another target, each of its own."""
+    names, best = sheet.readings.targets, np.argmin(cost, axis=1)
+    near = cost[np.arange(len(mine)), best] <= limit
+    moved = doubted & near & (best != named)
+    after = np.where(moved, best, named)
+    if not moved.any() or len(np.unique(after)) < len(after):
+        return
+    true = {int(mine[i]): str(names[best[i]]) for i in np.flatnonzero(moved)}
+    said_ = [f"{names[named[i]]} is {names[best[i]]}" for i in np.flatnonzero(moved)]
+    at = _at(sheet.rows.iloc[sorted(true)])
+    before = np.sqrt(np.nanmax(cost[np.flatnonzero(moved), named[moved]]))
+    rest = float(np.sqrt(cost[np.flatnonzero(moved), best[moved]].max()))
+    pose = sheet.called(int(sheet.unit[mine[0]]))
+    size = length(float(before)) if np.isfinite(before) else "no place"
+    yield Mistake(
+        name="label_swap",
+        where=f"{pose}/" + "/".join(sorted({str(names[named[i]]) for i in np.flatnonzero(moved)})),
+        evidence=f"in {pose} a target carries the name of another one ({lines(at)}): "
+        f"{', '.join(said_)}; as named it is {size} from where the robot places it, "
+        f"and {length(rest)} under the other name",
+        correction=f"recomputed with the names of {pose} put right",
+        before=1e3 * float(before) if np.isfinite(before) else 1e3 * GROSS_M,
+        after=1e3 * rest,
+        unit="mm",
+        correct=partial(_called_right, true=true),
+        at=at,
+    )
+
+
+def _called_right(rows: Rows, true: dict[int, str]) -> Rows:
+    names = rows["target"].to_numpy(object, copy=True)
+    names[list(true)] = list(true.values())
+    return rows.assign(target=names)
+
+
+# --- from some row on -----------------------------------------------------------------------------
+
+
+def _since(sheet: Sheet) -> Iterator[Mistake]:
+    """A unit that is another in some rows: from one on, or here and there."""
+    mechanism = sheet.begun()
+    seen = sheet.laid(mechanism)
+    away = seen.away
+    if seen.miss >= GROSS_M or not away.any():
+        return
+    best, most = None, 0
+    for guess in (*_coordinates(), *_joints(sheet.robot)):
+        other = sheet.of(guess.correct).laid(mechanism)
+        right = away & (other.own < seen.limit)
+        if right.sum() > most:
+            best, most, after = (guess, right), int(right.sum()), other.own[right].max()
+    if best is None:
+        return
+    guess, right = best
+    only = right[sheet.unit]
+    some = replace(guess, correct=partial(_some, correct=guess.correct, only=only))
+    before = float(np.sqrt(seen.own[right].max()))
+    one = _of_column(some, before, float(np.sqrt(after)), sheet.at(np.flatnonzero(right)))
+    tail = bool(right[np.flatnonzero(right)[0] :].all())
+    yield replace(one, since=one.since if tail else None)
+
+
+def _some(rows: Rows, correct: Correct, only: Bools) -> Rows:
+    """A correction of some rows."""
+    out = rows.copy()
+    out.loc[only] = correct(rows).loc[only]
+    return out

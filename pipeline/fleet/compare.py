@@ -1,0 +1,197 @@
+"""Two campaigns, or two models of one, side by side."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import asdict, dataclass, replace
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from pipeline.answer.archive import Finished, finished, with_digest
+from pipeline.answer.contract import Answer, Data, Stiffness, Which
+from pipeline.answer.history import chance, changes, of_one_day, together, trusted
+from pipeline.app.outcome import Outcome
+from pipeline.base import files, parquet
+from pipeline.base.arrays import Array
+from pipeline.base.errors import CannotWrite, UsageError
+from pipeline.fleet import tables as fleet
+from pipeline.fleet.overview import NOT_EXPLAINED, NOT_STOOD_FOR, SAME_READINGS, comparison
+from pipeline.fleet.sentences import of
+from pipeline.report import words
+from pipeline.report.record import Report
+from pipeline.report.render import page as as_page
+from pipeline.report.text import as_text
+from pipeline.store.campaign import Campaign, find
+
+_COVARIANCES = {"recommended": "41_covariance", "joints": "41_covariance_joint_springs"}
+"""Models of a campaign that can be compared, with the tables of their covariance."""
+
+_MODELS = (*_COVARIANCES, "extended")
+
+
+def compare(root: Path, first: str, second: str) -> tuple[Outcome, Path | None]:
+    """Two campaigns or models beside each other, and the page of it, where one can be kept."""
+    said, content = compared(root, first, second)
+    name = f"{first}--{second}"
+    path = root / "reports" / f"{name}.html".replace(":", ".").replace("/", ".")
+    done = Outcome(name, content | {"page": str(path)}, as_text(said))
+    try:
+        files.write(path, as_page(said, {}).encode())
+    except CannotWrite as problem:  # the answer itself needs no page
+        content, complaints = content | {"page": None}, [str(problem)]
+        code = problem.exit_code
+        return replace(done, content=content, exit_code=code, complaints=complaints), None
+    return done, path
+
+
+@dataclass(frozen=True, eq=False)
+class _Side:
+    """One of two that are compared.
+
+    Attributes:
+        asked: What was asked for, a campaign or `campaign:model`.
+        campaign: The campaign's name.
+        of: `recommended`, `joints` or `extended`.
+        answer: Its answer.
+        stiffness: The stiffnesses of the model.
+        cov: Covariance of their compliances [SI], shape (n, n).
+    """
+
+    asked: str
+    campaign: str
+    of: str
+    answer: Answer
+    stiffness: Sequence[Stiffness]
+    cov: Array
+
+    @property
+    def whole(self) -> bool:
+        """Whether a campaign was asked for, not one of its models."""
+        return self.asked == self.campaign
+
+    @property
+    def stood_for(self) -> bool:
+        """Whether the answer stands for these very values."""
+        said = self.answer.recommended
+        as_given = said.model is Which.JOINT_SPRINGS and said.data is Data.AS_GIVEN
+        return {"joints": as_given, "extended": said.model is Which.EXTENDED}.get(self.of, True)
+
+    @property
+    def model(self) -> str:
+        """Which model's values these are, in words; nothing where what was asked for says it."""
+        return words.values_of(self.answer) if self.whole else ""
+
+
+def compared(root: Path, first: str, second: str) -> tuple[Report, dict[str, Any]]:
+    """Two campaigns, or two models of one: what is said, and the same as data.
+
+    Args:
+        root: The project's root.
+        first: A campaign, whose answer's values are taken, or `campaign:joints` (the joint
+            springs alone on the data as given) or `campaign:extended` (the causes' own fit).
+        second: As before.
+
+    Raises:
+        InputError: There is no such campaign.
+        UsageError: There is no such model, or no result yet.
+    """
+    if first == second:
+        raise UsageError(f"{first} is compared with itself: name another campaign or model")
+    a, b = _side(root, first), _side(root, second)
+    why = _not_tested(a, b)
+    independent = why is None
+    daily = _from_day_to_day(root, a, b)
+    report = comparison(
+        (first, second),
+        a.stiffness,
+        b.stiffness,
+        (_any_day(a, daily), _any_day(b, daily)) if independent else None,
+        why or "",
+        (a.model, b.model),
+        (a.answer.machine, b.answer.machine),
+        daily,
+    )
+    found = changes(a.stiffness, b.stiffness, independent, daily)
+    content = {
+        "before": first,
+        "after": second,
+        "stiffness": [asdict(change) for change in found],
+        **_all_together(a, b, independent, daily),
+    }
+    return report, content
+
+
+def _not_tested(a: _Side, b: _Side) -> str | None:
+    """Why what two differ by is no matter of chance; None where it is."""
+    if a.campaign == b.campaign:
+        return SAME_READINGS
+    loose = [one.campaign for one in (a, b) if not trusted(one.answer)]
+    if loose:
+        return NOT_EXPLAINED.format(" and ".join(loose))
+    other = [one.asked for one in (a, b) if not one.stood_for]
+    return NOT_STOOD_FOR.format(" and ".join(other)) if other else None
+
+
+def _from_day_to_day(root: Path, a: _Side, b: _Side) -> dict[str, float]:
+    """By what stiffnesses of one robot differ between these two days [1], by name, if known."""
+    wear = of(a.answer.machine, fleet.wear(root))
+    same = a.answer.machine == b.answer.machine and not of_one_day(a.answer, b.answer)
+    if not same or wear is None or not wear.followed:
+        return {}
+    return {joint.name: joint.scatter / 100 for joint in wear.joints}
+
+
+def _any_day(side: _Side, daily: Mapping[str, float]) -> Array:
+    """Covariance of the compliances as they are on any day [SI], shape (n, n)."""
+    x = [(joint.compliance or 0.0) * daily.get(joint.name, 0.0) for joint in side.stiffness]
+    return np.asarray(side.cov + np.diag(np.square(x)))
+
+
+def _all_together(
+    a: _Side, b: _Side, independent: bool, daily: Mapping[str, float]
+) -> dict[str, float | int | None]:
+    """The test of all joints together; nothing where two share errors or have other joints."""
+    same = [joint.name for joint in a.stiffness] == [joint.name for joint in b.stiffness]
+    if not (independent and same):
+        return {"chi2": None, "dof": 0, "p_value": None}
+    chi2, dof = together(a.stiffness, b.stiffness, _any_day(a, daily), _any_day(b, daily))
+    return {"chi2": chi2, "dof": dof, "p_value": chance(chi2, dof)}
+
+
+def _side(root: Path, asked: str) -> _Side:
+    """What was asked for, with its covariance."""
+    one, model = _campaign_and_model(root, asked)
+    name, answer = one.campaign.name, one.answer
+    known = {"recommended": answer, "joints": answer.joint_springs, "extended": answer.extended}
+    values = known[model]
+    if values is None:
+        raise UsageError(f"{name} has no richer model than its joint springs")
+    cov = _covariance(one.campaign, model, values.stiffness)
+    return _Side(asked, name, model, answer, values.stiffness, cov)
+
+
+def _covariance(campaign: Campaign, model: str, stiffness: Sequence[Stiffness]) -> Array:
+    """Of the compliances of these joints [SI], from the table that the run kept if there is one."""
+    if model not in _COVARIANCES:
+        std = [joint.compliance_std for joint in stiffness]
+        return np.diag([np.nan if s is None else s**2 for s in std])
+    kept = campaign.processed / f"{_COVARIANCES[model]}.parquet"
+    if not kept.is_file():
+        raise UsageError(f"{campaign.name} has no covariance: run `pipeline run {campaign.name}`")
+    names = [f"c_{joint.joint_name}" for joint in stiffness]
+    return parquet.read(kept).to_pandas().set_index("parameter").loc[names, names].to_numpy(float)
+
+
+def _campaign_and_model(root: Path, name: str) -> tuple[Finished, str]:
+    known = {one.campaign.name: one for one in finished(root)}
+    head, _, model = name.rpartition(":")
+    if name in known:
+        return known[name], "recommended"
+    if head in known:
+        if model not in _MODELS:
+            raise UsageError(f'there is no model "{model}": use {", ".join(_MODELS)}')
+        return known[head], model
+    campaign = find(root, name)
+    return with_digest(campaign), "recommended"

@@ -1,0 +1,413 @@
+"""What is said over several campaigns: the page over all of them, and two beside each other."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import TYPE_CHECKING
+from urllib.parse import quote
+
+from pipeline.answer.contract import Answer, Cause, Stiffness
+from pipeline.answer.history import (
+    NO_SCATTER,
+    Change,
+    Trend,
+    chance,
+    changes,
+    ordered,
+    robots,
+    together,
+    trends,
+    trusted,
+    within_a_day,
+)
+from pipeline.base.arrays import Array
+from pipeline.base.quantities import (
+    MISSING,
+    common_prefix,
+    p_value,
+    plain,
+    prefixed,
+    scaled,
+)
+from pipeline.diagnosis.average import LIKELY
+from pipeline.fleet.sentences import alarm, changed_of, joints_table, of, robots_tables
+from pipeline.fleet.worn import Robot
+from pipeline.report import words
+from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
+from pipeline.report.record import (
+    Block,
+    Column,
+    Entry,
+    Figure,
+    Report,
+    Table,
+    Text,
+    present,
+    section_of,
+    unlabelled,
+)
+from pipeline.report.render import page
+
+if TYPE_CHECKING:
+    from pipeline.report.svg import Drawing
+
+# --- all campaigns -------------------------------------------------------------------------
+
+
+def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
+    """The page over all campaigns: what needs action, their verdicts, each stiffness over time.
+
+    Args:
+        answers: Those of every finished campaign.
+        wear: Every robot over its campaigns; one that is not followed has its campaigns compared.
+    """
+    by_robot = robots(answers)
+    followed = {one.machine: one for one in wear if one.followed}
+    changed = {
+        name: [_called(own).get(one, one) for one in changed_of(own, followed.get(name))]
+        for name, own in by_robot.items()
+    }
+    alarmed = {name: [j.called for j in one.changed] for name, one in followed.items()}
+    unsaid = {
+        name: [one for one in names if one not in alarmed.get(name, ())]
+        for name, names in changed.items()
+    }
+    counts = _standing_in_a_hall(by_robot)
+    places = {name: place for place, name in enumerate(by_robot)}
+    last = {name: own[-1] for name, own in by_robot.items()}
+    tables = robots_tables(wear, places, last, unsaid)
+    sections = [
+        section_of("robots", "Robots", tables if followed else []),
+        section_of("campaigns", "Campaigns", [_campaigns(ordered(answers))]),
+        *(
+            section_of(f"robot-{place}", name, _robot(place, name, own, followed.get(name)))
+            for place, (name, own) in enumerate(by_robot.items())
+        ),
+    ]
+    raised = {name: alarm(one) for name, one in followed.items() if one.alarm and name in counts}
+    compared = {name: unsaid[name] for name in counts}
+    several = _several(counts)
+    verdict, tone = _of_all(bool(raised) or any(compared.values()), several)
+    virtual = sum(one.simulated for one in answers)
+    return Report(
+        kicker="Joint stiffness",
+        heading="All campaigns",
+        title="Joint stiffness: all campaigns",
+        verdict=verdict,
+        tone=tone,
+        first=unlabelled(
+            f"{_counted(len(answers), 'campaign')} on {_counted(len(by_robot), 'robot')}"
+            f"{_virtual(virtual, len(answers))}.",
+            *map(": ".join, raised.items()),
+            *_change_sentences(compared, several, bool(raised)),
+            *_not_compared(by_robot),
+        ),
+        sections=present(sections),
+        elsewhere="Details are on the page of each campaign.",
+    )
+
+
+def _standing_in_a_hall(
+    by_robot: Mapping[str, Sequence[Answer]],
+) -> Mapping[str, Sequence[Answer]]:
+    """Robots of which something was measured; where nothing was, those that were simulated."""
+    real = {name: own for name, own in by_robot.items() if not own[0].simulated}
+    return real or by_robot
+
+
+def _virtual(simulated: int, of: int) -> str:
+    if not simulated:
+        return ""
+    if simulated == of:
+        return ", all simulated"
+    return f", {simulated} of them simulated and kept apart from what was measured"
+
+
+def _of_all(changed: bool, several: bool) -> tuple[str, str]:
+    """The verdict on all campaigns, and its tone."""
+    if changed:
+        return "A stiffness has changed", "attention"
+    if several:
+        return "No stiffness has changed", "good"
+    return "Nothing to compare yet", "neutral"
+
+
+def _several(by_robot: Mapping[str, Sequence[Answer]]) -> bool:
+    """Whether any robot has two campaigns that can be compared."""
+    return any(sum(map(trusted, own)) > 1 for own in by_robot.values())
+
+
+def _counted(number: int, noun: str) -> str:
+    return f"1 {noun}" if number == 1 else f"{number} {noun}s"
+
+
+def _change_sentences(changed: Mapping[str, list[str]], several: bool, alarms: bool) -> list[str]:
+    """What has changed, robot by robot, or that nothing has; nothing more where alarms say it."""
+    if any(changed.values()):
+        return [
+            f"{robot}: {', '.join(names)} changed by more than chance explains; "
+            f"look at the history below before relying on an older model."
+            for robot, names in changed.items()
+            if names
+        ]
+    if alarms:
+        return []
+    if several:
+        return ["Between campaigns of one robot every stiffness agrees within its uncertainty."]
+    return ["A robot's second campaign will show here whether its stiffnesses hold."]
+
+
+def _not_compared(by_robot: Mapping[str, Sequence[Answer]]) -> list[str]:
+    out = [one.campaign for own in by_robot.values() for one in own if not trusted(one)]
+    if not out:
+        return []
+    return [f"Not compared, because no model explains their readings: {', '.join(out)}."]
+
+
+def _campaigns(answers: Sequence[Answer]) -> Table | None:
+    columns: list[Cells[Answer]] = [
+        (Column("Campaign"), _linked),
+        said("Robot", lambda one: one.machine),
+        said("Measured", lambda one: one.measured and one.measured[:10]),
+        said("Verdict", lambda one: words.VERDICTS[one.diagnosis.verdict][0]),
+        said("Identified causes", lambda one: ", ".join(map(_who, one.diagnosis.causes))),
+        said("Model", words.values_of),
+        number("Cross-validation error [mm]", _left_out_mm),
+    ]
+    return table_of("campaigns", "Every campaign with a result", columns, answers)
+
+
+def _linked(answer: Answer) -> Entry:
+    return Entry(answer.campaign, answer.campaign, f"{quote(answer.campaign)}/index.html")
+
+
+def _left_out_mm(answer: Answer) -> float | None:
+    return answer.validation.held_out_rms_mm if answer.validation else None
+
+
+def _who(cause: Cause) -> str:
+    """A cause, with those that it could as well be."""
+    rivals = [rival for rival in cause.rivals if rival.probability > LIKELY]
+    return " or ".join(map(words.placed, (cause, *rivals)))
+
+
+def _robot(
+    place: int, name: str, answers: Sequence[Answer], wear: Robot | None
+) -> Sequence[Block | None]:
+    if wear is not None:
+        says = [Text(alarm(wear), "finding")] if wear.alarm else []
+        names, called = changed_of(answers, wear), _called(answers)
+        says += [
+            Text(f"{called[one]} differs between campaigns of one day, for certain.", "finding")
+            for one in within_a_day(answers)
+        ]
+        return (*says, joints_table(place, wear), _history_figure(place, name, answers, names))
+    if len(answers) < 2:
+        return (Text(f"One campaign so far, {answers[0].campaign}."),)
+    if sum(map(trusted, answers)) < 2:
+        return (Text("Fewer than two campaigns whose readings a model explains: no comparison."),)
+    found, called = trends(answers), _called(answers)
+    surely = [
+        Text(f"{called[t.name]} changed by more than chance explains.", "finding")
+        for t in found
+        if t.sure
+    ]
+    names = changed_of(answers, None)
+    return (
+        *surely,
+        _trend_table(place, found, called),
+        _history_figure(place, name, answers, names),
+    )
+
+
+def _called(answers: Sequence[Answer]) -> dict[str, str]:
+    """`A1 (k_theta2)` by `k_theta2`, as the last campaign that has the joint calls it."""
+    return {joint.name: joint.called for one in answers for joint in one.stiffness}
+
+
+def _trend_table(place: int, found: Sequence[Trend], called: Mapping[str, str]) -> Table | None:
+    columns: list[Cells[Trend]] = [
+        said("Joint", lambda t: called[t.name]),
+        number("Campaigns", lambda t: t.campaigns, str),
+        measured("First to last [%]", lambda t: (t.first_to_last, t.first_to_last_std)),
+        number("Chance of such scatter", lambda t: t.p_value, _chance),
+        said("Result", _held),
+    ]
+    note = (
+        "Tested on the compliances, whose errors are normal, at 1 % for all joints together; an "
+        "error that all campaigns share, such as the scale's gain, cancels here and is not seen."
+    )
+    return table_of(f"trend-{place}", "Has a stiffness changed?", columns, found, note)
+
+
+def _chance(p: float | None) -> str:
+    return MISSING if p is None else p_value(p)
+
+
+def _held(trend: Trend) -> str:
+    if trend.campaigns < 2:
+        return "one value"
+    return "changed" if trend.sure else "holds"
+
+
+def _history_figure(
+    place: int, name: str, answers: Sequence[Answer], changed: Sequence[str]
+) -> Figure:
+    called = _called(answers)
+    which = ", ".join(called.get(one, one) for one in changed)
+    told = f"{len(answers)} campaigns of {name}. " + (
+        f"Changed: {which} in another colour." if changed else "No joint stands out."
+    )
+    hollow = [one.campaign for one in answers if not trusted(one)]
+    if hollow:
+        told += f" Hollow and not compared: {', '.join(hollow)}."
+    return Figure(
+        f"history-{place}",
+        "Each stiffness over the campaigns",
+        f"{told} Bars are 95 % intervals; they should overlap as long as nothing changes.",
+        f"One row per joint with the stiffness of each campaign and its interval. {told}",
+    )
+
+
+SAME_READINGS = (
+    "Two models of the same readings share their errors, so what they differ by is no matter of "
+    "chance: it is what the richer model takes away from the springs."
+)
+NOT_EXPLAINED = (
+    "No model explains the readings of {}, so its uncertainties cannot tell whether a stiffness "
+    "has changed."
+)
+NOT_STOOD_FOR = (
+    "The answer does not stand for {}, so its uncertainties cannot tell whether a stiffness has "
+    "changed: what its model leaves out may look like a change."
+)
+"""Why two lists of stiffnesses are shown beside each other and not tested."""
+_DAILY = (
+    "The robot's campaigns tell what its stiffnesses differ by from day to day; that much counts "
+    "as no difference, as in its wear."
+)
+OTHER_ROBOTS = "They are of different robots, {} and {}: what differs is no change of one."
+
+
+# --- two beside each other -----------------------------------------------------------------
+
+
+def comparison(
+    names: tuple[str, str],
+    before: Sequence[Stiffness],
+    after: Sequence[Stiffness],
+    covariances: tuple[Array, Array] | None,
+    not_tested: str = SAME_READINGS,
+    models: tuple[str, str] = ("", ""),
+    robots: tuple[str, str] = ("", ""),
+    scatter: Mapping[str, float] = NO_SCATTER,
+) -> Report:
+    """Two campaigns, or two models of one, joint by joint.
+
+    Args:
+        names: What they are called.
+        before: Stiffnesses of the first.
+        after: Of the second.
+        covariances: Of their compliances, when they are independent; without them, as for two
+            models of one campaign, nothing is tested.
+        not_tested: Why nothing is tested, where nothing is.
+        models: Which model's the values of each are, in words.
+        robots: Whose they are, where that is not the same.
+        scatter: What the robot's stiffnesses differ by from day to day [1], by name, where the
+            two are of different days and its campaigns tell it.
+    """
+    found = changes(before, after, covariances is not None, scatter)
+    called = {joint.name: joint.called for joint in after}
+    surely = [called[c.name] for c in found if c.sure]
+    if covariances is None:
+        verdict, tone, told = "Not tested", "neutral", not_tested
+    elif surely:
+        verdict, tone = "They differ", "attention"
+        differ = "differs" if len(surely) == 1 else "differ"
+        told = f"{', '.join(surely)} {differ} by more than chance explains."
+    else:
+        verdict, tone = "They agree", "good"
+        told = "No stiffness differs by more than chance explains."
+    apart = [OTHER_ROBOTS.format(*robots)] if robots[0] != robots[1] else []
+    daily = [_DAILY] if scatter and covariances is not None else []
+    sentences = (told, *apart, *daily, *_together(before, after, covariances))
+    title = f"{names[0]} beside {names[1]}"
+    each = zip(names, models, strict=True)
+    titles = [f"{name}: {model}" if model else name for name, model in each]
+    table = _comparison_table(titles, before, found, called)
+    return Report(
+        kicker="Joint stiffness compared",
+        heading=title,
+        title=f"Joint stiffness: {title}",
+        verdict=verdict,
+        tone=tone,
+        first=unlabelled(*(sentences if found else ("They have no joint in common.",))),
+        sections=present([section_of("joints", "Joint by joint", [table])]),
+    )
+
+
+def _together(
+    before: Sequence[Stiffness], after: Sequence[Stiffness], covariances: tuple[Array, Array] | None
+) -> Iterator[str]:
+    """The test of all joints together, where both have the same."""
+    if covariances is None or [j.name for j in before] != [j.name for j in after]:
+        return
+    chi2, dof = together(before, after, *covariances)
+    p = chance(chi2, dof)
+    if p is not None:
+        yield (
+            f"All joints together, correlations included: chi² {plain(chi2)} for {dof} "
+            f"({p_value(p)})."
+        )
+
+
+def _comparison_table(
+    names: Sequence[str],
+    before: Sequence[Stiffness],
+    found: Sequence[Change],
+    called: Mapping[str, str],
+) -> Table | None:
+    factor, letter = common_prefix(change.before for change in found)
+    units = {joint.name: prefixed(joint.unit, letter) for joint in before}
+
+    def in_prefix(value: float | None) -> str:
+        return plain(scaled(value, factor), 4)
+
+    columns: list[Cells[Change]] = [
+        said("Joint", lambda change: called.get(change.name, change.name)),
+        number(names[0], lambda change: change.before, in_prefix),
+        number(names[1], lambda change: change.after, in_prefix),
+        said("Unit", lambda change: units[change.name]),
+        measured("Change [%]", lambda change: (change.percent, change.percent_std)),
+        number("Difference of compliance [σ]", lambda change: change.sigmas, roughly),
+        said("Result", _judged),
+    ]
+    note = _TESTED if any(change.sigmas is not None for change in found) else ""
+    return table_of("comparison", "Stiffness of each joint", columns, found, note)
+
+
+_TESTED = "Tested on the compliances, whose errors are normal, at 1 % for all joints together."
+
+
+def _judged(change: Change) -> str:
+    if change.sigmas is None:
+        return ""
+    return "differs" if change.sure else "agrees"
+
+
+def render_overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> bytes:
+    """The page over all campaigns, from their answers and from what robots' campaigns say."""
+    report = overview(answers, wear)
+    drawings = {figure.name: draw_robot(figure.name, answers, wear) for figure in report.figures}
+    return page(report, {name: drawing.inline for name, drawing in drawings.items()}).encode()
+
+
+def draw_robot(name: str, answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Drawing:
+    """Draw the history of one robot: `history-0` is that of the first of `robots`."""
+    # matplotlib imports for half a second
+    from pipeline.report.figures.stiffness import draw_history
+    from pipeline.report.svg import drawn
+
+    machine, own = list(robots(answers).items())[int(name.rpartition("-")[2])]
+    changed = changed_of(own, of(machine, wear))
+    return drawn(name, lambda canvas: draw_history(canvas, own, changed))

@@ -1,0 +1,120 @@
+"""All finished campaigns together: the page over them, and what each says of the one before it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Mapping, Sequence
+from contextlib import suppress
+from pathlib import Path
+from typing import Any
+
+from filelock import FileLock
+
+from pipeline.answer.archive import Finished, earlier, finished, mark, read, shown
+from pipeline.answer.contract import Answer
+from pipeline.answer.history import previous
+from pipeline.base import files, preferences
+from pipeline.base.errors import CannotWrite
+from pipeline.base.shown import printable
+from pipeline.fleet import tables as fleet
+from pipeline.fleet.sentences import alarm, told
+from pipeline.fleet.worn import Robot
+from pipeline.store.campaign import Campaign, code_version, dump, recalled, versions
+
+INDEX_MANIFEST = "index.json"
+
+
+def refresh(root: Path) -> Path | None:
+    """Bring page and tables over all campaigns up to date, and each report's change since the last.
+
+    Nothing is drawn again whose content is still true; what a killed run left half-written goes,
+    and a campaign whose result no longer counts is left out, which is said.
+
+    Returns:
+        The page over all campaigns, None when there is no campaign.
+    """
+    everyone = finished(root, _left_out)
+    answers = [one.answer for one in everyone]
+    wear = _wear(root)
+    for one in everyone:
+        one.campaign.tidy()
+        stands = {"previous": mark(previous(one.answer, answers)), "wear": told(one.answer, wear)}
+        if not _says(one.campaign.manifest() or {}, stands):
+            _tell(one.campaign)
+    return _index(root, everyone, wear) if everyone else None
+
+
+def together(answer: Answer, root: Path) -> str | None:
+    """What a campaign's page says of its robot's campaigns together, of what is known by now."""
+    return told(answer, fleet.wear(root))
+
+
+def _wear(root: Path) -> tuple[Robot, ...]:
+    """Every robot over its campaigns, brought up to date; what is new of alarms is said."""
+    before = _alarms(fleet.wear(root))
+    with suppress(CannotWrite):  # the next query makes what is missing, or says why not
+        fleet.refresh(root, preferences.load(root).fleet.scatter)
+    wear = fleet.wear(root)
+    for machine, words in _alarms(wear).items():
+        if before.get(machine) != words:
+            sys.stderr.write(f"{printable(machine)}: {printable(words)}\n")
+    return wear
+
+
+def _alarms(wear: Sequence[Robot]) -> dict[str, str]:
+    return {one.machine: alarm(one) for one in wear if one.alarm}
+
+
+def _says(manifest: Mapping[str, Any], stands: Mapping[str, str | None]) -> bool:
+    """Whether a report is of what stands now: the campaign before, and what all say together."""
+    return all(manifest.get(name) == value for name, value in stands.items())
+
+
+def _left_out(why: str) -> None:
+    sys.stderr.write(f"{why} Until then it is left out of the page over all campaigns.\n")
+
+
+def _tell(campaign: Campaign) -> None:
+    """Write a campaign's report anew, with what has changed since the previous campaigns."""
+    from pipeline.report.render import render
+
+    with campaign.locked():
+        manifest, answer = campaign.manifest(), read(campaign)
+        before = earlier(campaign, answer)  # of what is there now that nobody else writes here
+        wear = together(answer, campaign.root)
+        stands = {"previous": mark(before), "wear": wear}
+        if manifest is None or _says(manifest, stands):
+            return  # another run has been faster
+        took, beside = manifest.get("run_time_s"), campaign.answers(manifest)
+        pages = render(answer, shown(campaign), took, before, beside, wear)
+        campaign.publish(manifest | stands, pages)
+
+
+def _index(root: Path, everyone: Sequence[Finished], wear: Sequence[Robot]) -> Path:
+    """The page over these, drawn of those that are finished once no other run draws it."""
+    from pipeline.fleet.overview import render_overview
+
+    page, manifest = root / "reports" / "index.html", root / "data" / "processed" / INDEX_MANIFEST
+    if _is_of(page, manifest, _key(everyone, wear)):
+        return page
+    with files.writing(manifest):
+        manifest.parent.mkdir(parents=True, exist_ok=True)
+        with FileLock(manifest.with_name(".lock")):
+            now = finished(root) or everyone
+            if not _is_of(page, manifest, key := _key(now, wear)):
+                content = render_overview([one.answer for one in now], wear)
+                for path in (page, manifest):
+                    files.sweep(path.parent, f".{path.name}.????????")
+                files.write(page, content)
+                files.write(manifest, dump({"key": key, "page": files.sha256(content)}))
+    return page
+
+
+def _key(everyone: Sequence[Finished], wear: Sequence[Robot]) -> str:
+    digests = [one.digest for one in everyone]
+    return files.sha256(dump([digests, repr(wear), code_version(), versions()]))
+
+
+def _is_of(page: Path, manifest: Path, key: str) -> bool:
+    drawn = files.sha256(page.read_bytes()) if page.is_file() else None
+    return bool(recalled(manifest) == {"key": key, "page": drawn})

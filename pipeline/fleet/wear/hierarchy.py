@@ -1,0 +1,130 @@
+"""What the robots of a type have in common: mean level and trend, and how far specimens differ.
+
+b_r = m + u_r,  u_r ~ N(0, blockdiag(D_level, D_trend)),  b_r known from its campaigns with
+information N_r: two stages that together are the one linear mixed model, the first being normal
+(Laird and Ware, Biometrics 38 (1982) 963). D by expectation and maximisation, with an inverse
+Wishart prior that holds it where few robots tell.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Locked
+from pipeline.fleet.wear.machine import Machine, products
+from pipeline.fleet.wear.scatter import Scatter
+
+FEWEST = 3
+"""Robots of a type from which they say how specimens differ; below it is guessed."""
+
+_LEVEL, _TREND = 0.10, 0.01
+"""Guess: standard deviation between specimens of a compliance [1], and of its trend [1/year]."""
+
+_ROUNDS = 40
+
+
+@dataclass(frozen=True, eq=False)
+class Told(Locked):
+    """What a robot's campaigns say of its present levels and trends b, (2 n,).
+
+    Attributes:
+        N: Information, shape (2 n, 2 n).
+        g: N b, shape (2 n,).
+    """
+
+    N: Array
+    g: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Type(Locked):
+    """The robots of one type.
+
+    Attributes:
+        robots: How many there are.
+        reference: Compliance that levels are relative to [SI], NaN where none is known, (n,).
+        mean: Mean level, ln of compliance over reference, and mean trend [1/year], (2 n,).
+        cov: Its covariance, shape (2 n, 2 n).
+        between: Covariance between specimens, shape (2 n, 2 n).
+        values: Level and trend of each robot, given its own campaigns and the others', (R, 2 n).
+        covs: Their covariances, shape (R, 2 n, 2 n).
+    """
+
+    robots: int
+    reference: Array
+    mean: Array
+    cov: Array
+    between: Array
+    values: Array
+    covs: Array
+
+    @property
+    def guessed(self) -> bool:
+        """Too few robots tell how specimens differ."""
+        return self.robots < FEWEST
+
+
+def hierarchy(machines: Sequence[Machine], scatter: Scatter) -> Type:
+    """Mean, spread, and every robot's level and trend as its type lets expect them."""
+    reference = _reference(machines)
+    told = [_told(one, scatter, reference) for one in machines]
+    N, g = np.array([one.N for one in told]), np.array([one.g for one in told])
+    n = len(reference)
+    guess = np.append(np.full(n, _LEVEL**2), np.full(n, _TREND**2))
+    D, worth, block = np.diag(guess), n + 2.0, np.kron(np.eye(2), np.ones((n, n)))
+    for _ in range(_ROUNDS):
+        mean, cov, values, covs = _given(N, g, D)
+        off = values - mean
+        square = np.einsum("ri,rj->ij", off, off) + covs.sum(axis=0)
+        D = block * (square + worth * np.diag(guess)) / (len(told) + worth)
+    mean, cov, values, covs = _given(N, g, D)
+    return Type(len(told), reference, mean, cov, D, values, covs)
+
+
+def _reference(machines: Sequence[Machine]) -> Array:
+    """Geometric mean of the robots' compliances; NaN where none is known, shape (n,)."""
+    known = np.array([np.where(m.reference > 0, m.reference, np.nan) for m in machines])
+    count = np.isfinite(known).sum(axis=0)
+    total = np.nansum(np.log(known), axis=0)
+    return np.exp(np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0))
+
+
+def _told(machine: Machine, scatter: Scatter, reference: Array) -> Told:
+    """Levels at the first campaign and trends, past lives eliminated; to first order in both."""
+    n, A = machine.joints, machine.nuisance
+    mine = [_last_level(machine, j) for j in range(n)]
+    others = [k for k in range(A.shape[-1]) if k not in mine]
+    X = np.concatenate([A[..., mine], machine.trend, A[..., others]], axis=-1)
+    WX = machine.weights(scatter.variance) @ X
+    N, g = products(X, WX), np.einsum("kip,ki->p", WX, machine.y)
+    keep, rest = slice(0, 2 * n), slice(2 * n, None)
+    taken = linear.solve(N[rest, rest], N[rest, keep]) if others else np.zeros((0, 2 * n))
+    N, g = N[keep, keep] - N[keep, rest] @ taken, g[keep] - g[rest] @ taken
+    with np.errstate(invalid="ignore"):
+        off = np.log(machine.reference / reference)
+    shift = np.append(np.where(np.isfinite(off), off, 0.0), np.zeros(n))
+    return Told(N, g + N @ shift)
+
+
+def _last_level(machine: Machine, joint: int) -> int:
+    """Column of `nuisance` that is the level of a joint's present life.
+
+    A past life has a level and a trend, the present one a level.
+    """
+    return int(np.sum(2 * machine.last[:joint] + 1) + 2 * machine.last[joint])
+
+
+def _given(N: Array, g: Array, D: Array) -> tuple[Array, Array, Array, Array]:
+    """Mean with its covariance, and the robots' values with theirs, for a spread D."""
+    inner = linear.inverse(D)
+    P = linear.regular_inverse(N + inner)
+    K = N - N @ P @ N
+    total = linear.inverse(K.sum(axis=0))
+    mean = total @ (g - np.einsum("rij,rj->ri", N @ P, g)).sum(axis=0)
+    values = np.einsum("rij,rj->ri", P, g + inner @ mean)
+    pull = P @ inner
+    return mean, total, values, P + pull @ total @ np.swapaxes(pull, 1, 2)

@@ -1,0 +1,373 @@
+"""The table `wear`: what the campaigns of all robots of one type say of each of its joints.
+
+Only campaigns count whose recommended model explains the readings as they were given, and which
+are dated. Two of a robot that begin at the same second are the same readings computed twice: the
+one whose name comes last counts.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass
+from datetime import date, datetime, time
+from typing import Any
+
+import numpy as np
+import pyarrow as pa
+
+from pipeline.answer.contract import called
+from pipeline.base.arrays import Array
+from pipeline.diagnosis.finding import Verdict
+from pipeline.fleet.wear.machine import Machine, Repair, Visit
+from pipeline.fleet.wear.scatter import STATED
+from pipeline.fleet.wear.standing import Fleet, Standing
+from pipeline.fleet.wear.standing import fleet as fleet_of
+
+_F64, _STR, _INT = pa.float64(), pa.string(), pa.int64()
+_COUNTS = (Verdict.ADEQUATE, Verdict.EXPLAINED, Verdict.AMBIGUOUS)
+_MOST = 60
+"""Newest campaigns of a robot that are followed."""
+
+_EPOCH = date(1970, 1, 1)
+_YEAR = 365.25
+
+
+def column(name: str, kind: pa.DataType, unit: str, meaning: str) -> pa.Field:
+    """One column; any may be null, where an answer does not have it."""
+    return pa.field(name, kind, True, {"unit": unit, "meaning": meaning})
+
+
+WEAR = pa.schema(
+    [
+        column("campaign", _STR, "1", "the last campaign of the robot that counts"),
+        column("robot_serial", _STR, "1", "serial number of the robot; null where nobody says"),
+        column("joint", _INT, "1", "number, from 1"),
+        column("name", _STR, "1", "k_r1, k_theta2, ..."),
+        column("axis", _STR, "1", "of the controller, A1 or E1; null where none moves it alone"),
+        column("campaigns", _INT, "1", "how many of the robot count"),
+        column("first", pa.date32(), "1", "day of the first of them"),
+        column("last", pa.date32(), "1", "day of the last"),
+        column("percent_a_year", _F64, "%/year", "change of the stiffness; negative: softer"),
+        column("std", _F64, "%/year", "standard uncertainty"),
+        column("low", _F64, "%/year", "lower end of the 95 % interval"),
+        column("high", _F64, "%/year", "upper end of it"),
+        column("expected", _F64, "%/year", "the same given the other robots of its type, too"),
+        column("expected_std", _F64, "%/year", "standard uncertainty of that"),
+        column("alarm", _STR, "1", "of the robot: trend or step; null: none"),
+        column("changed", pa.bool_(), "1", "the alarm is about this joint"),
+        column("raised", _STR, "1", "campaign that raised the alarm"),
+        column("after", _STR, "1", "campaign after which a step came"),
+        column("confirmed", pa.bool_(), "1", "the newest campaigns still speak for the alarm"),
+        column("p_value", _F64, "1", "chance of so much change in all joints; null: too few"),
+        column("allowed", _F64, "1", "p_value below which the newest campaign raises an alarm"),
+        column("scatter", _F64, "%", "day-to-day scatter of this joint, standard deviation"),
+        column("scatter_common", _F64, "%", "the same of all joints alike"),
+        column("scatter_stated", pa.bool_(), "1", "no campaign tells the scatter yet"),
+        column("robots", _INT, "1", "how many of the type count"),
+        column("type_percent_a_year", _F64, "%/year", "mean change over the robots of the type"),
+        column("type_std", _F64, "%/year", "standard uncertainty of that"),
+        column("type_spread", _F64, "%", "by which stiffnesses of specimens differ"),
+        column("type_guessed", pa.bool_(), "1", "too few robots tell how specimens differ"),
+    ]
+)
+
+READ = ("campaigns", "stiffness", "covariance", "repairs")
+"""Tables that it is made of, in the order of `History`."""
+
+Rows = Sequence[Mapping[str, Any]]
+
+_Repaired = tuple[date, int | None]
+"""Day and number of the joint, None for all."""
+
+
+@dataclass(frozen=True)
+class History:
+    """Rows of the tables in `READ`, of all robots of one type."""
+
+    campaigns: Rows
+    stiffness: Rows
+    covariance: Rows
+    repairs: Rows
+
+
+@dataclass(frozen=True)
+class Joint:
+    """One joint of a robot, as its row has it [%/year], scatter [%]; negative is softer."""
+
+    name: str
+    percent_a_year: float | None
+    std: float | None
+    low: float | None
+    high: float | None
+    expected: float
+    expected_std: float
+    scatter: float
+    changed: bool
+    axis: str | None = None
+
+    @property
+    def called(self) -> str:
+        """`A1 (k_theta2)`, as `Stiffness.called`."""
+        return called(self.name, self.axis)
+
+
+@dataclass(frozen=True)
+class Alarm:
+    """What a robot's campaigns raised.
+
+    Attributes:
+        kind: trend or step.
+        raised: The campaign that raised it.
+        after: The campaign after which a step came.
+        confirmed: The newest campaigns still speak for it.
+    """
+
+    kind: str
+    raised: str
+    after: str | None
+    confirmed: bool
+
+
+@dataclass(frozen=True)
+class Robot:
+    """One robot over its campaigns, as the table has it.
+
+    Attributes:
+        robot: Its type.
+        serial: Its serial number; None where nobody says.
+        campaign: The last campaign that counts.
+        campaigns: How many count.
+        last: Day of the last one.
+        joints: Each with its wear.
+        alarm: None where all is well.
+        p_value: Of change in all joints together; None where the campaigns are too few.
+        robots: How many of its type there are.
+    """
+
+    robot: str
+    serial: str | None
+    campaign: str
+    campaigns: int
+    last: date
+    joints: tuple[Joint, ...]
+    alarm: Alarm | None
+    p_value: float | None
+    robots: int
+
+    @property
+    def machine(self) -> str:
+        """As `Answer.machine`."""
+        return f"{self.robot}, serial number {self.serial}" if self.serial else self.robot
+
+    @property
+    def followed(self) -> bool:
+        """Enough campaigns tell trends from what differs day by day."""
+        return self.p_value is not None
+
+    @property
+    def changed(self) -> tuple[Joint, ...]:
+        """Joints that the alarm is about."""
+        return tuple(one for one in self.joints if one.changed)
+
+
+def robots(robot: str, found: Rows) -> list[Robot]:
+    """What the rows of one type say, robot by robot."""
+    by_serial: dict[str | None, list[Mapping[str, Any]]] = {}
+    for row in found:
+        by_serial.setdefault(row["robot_serial"], []).append(row)
+    return [_robot(robot, own) for own in by_serial.values()]
+
+
+def _robot(robot: str, own: Sequence[Mapping[str, Any]]) -> Robot:
+    one = own[0]
+    alarm = (
+        None
+        if one["alarm"] is None
+        else Alarm(one["alarm"], one["raised"], one["after"], one["confirmed"])
+    )
+    names = Joint.__dataclass_fields__
+    joints = tuple(Joint(**{name: row[name] for name in names if name in row}) for row in own)
+    rest = {name: one[name] for name in ("campaign", "campaigns", "last", "p_value", "robots")}
+    return Robot(robot=robot, serial=one["robot_serial"], joints=joints, alarm=alarm, **rest)
+
+
+# --- made ------------------------------------------------------------------------------------
+
+
+def rows(history: History, scatter: float | None = None) -> list[dict[str, Any]]:
+    """One row for each joint of each robot that has a campaign that counts.
+
+    Args:
+        history: All campaigns of the type.
+        scatter: Expected day-to-day scatter of a stiffness [1], where stated.
+    """
+    names, axes = _names(history), _axes(history)
+    known = _Known.of(history, names)
+    by_serial: dict[str | None, dict[object, Mapping[str, Any]]] = {}
+    for row in sorted(history.campaigns, key=lambda row: str(row["campaign"])):
+        if row["verdict"] in _COUNTS and row["measured"] and row["campaign"] in known.cov:
+            own = by_serial.setdefault(row["robot_serial"], {})
+            own[_readings(row)] = row
+    if not by_serial:
+        return []
+    by_serial = {serial: _newest(own) for serial, own in by_serial.items()}
+    repairs = _repairs(history)
+    machines = [
+        known.machine(serial, list(own.values()), repairs.get(serial, ()))
+        for serial, own in by_serial.items()
+    ]
+    found = fleet_of(machines, STATED if scatter is None else scatter)
+    return [
+        row
+        for own, machine, one in zip(by_serial.values(), machines, found.robots, strict=True)
+        for row in _of_robot(names, axes, own.values(), machine, one, found)
+    ]
+
+
+def _newest(own: Mapping[object, Mapping[str, Any]]) -> dict[object, Mapping[str, Any]]:
+    """Those of a robot that are followed; the cost grows with the square of their number."""
+    return dict(sorted(own.items(), key=lambda item: item[1]["measured"])[-_MOST:])
+
+
+def _readings(row: Mapping[str, Any]) -> object:
+    """What two computations of the same readings have in common; a mere day says nothing."""
+    at: datetime = row["measured"]
+    return row["campaign"] if at.time() == time() else at
+
+
+def _names(history: History) -> list[str]:
+    """Of the joints in their order."""
+    order = {row["joint"]: row["name"] for row in history.stiffness}
+    return [order[joint] for joint in sorted(order)]
+
+
+def _axes(history: History) -> dict[str, str | None]:
+    """Of the controller by name of the stiffness, as the campaign with the last name has them."""
+    rows = sorted(history.stiffness, key=lambda row: str(row["campaign"]))
+    return {row["name"]: row["axis"] for row in rows}
+
+
+def _compliances(rows: Rows, n: int) -> dict[str, Array]:
+    """Of each campaign what its recommended model determines, else NaN, shape (n,)."""
+    found: dict[str, Array] = {}
+    for row in rows:
+        if row["model"] == "recommended" and row["identifiable"]:
+            value = np.nan if row["compliance"] is None else row["compliance"]
+            found.setdefault(row["campaign"], np.full(n, np.nan))[row["joint"] - 1] = value
+    return found
+
+
+def _covariances(rows: Rows, names: Sequence[str]) -> dict[str, Array]:
+    """Of the compliances of each campaign, NaN where it states none, shape (n, n)."""
+    place, n = {name.removeprefix("k_"): k for k, name in enumerate(names)}, len(names)
+    found: dict[str, Array] = {}
+    for row in rows:
+        i, j = (place.get(row[key].removeprefix("c_")) for key in ("parameter", "other"))
+        if i is not None and j is not None:
+            found.setdefault(row["campaign"], np.full((n, n), np.nan))[i, j] = row["covariance"]
+    return found
+
+
+@dataclass(frozen=True)
+class _Known:
+    """What campaigns say of compliances, by their names."""
+
+    x: Mapping[str, Array]
+    cov: Mapping[str, Array]
+
+    @classmethod
+    def of(cls, history: History, names: Sequence[str]) -> _Known:
+        """Sorted by campaign; a campaign without its covariance is in none."""
+        x = _compliances(history.stiffness, len(names))
+        cov = _covariances([row for row in history.covariance if row["campaign"] in x], names)
+        for campaign, own in cov.items():
+            x[campaign][~np.isfinite(np.diag(own))] = np.nan
+        return cls(x, cov)
+
+    def machine(self, serial: str | None, own: Rows, told: Iterable[_Repaired]) -> Machine:
+        """One robot with the repairs that its campaigns tell."""
+        n = len(self.x[own[0]["campaign"]])
+        repairs = [
+            Repair(_year(day), tuple(range(n)) if joint is None else (joint - 1,))
+            for day, joint in sorted(told, key=str)
+            if joint is None or joint <= n
+        ]
+        visits = [
+            Visit(
+                row["campaign"],
+                _year(row["measured"].date()),
+                self.x[row["campaign"]],
+                self.cov[row["campaign"]],
+            )
+            for row in own
+        ]
+        return Machine.of(serial or "", visits, repairs)
+
+
+def _repairs(history: History) -> dict[str | None, set[_Repaired]]:
+    """Of each robot; what several campaigns tell, which need not count, is one."""
+    serials = {row["campaign"]: row["robot_serial"] for row in history.campaigns}
+    found: dict[str | None, set[_Repaired]] = {}
+    for row in history.repairs:
+        found.setdefault(serials[row["campaign"]], set()).add((row["day"], row["joint"]))
+    return found
+
+
+def _year(day: date) -> float:
+    return (day - _EPOCH).days / _YEAR
+
+
+def _of_robot(
+    names: Sequence[str],
+    axes: Mapping[str, str | None],
+    own: Any,
+    machine: Machine,
+    found: Standing,
+    fleet: Fleet,
+) -> list[dict[str, Any]]:
+    """Rows of one robot."""
+    days = {row["campaign"]: row["measured"].date() for row in own}
+    serial = next(row["robot_serial"] for row in own)
+    n, look, raised, tells = machine.joints, found.look, found.raised, found.tells
+    shared = {
+        "campaign": found.campaigns[-1],
+        "robot_serial": serial,
+        "campaigns": len(found.campaigns),
+        "first": days[found.campaigns[0]],
+        "last": days[found.campaigns[-1]],
+        "alarm": tells and str(tells.kind),
+        "raised": raised and raised.campaign,
+        "after": tells and tells.after,
+        "confirmed": found.confirmed if raised else None,
+        "p_value": look and look.p_value,
+        "allowed": look and look.allowed,
+        "scatter_common": _percent(fleet.scatter.std[n]),
+        "scatter_stated": fleet.scatter.campaigns <= 0,
+        "robots": fleet.type.robots,
+        "type_guessed": fleet.type.guessed,
+    }
+    spread, told = np.diag(fleet.type.between), np.diag(fleet.type.cov)
+    return [
+        shared
+        | {
+            "joint": j + 1,
+            "name": name,
+            "axis": axes[name],
+            "percent_a_year": _percent(one.change),
+            "std": _percent(one.std),
+            "low": _percent(one.low),
+            "high": _percent(one.high),
+            "expected": _percent(one.expected),
+            "expected_std": _percent(one.expected_std),
+            "changed": one.changed,
+            "scatter": _percent(fleet.scatter.std[j]),
+            "type_percent_a_year": _percent(-fleet.type.mean[n + j]),
+            "type_std": _percent(np.sqrt(told[n + j])),
+            "type_spread": _percent(np.sqrt(spread[j])),
+        }
+        for j, (name, one) in enumerate(zip(names, found.joints, strict=True))
+    ]
+
+
+def _percent(value: float | None) -> float | None:
+    return None if value is None else 100 * float(value)

@@ -1,0 +1,203 @@
+"""The folder of a campaign: files that are dropped, archives, and what has changed since."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import zipfile
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+
+from pipeline.base import files
+from pipeline.base.errors import UsageError
+
+TOML = "campaign.toml"
+
+MOST_BYTES = 256 * 2**20
+"""Of one file, and of all files of an archive together."""
+
+_MOST_FILES = 500
+"""Of an archive."""
+
+_PART = 2**20
+
+_NAME = re.compile(r"(?!\.)[^/\\\x00-\x1f\x7f<>:\"|?*]{1,120}(?<![. ])")
+"""Names that every system can have, none that is hidden."""
+
+
+def named(name: str, what: str = "file") -> str:
+    """The same name, if it is one.
+
+    Raises:
+        UsageError: It is no name of a file or folder.
+    """
+    if not _NAME.fullmatch(name) or not name.isprintable():
+        shown = name if name.isprintable() else name.encode("unicode_escape").decode()
+        raise UsageError(f'"{shown[:80]}" cannot name a {what}: give it a plain name')
+    return name
+
+
+@dataclass(frozen=True)
+class Desk:
+    """One campaign's folder.
+
+    Attributes:
+        root: Of the project.
+        name: Of the campaign.
+    """
+
+    root: Path
+    name: str
+
+    @property
+    def folder(self) -> Path:
+        """Where its files lie."""
+        return self.root / "data" / "raw" / named(self.name, "campaign")
+
+    @property
+    def reports(self) -> Path:
+        """Where its report is."""
+        return self.root / "reports" / named(self.name, "campaign")
+
+    def names(self) -> list[str]:
+        """Files of the campaign, campaign.toml among them."""
+        if not self.folder.is_dir():
+            return []
+        return sorted(
+            one.name
+            for one in self.folder.iterdir()
+            if one.is_file() and not one.is_symlink() and _NAME.fullmatch(one.name)
+        )
+
+    def file(self, name: str) -> Path:
+        """One of its files.
+
+        Raises:
+            UsageError: There is none.
+        """
+        if named(name) not in self.names():
+            raise UsageError(f"there is no file {name} in this campaign: it may have been removed")
+        return self.folder / name
+
+    def text(self) -> str | None:
+        """campaign.toml; None where there is none yet."""
+        path = self.folder / TOML
+        return path.read_text("utf-8", "replace") if TOML in self.names() else None
+
+    def written(self, text: str, seen: str) -> None:
+        """Put campaign.toml in its place, if it is still the one that was seen.
+
+        Args:
+            text: The new one.
+            seen: Digest of the old one.
+
+        Raises:
+            UsageError: Somebody else has changed it.
+        """
+        if seen != self.digest(TOML):
+            raise UsageError(
+                "campaign.toml was changed elsewhere since this page was loaded: load it again"
+            )
+        files.write(self.folder / TOML, text.encode())
+
+    def digest(self, *only: str) -> str:
+        """Tells whether any file, or one of some, has changed."""
+        found = hashlib.sha256()
+        for name in only or self.names():
+            path = self.folder / name
+            data = path.read_bytes() if path.is_file() else b""
+            found.update(f"{name}\0{len(data)}\0".encode() + hashlib.sha256(data).digest())
+        return found.hexdigest()
+
+    def taken(self, name: str, data: bytes, instead: bool = False) -> list[str]:
+        """Put a file into the folder, an archive's files one by one; the names that are new.
+
+        Raises:
+            UsageError: It is too large, no file name, or another one of that name is there.
+        """
+        if name.lower().endswith(".zip"):
+            inside = list(_unpacked(data))
+            new = [one for one, content in inside if self._is_new(one, content, instead)]
+            for one, content in inside:
+                files.write(self.folder / one, content)
+            return new
+        if not self._is_new(name, data, instead):
+            return []
+        files.write(self.folder / name, data)
+        return [name]
+
+    def _is_new(self, name: str, data: bytes, instead: bool) -> bool:
+        if len(data) > MOST_BYTES:
+            raise UsageError(f"{named(name)} has more than {MOST_BYTES // 2**20} MB: split it")
+        there = {one.casefold(): one for one in self.names()}.get(named(name).casefold())
+        if there is None:
+            return True
+        same = (self.folder / there).read_bytes() == data
+        if not same and not (instead and there == name):
+            raise UsageError(f"another file {there} is in this campaign: replace it, or rename one")
+        return not same
+
+    def removed(self, name: str) -> None:
+        """Take a file away.
+
+        Raises:
+            UsageError: There is none.
+        """
+        self.file(name).unlink()
+
+
+def _unpacked(data: bytes) -> Iterator[tuple[str, bytes]]:
+    """Files of an archive by their last names, within bounds whatever it says of their sizes.
+
+    Raises:
+        UsageError: It is none, or holds too much.
+    """
+    import io
+
+    left, seen = MOST_BYTES, set[str]()
+    try:
+        with zipfile.ZipFile(io.BytesIO(data)) as archive:
+            inside = [one for one in archive.infolist() if not one.is_dir() and _wanted(one)]
+            if len(inside) > _MOST_FILES:
+                raise UsageError(f"the archive holds more than {_MOST_FILES} files: drop some only")
+            for one in inside:
+                name = named(PurePosixPath(one.filename.replace("\\", "/")).name)
+                if name.casefold() in seen:
+                    raise UsageError(f"the archive holds two files {name}: rename one of them")
+                seen.add(name.casefold())
+                content = _read(archive, one, left)
+                left -= len(content)
+                yield name, content
+    except (zipfile.BadZipFile, NotImplementedError, RuntimeError, EOFError, OSError) as problem:
+        raise UsageError(f"the archive cannot be unpacked ({problem}): unpack it first") from None
+    except (zipfile.zlib.error, ValueError) as problem:  # type: ignore[attr-defined]
+        raise UsageError(f"the archive is damaged ({problem}): make it again") from None
+
+
+def _wanted(one: zipfile.ZipInfo) -> bool:
+    """Not what systems add of their own, and no archive in an archive."""
+    path = PurePosixPath(one.filename.replace("\\", "/"))
+    own = any(part.startswith((".", "__MACOSX")) for part in path.parts)
+    return not own and path.suffix.lower() != ".zip"
+
+
+def _read(archive: zipfile.ZipFile, one: zipfile.ZipInfo, most: int) -> bytes:
+    parts, size = [], 0
+    with archive.open(one) as file:
+        while part := file.read(_PART):
+            size += len(part)
+            if size > most:
+                raise UsageError(
+                    f"the archive holds more than {MOST_BYTES // 2**20} MB: drop some files only"
+                )
+            parts.append(part)
+    return b"".join(parts)
+
+
+def campaigns(root: Path) -> list[str]:
+    """Names of all campaigns of a project."""
+    raw = root / "data" / "raw"
+    if not raw.is_dir():
+        return []
+    return sorted(one.name for one in raw.iterdir() if one.is_dir() and _NAME.fullmatch(one.name))

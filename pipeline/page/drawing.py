@@ -1,0 +1,117 @@
+"""The cell as it is filled in, seen from the side and from above: a wrong axis or unit shows."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from html import escape
+from pathlib import Path
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.base.arrays import Array
+from pipeline.base.errors import InputError
+from pipeline.machine.robot import Robot, configure, load
+
+_WIDE, _HIGH, _MARGIN = 520, 380, 34
+"""Of one view, in pixels."""
+
+_VIEWS = (("from the side", 0, 2, "x", "z"), ("from above", 0, 1, "x", "y"))
+"""Title, and which axes of F_b run to the right and up."""
+
+
+class Mark(NamedTuple):
+    """A point with its name and kind: `joint`, `tool` or `base`."""
+
+    name: str
+    kind: str
+    at: Array
+
+
+def cell(
+    robot: str, folder: Path, q: Sequence[float] | None, tool: Mapping[str, Sequence[float]],
+    base: Mapping[str, Sequence[float]],
+) -> str:  # fmt: skip
+    """Two views as SVG; empty where the robot cannot be read.
+
+    Args:
+        robot: A robot that ships, or a robot file in the folder.
+        folder: Of the campaign.
+        q: Joint values [m] or [rad]; None: the middle of the rail, other joints at zero or at the
+            middle of their range.
+        tool: Points in the flange frame [m] by name.
+        base: Reflectors in F_b [m] by name.
+    """
+    try:
+        arm = load(robot, folder)
+    except InputError:
+        return ""
+    joints, tips = _places(arm, np.asarray(_usual(arm) if q is None else q, dtype=float), tool)
+    marks = [*joints, *tips, *(Mark(n, "base", np.asarray(p)) for n, p in base.items())]
+    return "".join(_view(*view, marks, joints) for view in _VIEWS)
+
+
+def _usual(robot: Robot) -> Array:
+    """A posture that shows the arm: zero where that is allowed, else the middle."""
+    zero = np.zeros(robot.n)
+    middle = (np.maximum(robot.lower, -10.0) + np.minimum(robot.upper, 10.0)) / 2
+    return np.where((robot.lower <= 0) & (robot.upper >= 0), zero, middle)
+
+
+def _places(
+    robot: Robot, q: Array, tool: Mapping[str, Sequence[float]]
+) -> tuple[list[Mark], list[Mark]]:
+    """Origins of joints and flange, and points of the tool, in F_b [m]."""
+    here = configure(robot, q[None])
+    names = [*(one.name for one in robot.joints), "flange"]
+    at = np.vstack([here.origin[0], here.flange_origin])
+    joints = [Mark(name, "joint", place) for name, place in zip(names, at, strict=True)]
+    tips = here.points(np.array(list(tool.values())).reshape(-1, 3))[0] if tool else []
+    return joints, [Mark(name, "tool", p) for name, p in zip(tool, tips, strict=True)]
+
+
+def _view(
+    title: str, right: int, up: int, x: str, y: str, marks: Sequence[Mark], arm: Sequence[Mark]
+) -> str:
+    """One view of all points, the arm as a line through its joints."""
+    flat = np.array([[one.at[right], one.at[up]] for one in marks] + [[0.0, 0.0]])
+    low, size = flat.min(axis=0), np.ptp(flat, axis=0)
+    scale = min(
+        (_WIDE - 2 * _MARGIN) / max(size[0], 0.5), (_HIGH - 2 * _MARGIN) / max(size[1], 0.5)
+    )
+
+    def pixel(at: Array) -> str:
+        here = (np.array([at[right], at[up]]) - low) * scale + _MARGIN
+        return f"{here[0]:.1f},{_HIGH - here[1]:.1f}"
+
+    parts = [
+        f'<svg viewBox="0 0 {_WIDE} {_HIGH}" role="img" aria-label="The cell {title}">',
+        f"<title>The cell {title}</title>",
+        f'<text x="8" y="16">{title}: {x} to the right, {y} upwards</text>',
+        _dot("F_b", "origin", pixel(np.zeros(3))),
+        f'<polyline class="arm" points="{" ".join(pixel(one.at) for one in arm)}"/>',
+        *(_dot(one.name, one.kind, pixel(one.at)) for one in marks),
+        _ruler(scale),
+        "</svg>",
+    ]
+    return "".join(parts)
+
+
+def _dot(name: str, kind: str, at: str) -> str:
+    x, y = at.split(",")
+    shown = escape(name)
+    dot = f'<circle class="{kind}" cx="{x}" cy="{y}" r="4"><title>{shown}</title></circle>'
+    if kind == "joint":
+        return dot
+    return f'{dot}<text x="{x}" y="{y}" dx="6" dy="-5">{shown}</text>'
+
+
+def _ruler(scale: float) -> str:
+    """A length of one, two or five metres or tenths, below."""
+    steps = [m * 10.0**e for e in (-2, -1, 0, 1) for m in (1, 2, 5)]
+    length = max((one for one in steps if one * scale <= _WIDE / 3), default=steps[0])
+    end = _MARGIN + length * scale
+    return (
+        f'<line class="ruler" x1="{_MARGIN}" y1="{_HIGH - 8}" x2="{end:.1f}" y2="{_HIGH - 8}"/>'
+        f'<text x="{end + 6:.1f}" y="{_HIGH - 4}">{length:g} m</text>'
+    )

@@ -1,0 +1,194 @@
+"use strict";
+// Forms and fields: what is typed goes to the server, which answers with a sentence or a place to go.
+
+const problem = document.getElementById("problem");
+
+function complain(words) {
+  problem.textContent = words;
+  problem.hidden = !words;
+  if (words) problem.scrollIntoView({ block: "nearest" });
+}
+
+async function ask(method, url, body) {
+  let answer, said;
+  try {
+    answer = await fetch(url, { method, body, redirect: "error" });
+    said = await answer.json();
+  } catch {
+    said = { problem: "The program behind this page does not answer: is it still running in its terminal?" };
+  }
+  complain(said.problem || "");
+  return said;
+}
+
+for (const form of document.querySelectorAll("form[data-post]")) {
+  form.addEventListener("submit", async (event) => {
+    event.preventDefault();
+    const button = form.querySelector("button");
+    button.disabled = true;
+    form.setAttribute("aria-busy", "true");
+    const said = await ask("POST", form.dataset.post, JSON.stringify(Object.fromEntries(new FormData(form))));
+    button.disabled = false;
+    form.removeAttribute("aria-busy");
+    if (said.go) location.href = said.go;
+    else if (said.problem) return;
+    else if (form.dataset.then === "progress") { watched.dataset.running = "yes"; watch(); }
+    else if ("reload" in form.dataset) location.reload();
+  });
+}
+
+// --- files
+
+async function take(files) {
+  const taking = document.getElementById("taking"), base = `/c/${document.body.dataset.campaign}/file/`;
+  let wrong = "";
+  for (const file of files) {
+    taking.textContent = `taking ${file.name}`;
+    const where = base + encodeURIComponent(file.name);
+    let said = await ask("PUT", where, file);
+    if (said.problem && said.problem.includes("replace it") && confirm(`${said.problem}.\nReplace it?`))
+      said = await ask("PUT", `${where}?instead=1`, file);
+    if (said.problem) wrong += `${file.name}: ${said.problem}\n`;
+  }
+  taking.textContent = "";
+  if (wrong) complain(wrong);
+  else location.reload();
+}
+
+async function within(entry) {
+  if (entry.isFile) return [await new Promise((done, failed) => entry.file(done, failed))];
+  const reader = entry.createReader(), found = [];
+  for (;;) {
+    const some = await new Promise((done, failed) => reader.readEntries(done, failed));
+    if (!some.length) break;
+    for (const one of some) if (!one.name.startsWith(".")) found.push(...await within(one));
+  }
+  return found;
+}
+
+const drop = document.getElementById("drop");
+if (drop) {
+  document.getElementById("pick").addEventListener("change", (event) => take(event.target.files));
+  for (const name of ["dragover", "dragleave", "drop"])
+    document.addEventListener(name, (event) => {
+      event.preventDefault();
+      drop.classList.toggle("over", name === "dragover");
+    });
+  document.addEventListener("drop", async (event) => {
+    const dropped = [...event.dataTransfer.items].map((one) => one.webkitGetAsEntry()).filter(Boolean);
+    const files = [];
+    for (const one of dropped) files.push(...await within(one));
+    take(files);
+  });
+}
+
+for (const section of document.querySelectorAll("[data-look]"))
+  fetch(section.dataset.look).then((answer) => answer.text()).then((text) => {
+    section.innerHTML = text;  // made by our templates, in which all that a file says is escaped
+    section.querySelector("[data-delete]")?.addEventListener("click", async (event) => {
+      const said = await ask("DELETE", event.target.dataset.delete);
+      if (!said.problem) location.reload();
+    });
+  }).catch(() => { section.textContent = "The program behind this page does not answer."; });
+
+// --- setup
+
+const fields = document.getElementById("fields");
+let waiting = Promise.resolve();
+
+async function fill(line, said, unit, inputs) {
+  const answer = await ask("POST", fields.dataset.fill, JSON.stringify({ line, said, unit, seen: fields.dataset.seen }));
+  if (answer.seen) {
+    fields.dataset.seen = answer.seen;
+    for (const one of document.querySelectorAll("input[name=seen]")) one.value = answer.seen;
+  }
+  for (const one of inputs) {
+    one.classList.toggle("bad", !answer.seen);
+    one.classList.toggle("kept", !!answer.seen);
+  }
+}
+
+if (fields) {
+  fields.addEventListener("submit", (event) => event.preventDefault());
+  fields.addEventListener("change", (event) => {
+    const input = event.target, line = Number(input.dataset.line);
+    if (!line) return;
+    const all = [...fields.querySelectorAll(`[data-line="${line}"]`)];
+    const unit = input.closest("section").querySelector("[data-unit]")?.value || "m";
+    const place = input.classList.contains("place");
+    if (place && all.some((one) => !one.value.trim()) && all.some((one) => one.value.trim())) return;
+    const said = place ? all.map((one) => one.value) : input.value;
+    waiting = waiting.then(() => fill(line, said, unit, all));
+  });
+  // rows of a spreadsheet: cells of the first row from the one pasted into, further rows below it
+  fields.addEventListener("paste", (event) => {
+    const input = event.target, text = event.clipboardData.getData("text");
+    if (!input.classList?.contains("place") || !/[\t\n]/.test(text.trim())) return;
+    event.preventDefault();
+    const rows = [...input.closest("table").rows].filter((row) => row.querySelector(".place"));
+    const names = rows.map((row) => row.querySelector("th").textContent.trim());
+    text.trim().split(/\r?\n/).forEach((line, k) => {
+      const cells = line.split("\t").map((one) => one.trim());
+      const named = names.indexOf(cells[0]);
+      const row = named >= 0 ? rows[named] : rows[rows.indexOf(input.closest("tr")) + k];
+      const values = named >= 0 || cells.length > 3 ? cells.slice(-3) : cells;
+      const inputs = row ? [...row.querySelectorAll(".place")] : [];
+      inputs.forEach((one, axis) => { if (values[axis] !== undefined) one.value = values[axis]; });
+      inputs.at(-1)?.dispatchEvent(new Event("change", { bubbles: true }));
+    });
+  });
+  for (const unit of fields.querySelectorAll("[data-unit]"))
+    unit.addEventListener("change", () => {
+      const size = { m: 1, mm: 1e-3, in: 0.0254 }, was = unit.dataset.was || "m";
+      for (const one of unit.closest("section").querySelectorAll(".place"))
+        if (one.value) one.value = String(Number((Number(one.value.replace(",", ".")) * size[was] / size[unit.value]).toPrecision(10)));
+      unit.dataset.was = unit.value;
+    });
+}
+
+// --- run
+
+const watched = document.getElementById("progress");
+
+async function watch() {
+  const [begin, stop] = watched.querySelectorAll("form");
+  const [status, words, after] = [watched.querySelector("[role=status]"), watched.querySelector(".words"), watched.querySelector(".after")];
+  for (;;) {
+    let now;
+    try { now = await (await fetch(watched.dataset.progress)).json(); } catch { now = { state: "lost" }; }
+    const running = now.state === "running";
+    begin.hidden = running;
+    stop.hidden = !running;
+    const time = now.seconds === undefined ? "" : ` ${now.seconds.toFixed(0)} s`;
+    status.textContent = { none: "", running: `computing,${time}${now.at ? `: ${now.at}` : ""}`, done: `done in${time}`, failed: `failed after${time}`, cancelled: `cancelled after${time}; nothing was changed`, lost: "the program behind this page does not answer" }[now.state];
+    words.textContent = (now.words || []).join("\n");
+    after.hidden = now.state !== "done";
+    if (!running) break;
+    await new Promise((done) => setTimeout(done, 500));
+  }
+}
+
+if (watched) watch();
+
+// --- answer
+
+const correct = document.getElementById("correct");
+if (correct) correct.addEventListener("submit", async (event) => {
+  event.preventDefault();
+  const file = document.getElementById("program").files[0];
+  const options = new URLSearchParams([...new FormData(correct)].filter(([, value]) => typeof value === "string" && value));
+  const said = await ask("POST", `${correct.dataset.correct}${encodeURIComponent(file.name)}?${options}`, file);
+  const table = correct.querySelector(".diff"), save = document.getElementById("corrected");
+  correct.querySelector(".words").textContent = (said.words || []).join("\n");
+  table.hidden = save.hidden = !said.rows;
+  if (!said.rows) return;
+  table.tBodies[0].replaceChildren(...said.rows.flatMap((one) =>
+    Array.from({ length: Math.max(one.old.length, one.new.length) }, (_, k) => {
+      const row = document.createElement("tr");
+      for (const cell of [one.line + k, one.old[k] ?? "", one.new[k] ?? ""]) row.insertCell().textContent = cell;
+      return row;
+    })));
+  const bytes = Uint8Array.from(said.corrected, (letter) => letter.charCodeAt(0));
+  save.href = URL.createObjectURL(new Blob([bytes]));
+  save.download = file.name;
+});

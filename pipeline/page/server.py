@@ -1,0 +1,572 @@
+"""The pages of `pipeline page`, on an address of this machine, for whoever has its token."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import hmac
+import secrets
+import sys
+import time
+import tomllib
+import traceback
+from collections.abc import AsyncIterator, Awaitable, Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import jinja2
+import uvicorn
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.requests import Request
+from starlette.responses import (
+    FileResponse,
+    HTMLResponse,
+    JSONResponse,
+    PlainTextResponse,
+    RedirectResponse,
+    Response,
+)
+from starlette.routing import Mount, Route
+from starlette.staticfiles import StaticFiles
+from starlette.types import ASGIApp, Receive, Scope, Send
+
+from pipeline.base.errors import CannotWrite, InputError, UsageError
+from pipeline.base.shown import printable
+from pipeline.machine.robot import SHIPPED, load
+from pipeline.page import drawing, entries
+from pipeline.page.desk import MOST_BYTES, TOML, Desk, campaigns, named
+from pipeline.page.jobs import Runs, Said, command, stage
+
+HERE = "127.0.0.1"
+
+STAGES = ("files", "setup", "check", "run", "answer")
+
+_POLICY = (
+    "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
+    "base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+)
+"""Of our own pages: nothing from outside, no script or style in the text."""
+
+_OF_REPORTS = (
+    "default-src 'none'; script-src 'unsafe-inline'; style-src 'unsafe-inline'; img-src data: "
+    "'self'; font-src data:; base-uri 'none'; form-action 'none'; frame-ancestors 'none'; "
+    "sandbox allow-scripts allow-downloads allow-popups allow-popups-to-escape-sandbox"
+)
+"""Of a report, which has scripts of its own: an origin of its own, and none of our rights."""
+
+_HEADERS = {
+    "x-content-type-options": "nosniff",
+    "cross-origin-opener-policy": "same-origin",
+    "cross-origin-resource-policy": "same-origin",
+    "referrer-policy": "no-referrer",
+    "cache-control": "no-store",
+}
+
+_MOST_TYPED = 2**20
+"""Bytes of what a page sends that is no file."""
+
+
+class Door:
+    """An application behind a token, which the first address brings and a cookie keeps.
+
+    Other hosts' names (DNS rebinding), other origins and whoever has no token are turned away.
+    """
+
+    def __init__(self, app: ASGIApp, port: int, token: str) -> None:
+        """Of an application that answers at a port of this machine."""
+        self._app, self._token = app, token
+        self._cookie = f"page{port}"
+        self._hosts = {f"{HERE}:{port}", f"localhost:{port}"}
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer, or turn away."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        if scope["type"] != "http":
+            return
+        request = Request(scope)
+        if why := self._refused(request):
+            await PlainTextResponse(f"{why}\n", 403)(scope, receive, send)
+        elif request.url.path == "/enter" and self._is(request.query_params.get("token", "")):
+            way_in = RedirectResponse("/", 303)
+            way_in.set_cookie(self._cookie, self._token, httponly=True, samesite="strict", path="/")
+            await way_in(scope, receive, send)
+        elif self._is(request.cookies.get(self._cookie, "")):
+            await self._app(scope, receive, send)
+        else:
+            words = "open the address that `pipeline page` printed: its token is missing here"
+            await PlainTextResponse(f"{words}\n", 403)(scope, receive, send)
+
+    def _is(self, token: str) -> bool:
+        return hmac.compare_digest(token.encode(), self._token.encode())
+
+    def _refused(self, request: Request) -> str:
+        if request.headers.getlist("host") not in [[one] for one in self._hosts]:
+            return "this server answers to 127.0.0.1 and localhost only"
+        own = {f"http://{one}" for one in self._hosts}
+        if any(one not in own for one in request.headers.getlist("origin")):
+            return "this server answers to its own pages only"
+        return ""
+
+
+@dataclass
+class State:
+    """What the pages know beside the files.
+
+    Attributes:
+        root: Of the project.
+        runs: Campaigns that are being computed.
+        checked: Digest of the files and what `check` said of them, by campaign.
+        looked: What `inspect` said of a file, by its digest.
+    """
+
+    root: Path
+    runs: Runs = field(default_factory=Runs)
+    checked: dict[str, tuple[str, Said]] = field(default_factory=dict)
+    looked: dict[str, Said] = field(default_factory=dict)
+    busy: asyncio.Semaphore = field(default_factory=lambda: asyncio.Semaphore(2))
+
+    def desk(self, request: Request) -> Desk:
+        """The campaign that an address names.
+
+        Raises:
+            UsageError: There is none.
+        """
+        desk = Desk(self.root, named(request.path_params["name"], "campaign"))
+        if not desk.folder.is_dir():
+            raise UsageError(f"there is no campaign {desk.name}: it may have been removed")
+        return desk
+
+    def passed(self, desk: Desk) -> bool:
+        """Whether `check` accepted the campaign as it is now."""
+        digest, said = self.checked.get(desk.name, ("", None))
+        return said is not None and said.accepted and digest == desk.digest()
+
+    def reached(self, desk: Desk) -> dict[str, str]:
+        """What each stage waits for; empty where it is done."""
+        text = desk.text()
+        left = [one.key for one in entries.entries(text) if one.needed] if text else []
+        run = self.runs.of.get(desk.name)
+        return {
+            "files": "" if text else "drop the files of the campaign",
+            "setup": ("" if not left else f"{len(left)} open") if text else "files",
+            "check": "" if self.passed(desk) else ("check" if text and not left else "setup"),
+            "run": "running" if run and run.said is None else "" if self.answer(desk) else "check",
+            "answer": "" if self.answer(desk) else "run",
+        }
+
+    def answer(self, desk: Desk) -> dict[str, Any] | None:
+        """What result.json says; None where there is none."""
+        import json
+
+        with contextlib.suppress(OSError, ValueError):
+            found = json.loads((desk.reports / "result.json").read_bytes())
+            return found if isinstance(found, dict) else None
+        return None
+
+    async def look(self, *words: str | Path) -> Said:
+        """What a command says that only looks; two at a time."""
+        async with self.busy:
+            return await command(*words)
+
+
+_PAGES = jinja2.Environment(
+    loader=jinja2.PackageLoader("pipeline.page"),
+    autoescape=True,
+    trim_blocks=True,
+    lstrip_blocks=True,
+    undefined=jinja2.StrictUndefined,
+)
+_PAGES.filters["path"] = lambda text: quote(str(text), safe="")
+_PAGES.filters["shown"] = lambda text: printable(str(text), 400)
+
+Handler = Callable[[State, Request], Awaitable[Response]]
+
+
+def _page(
+    request: Request, state: State, template: str, desk: Desk | None, **more: Any
+) -> Response:
+    reached = state.reached(desk) if desk else {}
+    body = _PAGES.get_template(f"{template}.html.jinja").render(
+        stages=STAGES, here=template, reached=reached, campaign=desk.name if desk else "", **more
+    )
+    return HTMLResponse(body, headers={**_HEADERS, "content-security-policy": _POLICY})
+
+
+async def home(state: State, request: Request) -> Response:
+    """All campaigns, and a new one."""
+    found = [Desk(state.root, name) for name in campaigns(state.root)]
+    rows = [(one.name, state.reached(one)) for one in found]
+    return _page(request, state, "home", None, rows=rows)
+
+
+async def files_page(state: State, request: Request) -> Response:
+    """The files of a campaign and what each was taken for."""
+    desk = state.desk(request)
+    names = [name for name in desk.names() if name != TOML]
+    return _page(request, state, "files", desk, names=names, has_toml=desk.text() is not None)
+
+
+async def look(state: State, request: Request) -> Response:
+    """What one file was taken for."""
+    desk = state.desk(request)
+    path = desk.file(request.path_params["file"])
+    key = f"{desk.name}/{path.name}:{desk.digest(path.name, TOML)}"
+    if path.suffix == ".toml":
+        said: dict[str, Any] = {"dialect": "robot file"}
+    else:
+        if key not in state.looked:
+            state.looked[key] = await state.look("inspect", path, "--json")
+        found = state.looked[key]
+        said = dict(found.content) or {"error": {"message": " ".join(found.words[-1:])}}
+    body = _PAGES.get_template("_file.html.jinja").render(
+        campaign=desk.name, name=path.name, said=said
+    )
+    return HTMLResponse(body, headers=_HEADERS)
+
+
+async def put(state: State, request: Request) -> Response:
+    """Take a file that was dropped."""
+    desk = state.desk(request)
+    data = await _body(request, MOST_BYTES)
+    instead = request.query_params.get("instead") == "1"
+    new = await asyncio.to_thread(desk.taken, request.path_params["file"], data, instead)
+    return _told("" if new else "this file was there already", new=new)
+
+
+async def remove(state: State, request: Request) -> Response:
+    """Take a file away."""
+    state.desk(request).removed(request.path_params["file"])
+    return _told()
+
+
+async def create(state: State, request: Request) -> Response:
+    """Begin a campaign."""
+    typed = await _typed(request)
+    desk = Desk(state.root, named(str(typed.get("name", "")).strip(), "campaign"))
+    desk.folder.mkdir(parents=True, exist_ok=True)
+    return _told(go=f"/c/{quote(desk.name, safe='')}/files")
+
+
+async def set_up(state: State, request: Request) -> Response:
+    """Have campaign.toml written for the files; what an old one says is kept where it is open."""
+    desk = state.desk(request)
+    old = desk.text()
+    if old is not None:
+        (desk.folder / TOML).rename(desk.folder / f".{TOML}.before")
+    said = await state.look("init", desk.name, "--root", state.root)
+    new = desk.text()
+    if new is None:
+        if old is not None:
+            (desk.folder / f".{TOML}.before").rename(desk.folder / TOML)
+        return _told(" ".join(said.words[-1:]) or "campaign.toml could not be written")
+    if old is not None:
+        desk.written(entries.carried_over(old, new), desk.digest(TOML))
+        (desk.folder / f".{TOML}.before").unlink(missing_ok=True)
+    return _told(go=f"/c/{quote(desk.name, safe='')}/setup")
+
+
+async def setup_page(state: State, request: Request) -> Response:
+    """campaign.toml as fields, and the cell as it is filled in."""
+    desk = state.desk(request)
+    text = desk.text()
+    if text is None:
+        return RedirectResponse(f"/c/{quote(desk.name, safe='')}/files", 303)
+    found = entries.entries(text)
+    tables: dict[str, list[entries.Entry]] = {}
+    for one in found:
+        tables.setdefault(one.table, []).append(one)
+    robots = [(name, load(name, desk.folder).description) for name in SHIPPED]
+    robots += [
+        (one, "in this campaign") for one in desk.names() if one.endswith(".toml") and one != TOML
+    ]
+    return _page(
+        request, state, "setup", desk,
+        tables=tables, text=text, seen=desk.digest(TOML), robots=robots,
+        picture=await asyncio.to_thread(_picture, desk, text),
+        fields=sum(one.needed for one in found),
+    )  # fmt: skip
+
+
+def _picture(desk: Desk, text: str) -> str:
+    """The cell, as far as campaign.toml says it."""
+    with contextlib.suppress(ValueError, TypeError, KeyError):  # what is not said yet is not drawn
+        said = tomllib.loads(text)
+        points = {
+            table: {
+                name: at
+                for name, at in said.get(table, {}).items()
+                if isinstance(at, list) and len(at) == 3
+                and all(isinstance(one, int | float) and abs(one) < 1e4 for one in at)
+            }
+            for table in ("tool", "base_frame")
+        }  # fmt: skip
+        return drawing.cell(
+            str(said["robot"]), desk.folder, None, points["tool"], points["base_frame"]
+        )
+    return ""
+
+
+async def fill(state: State, request: Request) -> Response:
+    """Write one line of campaign.toml."""
+    desk, typed = state.desk(request), await _typed(request)
+    text = desk.text() or ""
+    line, said = int(typed.get("line", 0)), typed.get("said", "")
+    one = next((each for each in entries.entries(text) if each.line == line), None)
+    if isinstance(said, list):
+        value = entries.point([str(part) for part in said], str(typed.get("unit", "m")))
+    else:
+        value = entries.value(str(said), one.words if one else ())
+    desk.written(entries.filled(text, line, value), str(typed.get("seen", "")))
+    return _told(seen=desk.digest(TOML))
+
+
+async def rewrite(state: State, request: Request) -> Response:
+    """Write campaign.toml as a whole."""
+    desk, typed = state.desk(request), await _typed(request)
+    desk.written(entries.sound(str(typed.get("text", ""))), str(typed.get("seen", "")))
+    return _told(seen=desk.digest(TOML))
+
+
+async def check_page(state: State, request: Request) -> Response:
+    """What `check` says, each line beside the one of campaign.toml that it is about."""
+    desk = state.desk(request)
+    digest, said = state.checked.get(desk.name, ("", None))
+    lines = (desk.text() or "").splitlines()
+    return _page(
+        request, state, "check", desk,
+        said=said, current=digest == desk.digest(), lines=lines, passed=state.passed(desk),
+    )  # fmt: skip
+
+
+async def check(state: State, request: Request) -> Response:
+    """Check the campaign as it is now."""
+    desk = state.desk(request)
+    digest = await asyncio.to_thread(desk.digest)
+    state.checked[desk.name] = (
+        digest,
+        await state.look("check", desk.name, "--root", state.root, "--json"),
+    )
+    return _told(go=f"/c/{quote(desk.name, safe='')}/check")
+
+
+async def run_page(state: State, request: Request) -> Response:
+    """Run, how far it is, and cancel."""
+    desk = state.desk(request)
+    return _page(
+        request, state, "run", desk, run=state.runs.of.get(desk.name), passed=state.passed(desk)
+    )
+
+
+async def run(state: State, request: Request) -> Response:
+    """Compute the campaign, if `check` accepted it as it is now."""
+    desk = state.desk(request)
+    if not await asyncio.to_thread(state.passed, desk):
+        raise UsageError("the files have changed since they were checked, or were not: check first")
+    await state.runs.begin(state.root, desk.name)
+    return _told()
+
+
+async def cancel(state: State, request: Request) -> Response:
+    """Stop computing it."""
+    state.runs.cancel(state.desk(request).name)
+    return _told()
+
+
+async def progress(state: State, request: Request) -> Response:
+    """How far a run is."""
+    desk = state.desk(request)
+    one = state.runs.of.get(desk.name)
+    if one is None:
+        return JSONResponse({"state": "none"}, headers=_HEADERS)
+    began = time.time() - one.seconds
+    at = stage(state.root / "data" / "processed" / desk.name, began) if one.said is None else ""
+    words = list(one.said.words[-8:]) if one.said else []
+    end = "cancelled" if one.cancelled else "done" if one.said and one.said.accepted else "failed"
+    return JSONResponse(
+        {"state": end if one.said else "running", "seconds": round(one.seconds, 1), "at": at,
+         "words": words},
+        headers=_HEADERS,
+    )  # fmt: skip
+
+
+async def answer_page(state: State, request: Request) -> Response:
+    """The first sentences, the report, downloads, and a program to correct."""
+    desk = state.desk(request)
+    found = state.answer(desk)
+    reports = desk.reports
+    names = sorted(
+        one.relative_to(reports).as_posix()
+        for one in (reports.rglob("*") if reports.is_dir() else ())
+        if one.is_file() and "figures" not in one.parts and not one.name.startswith(".")
+    )
+    stale = found is not None and not state.passed(desk)
+    return _page(request, state, "answer", desk, found=found, names=names, stale=stale)
+
+
+async def report(state: State, request: Request) -> Response:
+    """A file of the report."""
+    desk = state.desk(request)
+    top = desk.reports.resolve()
+    path = (top / request.path_params["path"]).resolve()
+    if not path.is_relative_to(top) or not path.is_file():
+        raise UsageError("there is no such file in the report")
+    return FileResponse(path, headers={**_HEADERS, "content-security-policy": _OF_REPORTS})
+
+
+async def correct(state: State, request: Request) -> Response:
+    """A program that was dropped, corrected: both, line by line, and what was not."""
+    import difflib
+    import tempfile
+
+    desk = state.desk(request)
+    name = named(request.path_params["file"])
+    data = await _body(request, 8 * 2**20)
+    options: list[str] = []
+    for key in ("force", "tool", "base", "world", "flange", "start"):
+        if typed := request.query_params.get(key, "").strip():
+            options += [f"--{key}={typed}"]
+    if request.query_params.get("partial") == "1":
+        options.append("--partial")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / name
+        path.write_bytes(data)
+        said = await state.look("compensate", desk.name, path, "--root", state.root, *options)
+    if said.code:
+        return _told("\n".join(said.words[-12:]) or f"it ended with {said.code}")
+    old, new = (one.decode("utf-8", "replace").splitlines() for one in (data, said.output))
+    rows = [
+        {"kind": kind, "old": old[a:b], "new": new[c:d], "line": a + 1}
+        for kind, a, b, c, d in difflib.SequenceMatcher(None, old, new, False).get_opcodes()
+        if kind != "equal"
+    ]
+    text = said.output.decode("latin-1")
+    return _told(rows=rows[:500], corrected=text, words=list(said.words))
+
+
+async def _body(request: Request, most: int) -> bytes:
+    """What was sent, if it is no more than that.
+
+    Raises:
+        UsageError: It is more.
+    """
+    parts, size = [], 0
+    async for part in request.stream():
+        size += len(part)
+        if size > most:
+            raise UsageError(f"more than {most // 2**20} MB are not taken here: split the file")
+        parts.append(part)
+    return b"".join(parts)
+
+
+async def _typed(request: Request) -> dict[str, Any]:
+    import json
+
+    try:
+        found = json.loads(await _body(request, _MOST_TYPED))
+    except ValueError:
+        found = None
+    if not isinstance(found, dict):
+        raise UsageError("what the page sent cannot be read: load it again")
+    return found
+
+
+def _told(problem: str = "", **more: Any) -> Response:
+    return JSONResponse(
+        {"problem": problem, **more}, 400 if problem and not more else 200, _HEADERS
+    )
+
+
+_ROUTES: tuple[tuple[str, str, Handler], ...] = (
+    ("GET", "/", home),
+    ("POST", "/campaigns", create),
+    ("GET", "/c/{name}/files", files_page),
+    ("GET", "/c/{name}/look/{file}", look),
+    ("PUT", "/c/{name}/file/{file}", put),
+    ("DELETE", "/c/{name}/file/{file}", remove),
+    ("POST", "/c/{name}/init", set_up),
+    ("GET", "/c/{name}/setup", setup_page),
+    ("POST", "/c/{name}/fill", fill),
+    ("POST", "/c/{name}/text", rewrite),
+    ("GET", "/c/{name}/check", check_page),
+    ("POST", "/c/{name}/check", check),
+    ("GET", "/c/{name}/run", run_page),
+    ("POST", "/c/{name}/run", run),
+    ("POST", "/c/{name}/cancel", cancel),
+    ("GET", "/c/{name}/progress", progress),
+    ("GET", "/c/{name}/answer", answer_page),
+    ("GET", "/c/{name}/report/{path:path}", report),
+    ("POST", "/c/{name}/correct/{file}", correct),
+)
+
+
+def _answering(state: State, handler: Handler) -> Callable[[Request], Awaitable[Response]]:
+    """A handler whose refusals are sentences."""
+
+    async def answered(request: Request) -> Response:
+        try:
+            return await handler(state, request)
+        except (UsageError, InputError, CannotWrite) as problem:
+            return _said(state, request, str(problem))
+        except (OSError, ValueError, TimeoutError) as problem:
+            return _said(state, request, f"this did not work: {printable(str(problem), 200)}")
+        except Exception as problem:  # the last net: the page goes on, the terminal has the rest
+            sys.stderr.write("".join(traceback.format_exception(problem)))
+            kind = type(problem).__name__
+            return _said(
+                state, request, f"internal error ({kind}): please report what the terminal says"
+            )
+
+    return answered
+
+
+def _said(state: State, request: Request, problem: str) -> Response:
+    if request.method == "GET" and "text/html" in request.headers.get("accept", ""):
+        answer = _page(request, state, "problem", None, problem=problem)
+        answer.status_code = 400
+        return answer
+    return _told(problem)
+
+
+def application(root: Path, port: int, token: str) -> ASGIApp:
+    """The pages of a project at a port of this machine, for whoever has a token."""
+    state = State(root)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_: Starlette) -> AsyncIterator[None]:
+        yield
+        await state.runs.close()
+
+    routes: list[Route | Mount] = [
+        Route(path, _answering(state, handler), methods=[method])
+        for method, path, handler in _ROUTES
+    ]
+    looks = Path(__file__).with_name("looks")
+    routes.append(Mount("/looks", StaticFiles(directory=looks)))
+    return Starlette(
+        routes=routes, lifespan=lifespan, middleware=[Middleware(Door, port=port, token=token)]
+    )
+
+
+def serve(root: Path, port: int, say: Callable[[str], object], opened: bool) -> None:
+    """Serve until Ctrl-C."""
+    token = secrets.token_urlsafe(24)
+    address = f"http://{HERE}:{port}/enter?token={token}"
+    config = uvicorn.Config(
+        application(root.resolve(), port, token),
+        host=HERE,
+        port=port,
+        log_level="error",
+        server_header=False,
+        timeout_graceful_shutdown=3,
+    )
+    say(f"{address}\nOpen it in a browser on this machine; Ctrl-C stops.")
+    if opened:
+        import webbrowser
+
+        webbrowser.open(address)
+    uvicorn.Server(config).run()

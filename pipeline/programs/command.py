@@ -1,0 +1,126 @@
+"""`pipeline compensate`: a campaign's model and a path or a robot program in, corrected out."""
+
+from __future__ import annotations
+
+import sys
+from pathlib import Path
+from typing import Annotated
+
+import typer
+from typer import Argument, Option
+
+from pipeline.app.commands._shared import Named, Root, fitted
+from pipeline.base import files
+from pipeline.programs.corrected import Frame, Given, beside_input, listed_lines, program, write
+
+_NAMED = "[NAME=]X,Y,Z,A,B,C, as the program writes poses"
+
+
+def compensate(
+    campaign: Named,
+    path: Annotated[
+        Path,
+        Argument(
+            metavar="PATH",
+            help="A robot program: .src or .dat (KUKA), .mod (ABB), .ls (FANUC), .script (UR). "
+            "Or a CSV: pose, and joint values or x_mm,y_mm,z_mm with qw,qx,qy,qz, "
+            "A_deg,B_deg,C_deg or W_deg,P_deg,R_deg per row, and fx_n,fy_n,fz_n.",
+        ),
+    ],
+    force: Annotated[
+        str | None,
+        Option(
+            metavar="FX,FY,FZ", help="Force on the robot at the tip [N], the same at every point."
+        ),
+    ] = None,
+    force_frame: Annotated[
+        Frame, Option(help="Frame in which forces are given: base (F_b) or tool.")
+    ] = Frame.BASE,
+    tool: Annotated[
+        list[str] | None, Option(metavar="FRAME", help=f"Tool in the flange frame: {_NAMED}.")
+    ] = None,
+    base: Annotated[
+        list[str] | None,
+        Option(
+            metavar="FRAME", help=f"Frame in which the program gives its coordinates: {_NAMED}."
+        ),
+    ] = None,
+    world: Annotated[
+        str | None,
+        Option(
+            metavar="FRAME", help="World frame of the controller in F_b; F_b itself if omitted."
+        ),
+    ] = None,
+    flange: Annotated[
+        str | None,
+        Option(
+            metavar="FRAME",
+            help="Flange frame of the controller in the flange frame of the robot file.",
+        ),
+    ] = None,
+    start: Annotated[
+        str | None,
+        Option(
+            metavar="AXES",
+            help="Axis values before the first motion [deg], [mm], separated by commas.",
+        ),
+    ] = None,
+    tip: Annotated[
+        tuple[float, float, float] | None,
+        Option(
+            help="Point where the force acts, flange frame [m]; by default the tool's origin, or "
+            "the campaign's load point if there is no tool."
+        ),
+    ] = None,
+    output: Annotated[
+        Path | None,
+        Option(
+            help="Output file; by default a path goes to the report's folder, a program to stdout. "
+            "Never in data/raw."
+        ),
+    ] = None,
+    partial: Annotated[
+        bool,
+        Option(
+            "--partial",
+            help="Write a program although motions or points of it cannot be corrected; each is "
+            "listed with its line.",
+        ),
+    ] = False,
+    root: Root = Path(),
+) -> None:
+    """Correct a path or a robot program for the deflection under load.
+
+    In a program only the coordinates change. Write frames as the program writes poses:
+    X,Y,Z,A,B,C (KUKA), X,Y,Z,W,P,R (FANUC), x,y,z,q1,q2,q3,q4 (ABB), all in mm and degrees, or
+    x,y,z,rx,ry,rz in m and rad (UR).
+    """
+    from pipeline.prediction.aim import Refused
+    from pipeline.programs import dialect
+    from pipeline.store.campaign import outside_raw
+
+    given = Given(tip, force, force_frame, tool or (), base or (), world, flange, start, partial)
+    try:
+        if not dialect(path.name):
+            written, remarks = write(root, campaign, path, output=output, given=given)
+            typer.echo(written)
+        else:
+            if output is not None:
+                beside_input(path, output)
+            data, remarks = program(root, campaign, path, given)
+            _put(data, None if output is None else outside_raw(root, output))
+    except Refused as wrong:
+        for one in listed_lines([str(one) for one in wrong.others]):
+            typer.secho(fitted(one, sys.stderr), err=True, fg="red")
+        raise
+    for line in remarks:
+        typer.secho(fitted(line, sys.stderr), err=True)
+
+
+def _put(data: bytes, output: Path | None) -> None:
+    """A program to its file, whole or not at all, or to stdout as it is."""
+    if output is None:
+        typer.echo(data, nl=False)
+    else:
+        files.write(output, data)
+        typer.echo(output)

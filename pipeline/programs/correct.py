@@ -1,0 +1,221 @@
+"""Targets of a path or of a program, in joint values and corrected for the load on the tool."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.base.errors import InputError
+from pipeline.machine.robot import Robot, axes, configure
+from pipeline.prediction.aim import Aimed, Refused, Setting, aim, beyond, wrong
+from pipeline.prediction.compensate import Compensation, Path, compensate, in_base
+from pipeline.prediction.model import Model
+from pipeline.prediction.notation import Notation
+from pipeline.prediction.program import Left, Program, Target
+
+_LEFT = 0.01
+"""Part of a deflection that may be left [1]: Newton's steps leave a millionth, stiffnesses are
+known to some per cent. More is left only where the joints cannot move the tool in its direction."""
+_LEAST_M = 1e-6
+"""[m]: what is left below it no tracker sees."""
+
+
+@dataclass(frozen=True, eq=False)
+class Corrected(Locked):
+    """A program with other coordinates.
+
+    Attributes:
+        program: It.
+        found: What its targets are moved by.
+        rounding: How far the digits of the program leave the tip from where it should be [m].
+        singular: Targets whose deflection the joints cannot cancel, and what is left of it [m].
+    """
+
+    program: Program
+    found: Compensation
+    rounding: float
+    singular: tuple[tuple[Target, float], ...]
+
+
+def correct(
+    model: Model, program: Program, setting: Setting, force: Array, partial: bool = False
+) -> Corrected:
+    """The same program for the loaded robot, whole or not at all.
+
+    Sliding joints stay where the program puts them: the arm alone corrects.
+
+    Args:
+        model: The identified model.
+        program: The program.
+        setting: What it does not say.
+        force: Force on the robot at the tip [N], shape (3,).
+        partial: Correct what can be corrected while something else is left where it was taught.
+
+    Raises:
+        Refused: Some targets cannot be reached or corrected, or some motions are left.
+    """
+    if (standing := [_left(one) for one in left_standing(program)]) and not partial:
+        raise Refused(standing)
+    aimed = aim(model, program.notation, program.targets, setting, program)
+    forces = np.tile(force, (len(aimed.q), 1))
+    found, values = corrected(
+        model, program.notation, program.targets, aimed, forces, setting.in_tool
+    )
+    own = [k for k, target in enumerate(program.targets) if target.file == program.file]
+    left = [
+        (program.targets[k], float(found.left[k]))
+        for k in own
+        if program.targets[k].kind == "joint" and _stuck(found)[k]
+    ]
+    if left and not partial:
+        raise Refused([_stretched(*one) for one in left])
+    return Corrected(
+        program.written({program.targets[k].place: values[k].tolist() for k in own}),
+        found.part(own),
+        _rounding(model.robot, program, aimed, values, own),
+        tuple(left),
+    )
+
+
+def left_standing(program: Program) -> list[Left]:
+    """What moves the tool to where it was taught, while corrected points are elsewhere."""
+    return [one for one in (*program.left, *program.elsewhere) if one.counts]
+
+
+_PARTIAL = "teach a point with coordinates, or accept that it stays as it is with --partial"
+
+
+def _left(one: Left) -> InputError:
+    """What is said of a motion that would stay where it was taught."""
+    return InputError(f"{one.why}; it cannot be corrected", _PARTIAL, file=one.file, line=one.line)
+
+
+def _stretched(target: Target, left: float) -> InputError:
+    """What is said of axes that cannot take the deflection back."""
+    thing = f"the robot is at a singularity, and {1e3 * left:.3f} mm of the deflection would remain"
+    return wrong(target, thing, "teach it elsewhere, or accept that with --partial")
+
+
+def corrected(
+    model: Model,
+    notation: Notation,
+    targets: Sequence[Target],
+    aimed: Aimed,
+    force: Array,
+    in_tool: bool,
+) -> tuple[Compensation, list[Array]]:
+    """What corrects targets while the sliding joints stand still, and their new numbers.
+
+    Args:
+        model: The identified model.
+        notation: How the targets are written.
+        targets: They.
+        aimed: Where the robot stands at them.
+        force: Forces on the robot [N], shape (m, 3).
+        in_tool: They are in the tool frames, not in F_b.
+
+    Raises:
+        Refused: Some of them cannot be corrected.
+    """
+    if in_tool:
+        force = in_base(model.robot, aimed.q, aimed.tool, force)
+    found = _held(model, targets, aimed, force)
+    wrong = _refused(model.robot, targets, aimed, found)
+    if wrong:
+        raise Refused(wrong)
+    return found, _moved(model.robot, notation, targets, aimed, found)
+
+
+def _held(model: Model, targets: Sequence[Target], aimed: Aimed, force: Array) -> Compensation:
+    """Offsets that leave the sliding joints where they are; forces (m, 3) in F_b."""
+    tips, which = np.unique(aimed.tip, axis=0, return_inverse=True)
+    which = which.ravel()
+    parts, order = [], []
+    for k, tip in enumerate(tips):
+        rows = np.flatnonzero(which == k)
+        lines = tuple(targets[row].line for row in rows.tolist())
+        file = targets[rows[0]].file
+        path = Path(rows, aimed.q[rows], force[rows], True, file, lines)
+        parts.append(compensate(model, path, tip, model.robot.prismatic))
+        order.append(rows)
+    return Compensation.joined(parts).part(np.argsort(np.concatenate(order)))
+
+
+def _stuck(found: Compensation) -> Bools:
+    """Where the joints cannot cancel the deflection, shape (m,)."""
+    least = np.maximum(_LEFT * found.deflection, _LEAST_M)
+    return np.asarray(found.left > least)
+
+
+def _refused(
+    robot: Robot, targets: Sequence[Target], aimed: Aimed, found: Compensation
+) -> list[InputError]:
+    """What is wrong with targets once corrected: singular poses, joints at their limits."""
+    out = []
+    stuck = _stuck(found)
+    for k, target in enumerate(targets):
+        if stuck[k] and target.kind == "cartesian":
+            thing = (
+                f"the robot is at a singularity and cannot move the tool against "
+                f"{1e3 * found.left[k]:.3f} mm of its deflection"
+            )
+            out.append(wrong(target, thing, "move the target, or turn the tool a little"))
+        elif said := beyond(robot, aimed.q[k] + found.joints[k]):
+            out.append(wrong(target, f"corrected, {said}", "move the target away from the limit"))
+    return out
+
+
+def _moved(
+    robot: Robot,
+    notation: Notation,
+    targets: Sequence[Target],
+    aimed: Aimed,
+    found: Compensation,
+) -> list[Array]:
+    """New numbers of corrected targets, in the unit of the program."""
+    of = axes.of(robot)
+    turned = of.moved(found.joints)[:, ~of.slides] / notation.angle
+    before, after = (_flanges(robot, q) for q in (aimed.q, aimed.q + found.joints))
+    motion = after @ linear.solve(before, np.broadcast_to(np.eye(4), before.shape))
+    out = []
+    for k, target in enumerate(targets):
+        old = np.array(target.values)
+        if target.kind == "joint":
+            out.append(old + turned[k])
+        else:
+            world = aimed.world[k]
+            frame = linear.solve(world, motion[k] @ world @ notation.frame(target.values))
+            out.append(notation.values(frame, target.values))
+    return out
+
+
+def _flanges(robot: Robot, q: Array) -> Array:
+    """Poses of the flange in F_b, shape (m, 4, 4)."""
+    at = configure(robot, q)
+    frames = np.tile(np.eye(4), (len(q), 1, 1))
+    frames[:, :3, :3], frames[:, :3, 3] = at.flange_axes, at.flange_origin
+    return frames
+
+
+def _rounding(
+    robot: Robot, program: Program, aimed: Aimed, values: Sequence[Array], own: Sequence[int]
+) -> float:
+    """How far the tip is off by the digits that are written, at most [m]."""
+    of, worst = axes.of(robot), 0.0
+    for k in own:
+        target = program.targets[k]
+        off = np.array(program.rounded(target, values[k].tolist())) - values[k]
+        if target.kind == "cartesian":
+            away = program.notation.length * np.linalg.norm(off[:3])
+        else:
+            turn = np.zeros(len(of.names))
+            turn[~of.slides] = program.notation.angle * off
+            q = aimed.q[k] + np.stack([np.zeros(robot.n), of.matrix @ turn])
+            both = configure(robot, q).points(aimed.tip[k][None])[:, 0]
+            away = np.linalg.norm(both[1] - both[0])
+        worst = max(worst, float(away))
+    return worst

@@ -1,0 +1,356 @@
+"""Paths and robot programs corrected by a campaign's model, as the command line asks for it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from datetime import UTC, datetime
+from enum import StrEnum
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from pipeline.base import files
+from pipeline.base.errors import InputError, UsageError, place
+
+if TYPE_CHECKING:
+    from pipeline.base.arrays import Array
+    from pipeline.prediction.aim import Setting
+    from pipeline.prediction.model import Model
+    from pipeline.prediction.notation import Form, Notation
+    from pipeline.programs import Program
+    from pipeline.programs.correct import Corrected
+
+_SHOWN = 20
+"""Lines of a program that are listed of one kind."""
+
+
+class Frame(StrEnum):
+    """The frame of a force."""
+
+    BASE = "base"
+    TOOL = "tool"
+
+
+@dataclass(frozen=True)
+class Given:
+    """Options, as typed.
+
+    Attributes:
+        tip: Where the force acts, flange frame [m].
+        force: Force on the robot [N], three numbers.
+        frame: What the forces are in.
+        tool: Tools, in the letters of the program.
+        base: Frames of coordinates, likewise.
+        world: World of the controller in F_b, likewise.
+        flange: Flange of the controller in that of the robot file, likewise.
+        start: Axes before the first motion [deg], [mm].
+        partial: Write a program although motions of it are left as taught.
+    """
+
+    tip: tuple[float, float, float] | None = None
+    force: str | None = None
+    frame: Frame = Frame.BASE
+    tool: Sequence[str] = ()
+    base: Sequence[str] = ()
+    world: str | None = None
+    flange: str | None = None
+    start: str | None = None
+    partial: bool = False
+
+
+def write(
+    root: Path,
+    name: str,
+    path: Path,
+    tip: tuple[float, float, float] | None = None,
+    output: Path | None = None,
+    given: Given | None = None,
+) -> tuple[Path, list[str]]:
+    """Offsets for a path of poses and forces: the file, and what to know about it.
+
+    Raises:
+        UsageError: The campaign has no model yet, the path is not there, or an option is no good.
+        InputError: The path cannot be read, or a pose of it cannot be reached.
+    """
+    from pipeline.prediction import cartesian
+    from pipeline.store import campaign as campaigns
+
+    model, data = _model(root, name), _content(path)
+    given = Given(tip=tip) if given is None else given
+    _refuse_answer(path.name, data)
+    letters = cartesian.form(path.name, data)
+    if letters is None:
+        answer, remarks = _joints(model, path, data, given)
+    else:
+        answer, remarks = _poses(model, path, data, given, letters)
+    written = output or campaigns.find(root, name).reports / f"{path.stem}-compensation.csv"
+    beside_input(path, written)
+    answer = _with_stamp(answer, _stamp(root, name, given, answer.decode()))
+    files.write(campaigns.outside_raw(root, written), answer)
+    return written, remarks + _misfit(model)
+
+
+def program(root: Path, name: str, path: Path, given: Given) -> tuple[bytes, list[str]]:
+    """A robot program with corrected coordinates, and what to know about it.
+
+    Raises:
+        UsageError: The campaign has no model yet, the program is not there, an option is no good.
+        InputError: The program cannot be read, or targets of it cannot be reached or corrected.
+    """
+    import numpy as np
+
+    from pipeline.programs import read, stamp
+    from pipeline.programs.correct import correct
+
+    model, data = _model(root, name), _content(path)
+    if given.force is None:
+        raise UsageError("a program has no forces: give --force FX,FY,FZ [N]")
+    beside = _beside(path)
+    other = None if beside is None else (beside.name, _content(beside))
+    read_ = read(path.name, data, other)
+    setting = _setting(given, read_.notation, model)
+    force = np.array(_numbers("--force", given.force, 3))
+    found = correct(model, read_, setting, force, given.partial)
+    remarks = _remarks(read_, found)
+    if beside is not None and any(one.file == beside.name for one in read_.targets):
+        remarks.append(f"{beside.name} has targets of this program, too: correct it as well.")
+    text = stamp.stamped(
+        path.name, found.program.text, _stamp(root, name, given, found.program.text)
+    )
+    return text.encode("latin-1"), remarks + _misfit(model)
+
+
+def beside_input(path: Path, output: Path) -> None:
+    """Refuse to write over what is corrected, or over the other file of a program.
+
+    Raises:
+        InputError: `output` is one of them, by whatever name.
+    """
+    for one in (path, _beside(path)):
+        if one is not None and output.exists() and output.samefile(one):
+            thing = "is the original, which --output would overwrite"
+            raise InputError(thing, "write to another file", file=str(output))
+
+
+def _stamp(root: Path, name: str, given: Given, text: str) -> str:
+    """What the corrected text says of itself."""
+    from pipeline.base.version import __version__
+    from pipeline.programs import LARGEST, stamp
+
+    model = files.read(_kept(root, name), "model.toml", LARGEST)
+    force = "of each row" if given.force is None else f"{given.force} N"
+    today = datetime.now(tz=UTC).date().isoformat()
+    return stamp.words(__version__, name, model, f"{force} in {given.frame}", today, text)
+
+
+_STAMPED = "corrected"
+"""Title of the column in which the answer to a path says what it is from."""
+
+
+def _with_stamp(table: bytes, said: str) -> bytes:
+    """A table with one more column, the same in each row; words that need no quotes."""
+    head, *rows = table.decode().splitlines()
+    lines = [f"{head},{_STAMPED}", *(f"{row},{said.replace(',', ';')}" for row in rows)]
+    return "".join(f"{line}\n" for line in lines).encode()
+
+
+def _refuse_answer(file: str, data: bytes) -> None:
+    """Refuse a path that is itself the answer to one.
+
+    Raises:
+        InputError: Its columns say so.
+    """
+    from pipeline.readers import logs
+
+    if {_STAMPED, "deflection_mm"} & {*logs.columns(file, data)}:
+        thing = "is corrected for the load already"
+        raise InputError(thing, "correct the original path instead", file=file)
+
+
+def _remarks(program: Program, found: Corrected) -> list[str]:
+    """What to know about a corrected program."""
+    remarks = found.found.remarks
+    if found.rounding > _FINE_M:
+        remarks.append(f"The digits of the program leave up to {1e3 * found.rounding:.4f} mm.")
+    remarks += listed_lines(
+        [
+            f"{place(target.file, target.line)}{target.name}: the robot is at a singularity, and "
+            f"{1e3 * left:.3f} mm of the deflection remain."
+            for target, left in found.singular
+        ]
+    )
+    left = (*program.left, *program.elsewhere)
+    for told, stays in ((True, "is not corrected"), (False, "stays as it is")):
+        remarks += listed_lines(
+            [
+                f"{place(one.file, one.line)}{one.why}; it {stays}."
+                for one in left
+                if one.counts is told
+            ]
+        )
+    return remarks
+
+
+_FINE_M = 1e-6
+"""[m]: less than any tracker sees."""
+
+
+def _kept(root: Path, name: str) -> Path:
+    """Where a campaign's model is."""
+    from pipeline.store import campaign as campaigns
+
+    return campaigns.find(root, name).reports / "model.toml"
+
+
+def _model(root: Path, name: str) -> Model:
+    from pipeline.prediction.model import Model
+
+    kept = _kept(root, name)
+    if not kept.is_file():
+        raise UsageError(f"{name} has no model yet: run `pipeline run {name}` first")
+    return Model.load(kept)
+
+
+def _content(path: Path) -> bytes:
+    from pipeline.programs import LARGEST
+
+    if not path.exists():
+        raise UsageError(f"{path} cannot be read (no such file): check the path")
+    return files.read(path, path.name, LARGEST)
+
+
+def _beside(path: Path) -> Path | None:
+    """The other file of a program, where there is one."""
+    from pipeline.programs import other_suffix
+
+    suffix = other_suffix(path.name) or ""
+    both = (path.with_suffix(one) for one in (suffix, suffix.upper()) if one)
+    return next((one for one in both if one.is_file()), None)
+
+
+def _misfit(model: Model) -> list[str]:
+    """A warning where the campaign's model does not hold for its own readings."""
+    from pipeline.answer.contract import Reason
+
+    if Reason(model.recommended["reason"]).holds_for_its_readings:
+        return []
+    return [
+        f"The model of {model.campaign} does not fit its own measurements: expect more than is "
+        f"stated."
+    ]
+
+
+def _joints(model: Model, path: Path, data: bytes, given: Given) -> tuple[bytes, list[str]]:
+    """Offsets of a path of joint values."""
+    import numpy as np
+
+    from pipeline.prediction import compensate as offsets
+    from pipeline.prediction.notation import KUKA
+
+    wanted = offsets.read(path.name, data, model.robot, _force(given))
+    setting = _setting(given, KUKA, model)
+    tool = setting.flange @ setting.tools.get("", np.eye(4))
+    tip = tool[:3, 3] if given.tool else None
+    if given.frame == Frame.TOOL:
+        turned = offsets.in_base(model.robot, wanted.q, tool, wanted.force)
+        wanted = replace(wanted, force=turned)
+    found = offsets.compensate(model, wanted, tip if setting.tip is None else setting.tip)
+    return offsets.table(model.robot, wanted, found), found.remarks
+
+
+def _poses(
+    model: Model, path: Path, data: bytes, given: Given, letters: Form
+) -> tuple[bytes, list[str]]:
+    """Corrected coordinates and offsets of a path of poses."""
+    from pipeline.prediction import cartesian
+    from pipeline.prediction.aim import aim
+    from pipeline.prediction.notation import Notation
+    from pipeline.programs.correct import corrected
+
+    setting = _setting(given, Notation(letters), model, path=True)
+    wanted = cartesian.read(path.name, data, model.robot, letters, _force(given))
+    aimed = aim(model, wanted.notation, wanted.targets, setting)
+    found, values = corrected(
+        model, wanted.notation, wanted.targets, aimed, wanted.force, setting.in_tool
+    )
+    return cartesian.table(model.robot, wanted, values, found), found.remarks
+
+
+def _force(given: Given) -> Array | None:
+    """The force of every point [N], shape (3,); None where each has its own."""
+    import numpy as np
+
+    return None if given.force is None else np.array(_numbers("--force", given.force, 3))
+
+
+def listed_lines(lines: list[str]) -> list[str]:
+    """Not more lines than somebody reads."""
+    more = len(lines) - _SHOWN
+    return lines if more <= 1 else [*lines[:_SHOWN], f"... and {more} lines more of this kind."]
+
+
+def _setting(given: Given, notation: Notation, model: Model, path: bool = False) -> Setting:
+    """Options in SI.
+
+    Args:
+        given: As typed.
+        notation: How frames are written.
+        model: Whose axes `--start` has, and the load point that is the tool of a path without one.
+        path: A table is corrected, whose coordinates stand in F_b where nothing is said.
+    """
+    import numpy as np
+
+    from pipeline.prediction.aim import Setting, with_start
+
+    tools, bases = _frames("--tool", given.tool, notation), _frames("--base", given.base, notation)
+    tip = None if given.tip is None else np.array(given.tip)
+    if path:
+        own = np.eye(4)
+        own[:3, 3] = model.tool.load_point if tip is None else tip
+        tools, bases = {"": own} | tools, {"": np.eye(4)} | bases
+    world, flange = (
+        np.eye(4) if one is None else _pose(option, one, notation)
+        for option, one in (("--world", given.world), ("--flange", given.flange))
+    )
+    in_tool = given.frame == Frame.TOOL
+    setting = Setting(tools, bases, world, flange, tip, in_tool=in_tool)
+    if given.start is None:
+        return setting
+    return with_start(setting, model.robot, _numbers("--start", given.start, None))
+
+
+def _frames(option: str, given: Sequence[str], notation: Notation) -> dict[str, Array]:
+    """Frames by name, in small letters."""
+    out = {}
+    for one in given:
+        name, _, numbers = one.rpartition("=")
+        out[name.strip().lower()] = _pose(option, numbers, notation)
+    return out
+
+
+def _pose(option: str, text: str, notation: Notation) -> Array:
+    """A frame from its numbers.
+
+    Raises:
+        UsageError: They are none, not as many, or a quaternion of no length.
+    """
+    try:
+        return notation.frame(_numbers(option, text, notation.count))
+    except ValueError as problem:
+        raise UsageError(f'{option} "{text}": the quaternion has no length') from problem
+
+
+def _numbers(option: str, text: str, count: int | None) -> list[float]:
+    """Numbers between commas.
+
+    Raises:
+        UsageError: They are none, or not as many.
+    """
+    try:
+        found = [float(word) for word in text.split(",")]
+    except ValueError as problem:
+        raise UsageError(f'{option} "{text}": give numbers with commas between them') from problem
+    if not all(map(math.isfinite, found)) or count not in (None, len(found)):
+        raise UsageError(f'{option} "{text}": give {count or "only"} finite numbers')
+    return found

@@ -1,0 +1,109 @@
+"""Commands for campaigns that run by themselves, and for the machine they run on."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated, Any
+
+import typer
+from typer import Option
+
+from pipeline.app.commands._shared import AsJson, Root
+from pipeline.base.environment import NOBODYS, elsewhere
+from pipeline.base.errors import UsageError
+from pipeline.base.toml import given
+
+if TYPE_CHECKING:
+    from pipeline.base.preferences import Preferences
+
+
+def serve(
+    interval: Annotated[float | None, Option(help="Seconds between two scans of data/raw.")] = None,
+    cron: Annotated[str | None, Option(help="Cron schedule, in place of --interval.")] = None,
+    port: Annotated[
+        int | None, Option(help="Port of Prefect's dashboard; reports are served on the next one.")
+    ] = None,
+    unit: Annotated[bool, Option("--unit", help="Print a systemd unit and exit.")] = False,
+    root: Root = Path(),
+) -> None:
+    """Process campaigns as they arrive, with Prefect's dashboard."""
+    if unit:
+        from pipeline.service.unit import unit as of_systemd
+
+        typer.echo(of_systemd(root), nl=False)
+        return
+    from pipeline.base import processes
+    from pipeline.service import supervisor
+
+    wanted = _preferred(root, interval_s=interval, cron=cron, port=port)
+    every = f"at {wanted.service.cron}" if wanted.service.cron else _every(wanted)
+    typer.secho(f"Looking at {root / 'data' / 'raw'} {every}; Ctrl-C stops.", err=True)
+    supervisor.serve(root, wanted, processes.say)
+
+
+def watch(
+    interval: Annotated[float | None, Option(help="Seconds between two scans of data/raw.")] = None,
+    as_json: AsJson = False,
+    root: Root = Path(),
+) -> None:
+    """Process campaigns as they arrive, without Prefect."""
+    from pipeline.base import processes
+    from pipeline.service import supervisor
+    from pipeline.service import watch as watching
+
+    wanted = _preferred(root, interval_s=interval)
+    processes.stop_on_sigterm()
+    where = root / "data" / "raw"
+    typer.secho(f"Looking at {where} {_every(wanted)}; Ctrl-C stops.", err=True)
+    with supervisor.alone(root, wanted.service):
+        for outcome in watching.watch(root, wanted):
+            processes.say(outcome.as_json() if as_json else outcome.event)
+
+
+def deploy(
+    pool: Annotated[str, Option(help="Prefect work pool whose workers process the campaigns.")],
+    interval: Annotated[float | None, Option(help="Seconds between two scans of data/raw.")] = None,
+    cron: Annotated[str | None, Option(help="Cron schedule, in place of --interval.")] = None,
+    root: Root = Path(),
+) -> None:
+    """Schedule the scan for new campaigns on a team's Prefect server: docs/teams.md."""
+    from pipeline.base import processes
+    from pipeline.service import server as service
+
+    wanted = _preferred(root, interval_s=interval, cron=cron)
+    service.join(root)
+    with elsewhere():
+        from pipeline.service import flow  # after Prefect's settings are made
+
+        flow.deploy(pool, wanted.service)
+    place = f"cd {NOBODYS} && {processes.ROOT}={root.resolve()}"  # as elsewhere() has it
+    typer.echo(f"{place} prefect worker start --pool {pool} --limit 2")
+
+
+def doctor(as_json: AsJson = False, root: Root = Path()) -> None:
+    """Check this machine: what is missing, and how to install it."""
+    import json
+    from dataclasses import asdict
+
+    from pipeline.service import doctor as examination
+
+    sound = True
+    for finding in examination.examine(root):
+        mark = "ok" if finding.good else "PROBLEM" if finding.needed else "note"
+        line = f"{mark:8} {finding.what:16} {finding.said}"
+        typer.echo(json.dumps(asdict(finding)) if as_json else line)
+        sound = sound and (finding.good or not finding.needed)
+    raise typer.Exit(0 if sound else UsageError.exit_code)
+
+
+def _preferred(root: Path, **said: Any) -> Preferences:
+    """What pipeline.toml says, and the command line otherwise."""
+    from pipeline.base import preferences
+
+    if not root.is_dir():
+        raise UsageError(f"there is no folder {root}: correct --root")
+    return preferences.load(root, given(said))
+
+
+def _every(preferences: Preferences) -> str:
+    return f"every {preferences.service.interval_s:g} s"

@@ -1,0 +1,202 @@
+"""What is missing on this machine or wrong with a running service, and the way out."""
+
+from __future__ import annotations
+
+import importlib.metadata as installed
+import os
+import shutil
+import sys
+import time
+from collections.abc import Iterator
+from dataclasses import dataclass
+from datetime import datetime
+from pathlib import Path
+
+from pipeline.base import preferences
+from pipeline.base.errors import InputError
+from pipeline.base.preferences import Preferences
+from pipeline.base.processes import alive
+from pipeline.service import server as service
+from pipeline.service import watch
+from pipeline.service.storage import Store
+from pipeline.store import campaign as campaigns
+from pipeline.store.campaign import recalled
+
+_PYTHONS = ((3, 11), (3, 14))
+"""Oldest and newest Python that it runs on; the Makefile looks for the same."""
+_ROOM_BYTES = 2**30
+"""A gibibyte: more than tables and reports of many campaigns take."""
+
+
+@dataclass(frozen=True)
+class Finding:
+    """One thing that was looked at.
+
+    Attributes:
+        what: The thing.
+        good: It is as it should be.
+        said: What was found; where it is not good, what is wrong and the way out.
+        needed: `run` cannot do without it.
+    """
+
+    what: str
+    good: bool
+    said: str
+    needed: bool = True
+
+
+def examine(root: Path) -> Iterator[Finding]:
+    """Look at everything that `run`, `serve` and the report need."""
+    yield _python()
+    yield from _libraries()
+    for folder in ("data/processed", "reports"):
+        yield _writable(root, folder)
+    yield _room(root)
+    yield _raw(root)
+    yield from _preferences(root)
+    yield from _service(root)
+
+
+def _python() -> Finding:
+    low, high = _PYTHONS
+    here = _dotted(sys.version_info[:3])
+    good = low <= sys.version_info[:2] <= high
+    known = f"Python {_dotted(low)} to {_dotted(high)}"
+    way_out = "" if good else f"; build the environment with {known}: make PYTHON=..."
+    return Finding("Python", good, f"{here}{way_out}")
+
+
+def _dotted(version: tuple[int, ...]) -> str:
+    return ".".join(str(part) for part in version)
+
+
+def _libraries() -> Iterator[Finding]:
+    """Every library the project asks for, in a version that it can work with."""
+    from packaging.requirements import Requirement
+
+    try:
+        wanted = [Requirement(text) for text in installed.requires("rail-stiffness") or []]
+    except installed.PackageNotFoundError:
+        yield Finding("libraries", False, "the project is not installed; run make once")
+        return
+    sound = True
+    for one in wanted:
+        if one.marker is not None and not one.marker.evaluate({"extra": ""}):
+            continue
+        try:
+            version = installed.version(one.name)
+            wrong = f"version {version} is not supported"
+            good = one.specifier.contains(version, prereleases=True)
+        except installed.PackageNotFoundError:
+            wrong, good = "is missing", False
+        if not good:
+            sound = False
+            yield Finding(one.name, False, f"{wrong}; python -m pip install '{one}'")
+    if sound:
+        yield Finding("libraries", True, f"all {len(wanted)} required libraries are installed")
+
+
+def _writable(root: Path, name: str) -> Finding:
+    folder = root / name
+    there = next(path for path in (folder, *folder.absolute().parents) if path.is_dir())
+    good = os.access(there, os.W_OK)
+    said = "can be written" if good else f"{there} cannot be written; change its permissions"
+    return Finding(name, good, said)
+
+
+def _room(root: Path) -> Finding:
+    free = shutil.disk_usage(root.absolute()).free
+    good = free > _ROOM_BYTES
+    said = f"{free / 2**30:.0f} GiB free"
+    return Finding("disk", good, said if good else f"{said}; make room")
+
+
+def _raw(root: Path) -> Finding:
+    found = len(campaigns.every(root))
+    if found:
+        return Finding("campaigns", True, f"{found} under {root / 'data' / 'raw'}")
+    said = "none under data/raw; `pipeline init NAME`, `pipeline simulate`, or another --root"
+    return Finding("campaigns", False, said, needed=False)
+
+
+def _preferences(root: Path) -> Iterator[Finding]:
+    """pipeline.toml, and the object storage that it names."""
+    there = (root / preferences.FILE).is_file()
+    said, what = "is valid" if there else "not found (optional)", preferences.FILE
+    try:
+        address = preferences.load(root).storage.raw
+        yield Finding(what, True, said)
+        if address is not None:
+            what, store = "storage", Store(address)
+            yield Finding(what, True, f"{len(store.marks())} objects at {store.shown}")
+    except InputError as problem:
+        yield Finding(what, False, str(problem))
+
+
+def _service(root: Path) -> Iterator[Finding]:
+    """Whether a service runs, what is wrong with it, and what it could not do."""
+    yield _server(root)
+    running = service.Running.of(root)
+    if running is None or not alive(running.process):
+        yield Finding("service", True, "not running; `pipeline serve` starts it", needed=False)
+        return
+    yield Finding("service", True, f"runs as process {running.process}")
+    wanted = _wanted(root)
+    yield _looks(root, running, wanted.service.limit_s + wanted.service.quiet_s)
+    yield from _waiting(root, wanted.notify.webhook)
+
+
+def _wanted(root: Path) -> Preferences:
+    """What pipeline.toml says; nothing where it is wrong, which is said elsewhere."""
+    try:
+        return preferences.load(root)
+    except InputError:
+        return Preferences()
+
+
+def _looks(root: Path, running: service.Running, limit_s: float) -> Finding:
+    look, now = service.Looked.of(root), time.time()
+    if look is None:
+        return Finding("looks", True, "none yet", needed=False)
+    log = root / service.HOME / "schedule.log"
+    at = datetime.fromtimestamp(look.began).isoformat(" ", "seconds")
+    last = look.began if look.ended is None else look.ended
+    if last > now + service.SLOW_S:
+        return Finding("looks", False, f"the last was at {at}: this machine's clock was set back")
+    if look.ended is None:
+        ok = not look.hangs(now, limit_s)
+        return Finding("looks", ok, f"one is at work since {at}", needed=not ok)
+    if look.overdue(now, running.every_s):
+        said = f"none since {at}; is the schedule paused on Prefect's page? {log} may say why"
+        return Finding("looks", False, said)
+    return Finding("looks", True, f"the last was at {at}")
+
+
+def _waiting(root: Path, webhook: str | None) -> Iterator[Finding]:
+    """Campaigns that are tried again, and verdicts that a webhook did not take."""
+    for campaign in campaigns.every(root):
+        seen = watch.recall(campaign)
+        if seen.verdict == "failed":
+            again = datetime.fromtimestamp(seen.tried + seen.pause_s).isoformat(" ", "minutes")
+            said = f"tried {seen.attempts} times, again at {again}: {seen.said}"
+            yield Finding(campaign.name, False, said, needed=False)
+        elif webhook and seen.settled and seen.verdict != seen.told:
+            said = f"the webhook did not accept the message that it is {seen.verdict}; see [notify]"
+            yield Finding(campaign.name, False, said, needed=False)
+
+
+def _server(root: Path) -> Finding:
+    api = os.environ.get("PREFECT_API_URL")
+    if api:
+        good = service.answers(api)
+        said = "answers" if good else "does not answer; start it or unset PREFECT_API_URL"
+        return Finding("Prefect server", good, f"{api} {said}")
+    noted = recalled(root / service.HOME / service.SERVING)
+    urls = service.serving(root)
+    if urls:
+        return Finding("Prefect server", True, f"answers at {urls['page']}")
+    if noted:
+        log = root / service.HOME / "server.log"
+        said = f"does not answer; a running `serve` starts it again, and {log} may say why"
+        return Finding("Prefect server", False, said)
+    return Finding("Prefect server", True, "not running (not required)", needed=False)

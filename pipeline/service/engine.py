@@ -1,0 +1,38 @@
+"""One campaign through Prefect, for `pipeline run`."""
+
+from __future__ import annotations
+
+import signal
+import sys
+from typing import TYPE_CHECKING
+
+from pipeline.app.progress import Tell
+from pipeline.base import files
+from pipeline.base.environment import elsewhere
+from pipeline.base.processes import say, sheltered
+from pipeline.service import server
+from pipeline.store.campaign import Campaign
+
+if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
+    from pipeline.answer.contract import Answer
+
+
+def through_prefect(campaign: Campaign, force: bool, tell: Tell) -> Answer:
+    """Bring a campaign up to date as a Prefect flow, unless nothing is to be done."""
+    if campaign.current() and not force:  # also says what no engine can read
+        from pipeline.answer.archive import read
+
+        return read(campaign)
+    home = campaign.root / server.HOME
+    with files.writing(home):
+        home.mkdir(parents=True, exist_ok=True)
+    server.has_room(home)
+    if server.serving(campaign.root) is None and (said := server.mended(campaign.root)):
+        say(said, sys.stderr)
+    server.settle(campaign.root)
+    there = Campaign(campaign.root.absolute(), campaign.folder.absolute())
+    with elsewhere():
+        from pipeline.service.flow import identified, telling  # importing Prefect takes two seconds
+
+        with telling(tell), sheltered(signal.SIGUSR1):
+            return identified(there, force)

@@ -1,0 +1,398 @@
+"""The stages of run.py as a Prefect flow: one task per stage, artifacts at the end.
+
+With gate.py the only file that imports Prefect, which takes seconds; `service.settle` comes before
+it, because Prefect reads its settings when it is imported.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import functools
+import os
+import warnings
+from collections.abc import Callable, Iterator
+from contextvars import ContextVar
+from dataclasses import dataclass
+from datetime import UTC, datetime
+from pathlib import Path
+from typing import Any
+from urllib.parse import quote
+
+import httpx
+from prefect import artifacts, flow, runtime, tags, task
+from prefect.cache_policies import NO_CACHE
+from prefect.client.orchestration import get_client
+from prefect.client.schemas.actions import WorkPoolCreate
+from prefect.client.schemas.filters import FlowFilter, FlowRunFilter
+from prefect.client.schemas.objects import State, StateType
+from prefect.deployments import run_deployment
+from prefect.exceptions import ObjectAlreadyExists, ObjectNotFound, PrefectException
+from prefect.states import Completed, Crashed, Failed, Scheduled
+from prefect.types.entrypoint import EntrypointType
+
+from pipeline.answer.archive import read
+from pipeline.answer.contract import Answer
+from pipeline.app.outcome import Outcome, failed, shown
+from pipeline.app.progress import Tell, told
+from pipeline.base import files
+from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, UsageError
+from pipeline.base.preferences import Service, load
+from pipeline.base.processes import PARENT, REPORTS_URL, ROOT, follow, say
+from pipeline.base.shown import printable
+from pipeline.run import run
+from pipeline.service import server as service
+from pipeline.service import watch
+from pipeline.service.guard import Guard
+from pipeline.store.campaign import Campaign, every, find
+
+TAG = "campaign"
+"""Of the task that computes: a limit of Prefect's for `tag:campaign` is one for the whole team."""
+
+_DEPLOYED = "data-raw"
+_ATTEND = f"run-campaign/{_DEPLOYED}"
+
+_SETTLES_S = 30.0
+"""A flow that runs for so long holds its campaign, or has left it [s]; clocks may differ a bit."""
+
+
+def _named() -> str:
+    return Path(runtime.flow_run.parameters["campaign"]).name
+
+
+@flow(name="identify-stiffness", flow_run_name=_named, persist_result=False)
+def identify(root: str, campaign: str, force: bool = False) -> Answer:
+    """Run every stage of one campaign as a Prefect task and give its answer."""
+    found = find(Path(root), campaign)
+    try:
+        answer = run(found, step=_as_task, force=force)
+    except PipelineError as problem:  # a sentence, which needs no traceback
+        refused: Any = _refused(problem)
+        return refused
+    _publish(found, answer)
+    return answer
+
+
+def _refused(problem: PipelineError) -> State[Any]:
+    return Failed(message=str(problem), data=problem)
+
+
+@flow(name="scan-campaigns", flow_run_name="scan", persist_result=False)
+def scan(hand_out: bool = False) -> None:
+    """Run every campaign under data/raw that is new or changed and complete, each as a flow.
+
+    Args:
+        hand_out: Leave them to the workers of the pool, instead of one after another here.
+
+    Raises:
+        UsageError: PIPELINE_ROOT does not say where the project is.
+    """
+    if PARENT in os.environ:
+        follow(int(os.environ[PARENT]))
+    root = _root()
+    _drop_late()
+    outcomes = []
+    for made in _scanned(root, hand_out):
+        if made.exit_code == Unfinished.exit_code:
+            _crashed(made)
+        say(made.event)
+        outcomes.append(made)
+        _drop_late()
+    if outcomes:
+        artifacts.create_markdown_artifact(key="scan", markdown=_summary(outcomes))
+
+
+def _root() -> Path:
+    """Where the project is, which this process's environment alone says.
+
+    Whoever can reach Prefect's API can choose the parameters of a flow.
+    """
+    if not os.environ.get(ROOT):
+        raise UsageError(f"{ROOT} is not set: start the worker with {ROOT}=/path/to/the/project")
+    return Path(os.environ[ROOT])
+
+
+def _scanned(root: Path, hand_out: bool) -> Iterator[Outcome]:
+    try:
+        preferences = load(root)
+    except InputError as problem:  # somebody has edited it meanwhile
+        yield from watch.told_once(root, [failed(watch.SERVICE, problem)])
+        return
+    if hand_out := hand_out and preferences.storage.raw is None:  # copies are this worker's alone
+        _take_up(root)
+    with Guard(root, "prefect", preferences.service) as guard:
+        yield from watch.scan(root, preferences, _Pool(guard) if hand_out else guard)
+
+
+def _take_up(root: Path) -> None:
+    """Begin those runs of campaigns again that a worker which is gone has left."""
+    begun = FlowRunFilter.model_validate(
+        {"state": {"type": {"any_": [StateType.PENDING, StateType.RUNNING]}}}
+    )
+    own = FlowFilter.model_validate({"name": {"any_": [attend.name]}})
+    known = {one.name: one for one in every(root)}
+    with get_client(sync_client=True) as client:
+        for run in client.read_flow_runs(flow_filter=own, flow_run_filter=begun, limit=200):
+            campaign = known.get(run.parameters["campaign"])
+            if run.state and _left(run.state, campaign):
+                client.set_flow_run_state(run.id, Scheduled(name="Again"), force=True)
+
+
+def _left(state: State[Any], campaign: Campaign | None) -> bool:
+    """Whether nobody is at a run that has begun; the campaign is None where it is gone."""
+    patience_s = _SETTLES_S if state.type == StateType.RUNNING else service.PATIENCE_S
+    age_s = (datetime.now(UTC) - state.timestamp).total_seconds()
+    return age_s > patience_s and (campaign is None or not watch.attended(campaign))
+
+
+@dataclass(frozen=True)
+class _Pool:
+    """Has campaigns brought up to date by the workers of a pool, one flow run for each.
+
+    A run is known by what it was handed out for: the files of its campaign, the code, and how often
+    these have failed. So nothing is handed out twice; where a run has ended and there is something
+    to do still, such as a report that somebody has removed, it begins once more.
+    """
+
+    guard: Guard
+
+    def campaign(self, campaign: Campaign) -> None:
+        """Hand one out, unless it is."""
+        seen, before = watch.fingerprint(campaign.folder), watch.recall(campaign)
+        failures = before.attempts if before.print == seen else 0
+        known = files.sha256(f"{campaign.name}\n{seen}\n{failures}".encode())
+        run: Any = run_deployment(
+            _ATTEND,
+            parameters={"campaign": campaign.name, "seen": seen},
+            idempotency_key=known,
+            flow_run_name=campaign.name,
+            tags=[TAG],
+            timeout=0,
+            as_subflow=False,
+        )
+        if run.state.is_final() and run.state.type != StateType.CANCELLED:  # which somebody wants
+            with get_client(sync_client=True) as client:
+                client.set_flow_run_state(run.id, Scheduled(name="Again"), force=True)
+
+    def pages(self) -> Outcome | None:
+        """The page over all campaigns, which this worker draws."""
+        return self.guard.pages()
+
+
+@flow(name="run-campaign", flow_run_name=_named, persist_result=False)
+def attend(campaign: str, seen: str) -> Any:
+    """Bring a campaign of this project up to date that was handed out, within the limits.
+
+    Args:
+        campaign: Its name under data/raw.
+        seen: The fingerprint that it was handed out with.
+    """
+    root = _root()
+    found = {one.name: one for one in every(root)}.get(campaign)
+    if found is None:
+        return Failed(message=f"There is no campaign {printable(campaign, 80)} any more.")
+    with tags(TAG), Guard(root, "local", load(root).service) as guard:
+        made = watch.attend(found, seen, _Slot(guard))
+    if made is None:
+        return Completed(message="It has changed since, or is done; the next scan sees to it.")
+    say(made.event)
+    if made.verdict is None:
+        return (Crashed if made.exit_code == Unfinished.exit_code else Failed)(message=made.event)
+    _publish(found, read(found))
+    return Completed(message=made.event)
+
+
+@dataclass(frozen=True)
+class _Slot:
+    """Works at a campaign while it holds one of the slots of `TAG`, where these are limited."""
+
+    guard: Guard
+
+    def campaign(self, campaign: Campaign) -> Outcome:
+        """One campaign, as a task."""
+        carried_out = task(name="compute", cache_policy=NO_CACHE, persist_result=False)(
+            self.guard.campaign
+        )
+        made: Outcome = carried_out(campaign)
+        return made
+
+    def pages(self) -> None:
+        """Left to the scan."""
+
+
+def within(campaign: Campaign) -> Answer:
+    """One campaign as a flow of its own, unless its last run still stands."""
+    campaign.fit()  # what has no name that can be shown is no run
+    with contextlib.suppress(InputError):  # one that cannot be read is a run to be seen, too
+        if campaign.current():
+            return read(campaign)
+    return identified(campaign)
+
+
+def identified(campaign: Campaign, force: bool = False) -> Answer:
+    """The answer of a campaign, by a run that Prefect shows.
+
+    Raises:
+        PipelineError: As `run` does.
+        CannotWrite: Prefect's server cannot keep the run.
+    """
+    try:
+        answer: Answer = _result(identify(str(campaign.root), str(campaign.folder), force))
+    except (httpx.HTTPError, PrefectException, RuntimeError) as problem:
+        if isinstance(problem, RuntimeError) and "Prefect" not in str(problem):
+            raise
+        raise CannotWrite(
+            f"Prefect's server does not keep this run ({problem}); see that its disk has room, or "
+            "use --engine local."
+        ) from problem
+    return answer
+
+
+def _result(made: Any) -> Any:
+    """What a flow or a task has given; Prefect hands on the state where that was one."""
+    return made.result() if isinstance(made, State) else made
+
+
+def _crashed(made: Outcome) -> None:
+    """Say to Prefect's server what the process that it was could not."""
+    ended: State[Any] = Crashed(message=made.complaints[0])
+    running = FlowRunFilter.model_validate(
+        {"state": {"type": {"any_": [StateType.RUNNING]}}, "name": {"any_": [made.campaign]}}
+    )
+    with contextlib.suppress(httpx.HTTPError), get_client(sync_client=True) as client:
+        for run in client.read_flow_runs(flow_run_filter=running):
+            client.set_flow_run_state(run.id, ended, force=True)
+
+
+def _drop_late() -> None:
+    """Forget the scans that should have begun while this one is at work: the next sees it all."""
+    late = FlowRunFilter.model_validate(
+        {
+            "state": {"type": {"any_": [StateType.SCHEDULED]}},
+            "expected_start_time": {"before_": datetime.now(UTC)},
+        }
+    )
+    own = FlowFilter.model_validate({"name": {"any_": [scan.name]}})
+    # what is not dropped now is dropped next time
+    with contextlib.suppress(httpx.HTTPError, ObjectNotFound), get_client(sync_client=True) as api:
+        while found := api.read_flow_runs(flow_filter=own, flow_run_filter=late, limit=200):
+            for run in found:
+                api.delete_flow_run(run.id)
+
+
+def _summary(outcomes: list[Outcome]) -> str:
+    rows = [
+        f"| {_cell(one.campaign)} | {watch.verdict_of(one)} | {_cell('; '.join(one.complaints))} |"
+        for one in outcomes
+    ]
+    return "\n".join(["| campaign | verdict | complaints |", "|---|---|---|", *rows])
+
+
+def _cell(text: str) -> str:
+    """Text of others in a table of Markdown, as it stands there."""
+    plain = printable(text).replace("|", "/").replace("`", "'")
+    return f"`{plain}`" if plain else " "
+
+
+def serve(wanted: Service) -> None:
+    """Scan on a schedule, one scan at a time, until this process is told to stop."""
+    clear()
+    with warnings.catch_warnings():  # Prefect's way to stop on SIGTERM forgets an await
+        warnings.filterwarnings("ignore", "coroutine 'Runner.astop' was never awaited")
+        scan.serve(
+            limit=1,
+            pause_on_shutdown=False,
+            print_starting_message=False,
+            **_planned(wanted),
+        )
+
+
+def deploy(pool: str, wanted: Service) -> None:
+    """Put the scan on the server of PREFECT_API_URL, for the workers of a pool to carry out."""
+    with get_client(sync_client=True) as client, contextlib.suppress(ObjectAlreadyExists):
+        client.create_work_pool(WorkPoolCreate(name=pool, type="process"))
+    place: Any = {"entrypoint_type": EntrypointType.MODULE_PATH, "work_pool_name": pool}
+    looks: Any = scan.to_deployment(
+        concurrency_limit=1, parameters={"hand_out": True}, **place, **_planned(wanted)
+    )
+    campaigns: Any = attend.to_deployment(_DEPLOYED, **place)
+    for deployment in (campaigns, looks):
+        deployment.apply()
+
+
+def _planned(wanted: Service) -> dict[str, Any]:
+    """What the scan is called, and when it runs."""
+    when = {"cron": wanted.cron} if wanted.cron else {"interval": wanted.interval_s}
+    return {"name": _DEPLOYED, **when}
+
+
+def clear() -> None:
+    """Mark what a killed service left running as crashed, and drop the scans that it missed."""
+    open_states = [StateType.RUNNING, StateType.PENDING, StateType.SCHEDULED, StateType.CANCELLING]
+    left = FlowRunFilter.model_validate({"state": {"type": {"any_": open_states}}})
+    with get_client(sync_client=True) as client:
+        while found := client.read_flow_runs(flow_run_filter=left, limit=200):
+            for run in found:
+                if run.state is not None and run.state.type == StateType.SCHEDULED:
+                    client.delete_flow_run(run.id)
+                else:
+                    client.set_flow_run_state(run.id, Crashed(message="killed"), force=True)
+
+
+_LISTENER: ContextVar[Tell] = ContextVar("listener", default=str)
+
+
+@contextlib.contextmanager
+def telling(tell: Tell) -> Iterator[None]:
+    """Within the block, `tell` hears of every stage; what a flow is given goes to the server."""
+    before = _LISTENER.set(tell)
+    try:
+        yield
+    finally:
+        _LISTENER.reset(before)
+
+
+def _as_task(stage: Callable[..., Any]) -> Callable[..., Any]:
+    """One stage as a task; Prefect's own cache is off, our manifest decides what is current."""
+    reading = stage.__name__ == "read"  # a share that was away for a moment; nothing else heals
+
+    @functools.wraps(stage)
+    def quietly(*given: Any, **named: Any) -> Any:
+        try:
+            return stage(*given, **named)
+        except PipelineError as problem:
+            if reading and getattr(problem, "passing", False):
+                raise
+            return _refused(problem)
+
+    carried_out = task(
+        name=stage.__name__,
+        cache_policy=NO_CACHE,
+        persist_result=False,
+        retries=2 if reading else 0,
+        retry_delay_seconds=2,
+        retry_condition_fn=_may_heal,
+    )(quietly)
+    return told(_LISTENER.get(), lambda *given, **named: _result(carried_out(*given, **named)))
+
+
+def _may_heal(task: Any, run: Any, state: Any) -> bool:
+    problem = state.result(raise_on_failure=False)
+    return isinstance(problem, InputError) and problem.passing
+
+
+def _publish(campaign: Campaign, answer: Answer) -> None:
+    """Result table and report link as Prefect artifacts."""
+    key = "".join(c if c.isascii() and c.isalnum() else "-" for c in campaign.name.lower())
+    artifacts.create_table_artifact(
+        key=f"{key}-stiffness",
+        table=[{"joint": joint.name, "stiffness": shown(joint)} for joint in answer.stiffness],
+        description=" ".join(answer.verdict_sentence[:2]),
+    )
+    artifacts.create_link_artifact(key=f"{key}-report", link=_link(campaign))
+
+
+def _link(campaign: Campaign) -> str:
+    base = os.environ.get(REPORTS_URL)
+    if base:
+        return f"{base.rstrip('/')}/{quote(campaign.name)}/index.html"
+    return (campaign.reports / "index.html").resolve().as_uri()

@@ -1,0 +1,337 @@
+"""`pipeline serve`: keeps Prefect's server, the reports and the schedule alive, and does no more.
+
+Each is a process of its own that is started again when it ends or no longer answers. This one knows
+nothing of Prefect and works at no campaign, so that there is little in it to go wrong.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import re
+import secrets
+import signal
+import socket
+import subprocess
+import threading
+import time
+from collections.abc import Callable, Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from filelock import FileLock, Timeout
+
+from pipeline.base import files
+from pipeline.base.environment import NOBODYS
+from pipeline.base.errors import UsageError
+from pipeline.base.preferences import Preferences, Service
+from pipeline.base.processes import PARENT, PYTHON, REPORTS_URL, ROOT
+from pipeline.service import notify
+from pipeline.service import server as service
+from pipeline.store.campaign import dump
+
+_LOOK_S = 1.0
+"""From one look at the processes to the next [s]."""
+_SILENT_S = 60.0
+"""A server that has not answered for so long is started again [s]."""
+_GRACE_S = 10.0
+"""How long a process may take to end when it is told to, before it is killed [s]."""
+_LONGEST_S = 60.0
+"""The longest pause before something that ends again and again is started again [s]."""
+_STEADY_S = 600.0
+"""What has run for so long is sound: when it ends, it is started again at once [s]."""
+_SET_BACK_S = 30.0
+"""A clock that falls behind by so much was set; smaller steps are those of a time server [s]."""
+_LOG_BYTES = 2**24
+"""A log that has grown larger begins anew."""
+
+Tell = Callable[[str], object]
+"""Hears one line per event."""
+
+
+@dataclass
+class _Child:
+    """A process that is to be there.
+
+    Attributes:
+        what: What it is called.
+        command: How it is started.
+        log: Where its complaints go.
+        answers: Whether it still does what it is there for.
+        shown: What it says is for the screen.
+        before: What is seen to before it is started.
+        since: When it was started, by the clock on the wall [s].
+    """
+
+    what: str
+    command: Sequence[str]
+    log: Path
+    answers: Callable[[], bool]
+    shown: bool = False
+    before: Callable[[], object] = str
+    since: float = 0.0
+    _process: subprocess.Popen[bytes] | None = None
+    _fails: int = 0
+    _began: float = 0.0
+    _heard: float = 0.0
+
+    def start(self) -> None:
+        """Start it, with a new log."""
+        self.before()
+        files.write(self.log, b"")
+        with self.log.open("ab") as log:
+            self._process = subprocess.Popen(
+                self.command,
+                stdin=subprocess.DEVNULL,
+                stdout=None if self.shown else log,
+                stderr=log,
+                cwd=NOBODYS,
+                start_new_session=True,  # Ctrl-C is for this process, which ends the others
+            )
+        self._began = self._heard = time.monotonic()
+        self.since = time.time()
+
+    @property
+    def code(self) -> int | None:
+        """Its exit code; None while it runs."""
+        return None if self._process is None else self._process.poll()
+
+    def look(self, tell: Tell) -> None:
+        """Start it again if that is needed."""
+        now = time.monotonic()
+        if self._process is None:
+            if now - self._began > min(2.0**self._fails, _LONGEST_S):
+                self.start()
+            return
+        code = self.code
+        if code is None and self.answers():
+            self._heard = now
+        if code is None and now - self._heard < _SILENT_S:
+            self._cut_log()
+            return
+        said = "answers no more" if code is None else f"ended (exit code {code})"
+        tell(f"{self.what} {said} and is started again; {self.log} may say why.")
+        self._fails = 0 if now - self._began > _STEADY_S else self._fails + 1
+        self.stop()
+        self._began = now
+
+    def _cut_log(self) -> None:
+        with contextlib.suppress(OSError):
+            if self.log.stat().st_size > _LOG_BYTES:
+                os.truncate(self.log, 0)
+
+    def stop(self) -> None:
+        """End it and whatever it has started."""
+        process, self._process = self._process, None
+        if process is None:
+            return
+        for number in (signal.SIGTERM, signal.SIGKILL):
+            with contextlib.suppress(ProcessLookupError):
+                os.killpg(process.pid, number)
+            with contextlib.suppress(subprocess.TimeoutExpired):
+                process.wait(_GRACE_S)
+
+
+def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
+    """Serve a project until told to stop.
+
+    Args:
+        root: The project's root.
+        preferences: Port and schedule.
+        tell: Hears where the pages are, and what had to be started again.
+
+    Raises:
+        UsageError: It is served already, the port is taken, or Prefect's server does not start.
+        KeyboardInterrupt: Ctrl-C.
+    """
+    port = preferences.service.port
+    with alone(root, preferences.service), _asked_to_stop() as asked:
+        urls = settled(root, port)
+        server = _Child(
+            "Prefect's server",
+            [*PYTHON, "pipeline.service.gate", str(root.absolute() / "reports"), str(port)],
+            root / service.HOME / "server.log",
+            lambda: service.works(urls["api"]),
+            before=lambda: _mended(root, schedule, tell),
+        )
+        schedule = _Child(
+            "The schedule",
+            [*PYTHON, "pipeline.service.schedule", preferences.service.model_dump_json()],
+            root / service.HOME / "schedule.log",
+            lambda: not _stuck(root, preferences.service, schedule.since, urls["api"]),
+            shown=True,
+        )
+        try:
+            _started(server, asked)
+            schedule.start()
+            with _recorded(root, urls):
+                tell(f"{urls['page']}  Prefect's page: runs, results, logs")
+                tell(f"{root / service.HOME / service.PASSWORD}  what it asks for")
+                tell(f"{urls['reports']}  the reports")
+                notify.systemd("READY=1")
+                ahead = _ahead_s()
+                while not asked.wait(_LOOK_S):
+                    if ahead - _ahead_s() > _SET_BACK_S:
+                        tell("The clock was set back; whatever waits for a moment begins anew.")
+                        schedule.stop()
+                        server.stop()  # its own services wait for moments far away now
+                    ahead = _ahead_s()
+                    for child in (server, schedule):
+                        _looked(child, tell)
+                    notify.systemd("WATCHDOG=1")
+        finally:
+            notify.systemd("STOPPING=1")
+            schedule.stop()
+            server.stop()
+
+
+def _mended(root: Path, schedule: _Child, tell: Tell) -> None:
+    """Go on without a damaged database; the schedule, which was in it, begins anew."""
+    if said := service.mended(root):
+        tell(said)
+        schedule.stop()
+
+
+def _stuck(root: Path, wanted: Service, since: float, api: str) -> bool:
+    """Whether a look that began since then gets no further, or the next one does not come."""
+    look, now = service.Looked.of(root), time.time()
+    if look is None or look.began < since:
+        look = service.Looked(began=since, ended=since)
+    if look.hangs(now, wanted.limit_s + wanted.quiet_s):
+        return True
+    return look.overdue(now, wanted.every_s) and not service.paused(api)
+
+
+def _ahead_s() -> float:
+    """How far the clock on the wall is ahead of one that nobody sets [s]."""
+    return time.time() - time.monotonic()
+
+
+def _looked(child: _Child, tell: Tell) -> None:
+    try:
+        child.look(tell)
+    except Exception as problem:  # a full disk, no more processes: the next look may do better
+        tell(f"{child.what} cannot be supervised ({problem}); tried again.")
+        time.sleep(_LOOK_S)
+
+
+def _started(server: _Child, asked: threading.Event) -> None:
+    until = time.monotonic() + service.PATIENCE_S
+    server.start()
+    while time.monotonic() < until and server.code is None and not asked.is_set():
+        if server.answers():
+            return
+        time.sleep(0.3)
+    if not asked.is_set():
+        raise UsageError(f"Prefect's server did not start: {server.log} says why")
+
+
+@contextlib.contextmanager
+def alone(root: Path, wanted: Service) -> Iterator[None]:
+    """One service for a project: a second one would take the same campaigns.
+
+    Args:
+        root: The project's root.
+        wanted: What is said of it to `doctor`.
+
+    Raises:
+        UsageError: There is another.
+        CannotWrite: The disk refuses.
+    """
+    note = root / "data" / "processed" / service.RUNNING
+    with files.writing(note):
+        note.parent.mkdir(parents=True, exist_ok=True)
+        lock = FileLock(note.with_name(service.LOCK))
+        try:
+            lock.acquire(timeout=0)
+        except Timeout:
+            said = service.Running.of(root)
+            by = f" by process {said.process}" if said else ""
+            raise UsageError(f"{root.resolve()} is served already{by}: stop that first") from None
+    try:
+        running = service.Running(process=os.getpid(), every_s=wanted.every_s)
+        files.write(note, dump(running.model_dump()))
+        yield
+    finally:
+        with contextlib.suppress(OSError):
+            note.unlink(missing_ok=True)
+        lock.release()
+
+
+@contextlib.contextmanager
+def _asked_to_stop() -> Iterator[threading.Event]:
+    """Set on SIGTERM and Ctrl-C; the second is raised again once everything is put away."""
+    asked, by = threading.Event(), []
+
+    def ask(number: int, _: object) -> None:
+        by.append(number)
+        asked.set()
+
+    before = {number: signal.signal(number, ask) for number in (signal.SIGTERM, signal.SIGINT)}
+    try:
+        yield asked
+    finally:
+        for number, handler in before.items():
+            signal.signal(number, handler)
+    if signal.SIGINT in by:
+        raise KeyboardInterrupt
+
+
+def settled(root: Path, port: int) -> dict[str, str]:
+    """The environment of the processes to come; the addresses `page`, `api` and `reports`."""
+    page = f"http://{service.HERE}:{port}"
+    urls = {"page": page, "api": f"{page}/api", "reports": f"http://{service.HERE}:{port + 1}"}
+    _free(port)
+    _free(port + 1)
+    with files.writing(root / "reports"):
+        (root / "reports").mkdir(exist_ok=True)
+    password = _password(root)
+    os.environ |= {
+        "PREFECT_API_URL": urls["api"],
+        "PREFECT_SERVER_API_AUTH_STRING": password,
+        "PREFECT_API_AUTH_STRING": password,
+        "PREFECT_UI_API_URL": urls["api"],
+        REPORTS_URL: urls["reports"],
+        ROOT: str(root.resolve()),
+        PARENT: str(os.getpid()),
+    }
+    service.settle(root)
+    return urls
+
+
+def _password(root: Path) -> str:
+    """The same as ever, so that a browser keeps it; for the owner's eyes only."""
+    known = service.known_password(root)
+    path, new = root / service.HOME / service.PASSWORD, f"pipeline:{secrets.token_urlsafe(16)}"
+    with files.writing(path):
+        path.parent.mkdir(mode=0o700, parents=True, exist_ok=True)
+        if known and re.fullmatch(r"[!-~]+:[!-~]+", known):
+            path.chmod(0o600)
+            return known
+        path.unlink(missing_ok=True)  # half a password, of a full disk
+        with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+            file.write(new)
+    return new
+
+
+def _free(port: int, patience_s: float = 20.0) -> None:
+    """Wait for a port; a server that was stopped a moment ago may still hold it."""
+    until = time.monotonic() + patience_s
+    while time.monotonic() < until:
+        try:
+            socket.create_server((service.HERE, port)).close()
+            return
+        except OSError:
+            time.sleep(0.5)
+    raise UsageError(f"port {port} is taken by another program: choose another with --port")
+
+
+@contextlib.contextmanager
+def _recorded(root: Path, urls: dict[str, str]) -> Iterator[None]:
+    """A note of where this project is served, for `run` and for `doctor`."""
+    note = root / service.HOME / service.SERVING
+    files.write(note, dump(urls))
+    try:
+        yield
+    finally:
+        note.unlink(missing_ok=True)

@@ -1,0 +1,26 @@
+"""The unit with which systemd runs `pipeline serve`, for this project and whoever asks for it."""
+
+from __future__ import annotations
+
+import getpass
+import sys
+from importlib import resources
+from pathlib import Path
+
+import jinja2
+
+from pipeline.base.errors import UsageError
+
+
+def unit(root: Path) -> str:
+    """The text of the unit file.
+
+    Raises:
+        UsageError: systemd cannot name the folder.
+    """
+    paths = {"root": str(root.resolve()), "python": sys.executable}
+    for path in paths.values():
+        if any(sign in path for sign in " \t\n\"'\\%$"):
+            raise UsageError(f"systemd cannot run what lies in {path}: move it to a plain path")
+    template = (resources.files(__package__) / "pipeline.service.jinja").read_text("utf-8")
+    return jinja2.Template(template).render(user=getpass.getuser(), **paths)

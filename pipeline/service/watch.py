@@ -1,0 +1,349 @@
+"""By itself: find campaigns that are new or changed and complete, run them, tell who wants to know.
+
+What was made of a campaign is remembered beside its tables, so that neither a restart nor a
+campaign that cannot be read makes a run happen twice. Nothing that a folder holds, and nothing that
+goes wrong with it, keeps the others from being run.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import Any, Protocol
+
+from filelock import FileLock, Timeout
+from pydantic import ValidationError
+
+from pipeline.app.outcome import Outcome, failed
+from pipeline.base import files
+from pipeline.base.errors import CannotWrite, InputError
+from pipeline.base.preferences import Notify, Preferences
+from pipeline.base.strict import Strict
+from pipeline.service import notify, sync
+from pipeline.service import server as service
+from pipeline.service.guard import Guard
+from pipeline.store import campaign as campaigns
+from pipeline.store.campaign import Campaign, dump, recalled
+
+MEMORY = "seen.json"
+SERVICE = "service"
+"""In place of a campaign's name, where none is to blame."""
+_TOLD_AFTER = 3
+"""Attempts after which a run that broke for reasons of its own is told to the webhook."""
+_PAUSE_S, _GROWTH, _LONGEST_S = 60.0, 4.0, 86400.0
+"""Pause before the second attempt; what each further pause is times the last; the longest."""
+_ENTRIES = 100_000
+"""Of a folder, at most so many are looked at: a campaign has ten."""
+
+
+class Seen(Strict):
+    """What was made of a campaign, as `watch` and `serve` remember it.
+
+    Attributes:
+        print: Fingerprint of the folder and the code.
+        verdict: Its verdict, `rejected`, or `failed`; None before the first run.
+        said: Its verdict in a sentence, or why there is none.
+        attempts: How often it was tried since the folder changed.
+        tried: When that was last, by this machine's clock [s].
+        told: The verdict that was last told; None before the first.
+    """
+
+    print: str = ""
+    verdict: str | None = None
+    said: str = ""
+    attempts: int = 0
+    tried: float = 0.0
+    told: str | None = None
+
+    @property
+    def pause_s(self) -> float:
+        """How long to wait before it is tried again; endless where that helps nothing."""
+        if self.verdict != "failed":
+            return float("inf")
+        return float(min(_PAUSE_S * _GROWTH ** (min(self.attempts, 99) - 1), _LONGEST_S))
+
+    @property
+    def settled(self) -> bool:
+        """What is known of it is worth telling."""
+        return self.verdict is not None and (
+            self.verdict != "failed" or self.attempts >= _TOLD_AFTER
+        )
+
+
+@dataclass(frozen=True)
+class Clock:
+    """Time; another one in tests.
+
+    Attributes:
+        now: Seconds since 1970, by a clock that may be set back.
+        pause: Waits for so many seconds.
+    """
+
+    now: Callable[[], float] = time.time
+    pause: Callable[[float], None] = time.sleep
+
+
+class Work(Protocol):
+    """Who brings campaigns up to date: guard.Guard, or a pool of Prefect's workers."""
+
+    def campaign(self, campaign: Campaign) -> Outcome | None:
+        """One campaign; None where somebody else is at it."""
+
+    def pages(self) -> Outcome | None:
+        """The page over all of them; what went wrong, if anything did."""
+
+
+def fingerprint(folder: Path) -> str:
+    """Names, sizes and times of everything in a folder, and the code; cheap, reads no content."""
+    found = [campaigns.code_version().encode()]
+    found += [
+        b"%b:%d:%d" % (os.fsencode(name), size, time_ns) for name, size, time_ns in _in(folder)
+    ]
+    return files.sha256(b"\n".join(found))
+
+
+def _in(folder: Path) -> Iterator[tuple[str, int, int]]:
+    """Name, size and time of everything in a folder; links are not followed."""
+    waiting, left = [os.fspath(folder)], _ENTRIES
+    while waiting and left > 0:
+        here = waiting.pop()
+        try:
+            with os.scandir(here) as entries:
+                for entry in sorted(_some(entries, left), key=lambda one: one.name):
+                    left -= 1
+                    stat = entry.stat(follow_symlinks=False)
+                    yield entry.path, stat.st_size, stat.st_mtime_ns
+                    if entry.is_dir(follow_symlinks=False):
+                        waiting.append(entry.path)
+        except OSError as problem:  # a copy in progress renames its files; a folder may be closed
+            yield here, -1, problem.errno or 0
+
+
+def _some(entries: Iterator[os.DirEntry[str]], most: int) -> list[os.DirEntry[str]]:
+    return [entry for _, entry in zip(range(most), entries, strict=False)]
+
+
+def recall(campaign: Campaign) -> Seen:
+    """What is remembered of a campaign."""
+    try:
+        return Seen.model_validate(recalled(campaign.processed / MEMORY))
+    except ValidationError:
+        return Seen()
+
+
+def _remember(campaign: Campaign, seen: Seen) -> None:
+    """Keep it beside the tables."""
+    files.write(campaign.processed / MEMORY, dump(seen.model_dump()))
+
+
+def _waiting(root: Path, now: float) -> dict[Campaign, str]:
+    """Campaigns that changed since they were last looked at, with their fingerprints."""
+    prints = {campaign: fingerprint(campaign.folder) for campaign in campaigns.every(root)}
+    return {campaign: seen for campaign, seen in prints.items() if _due(campaign, seen, now)}
+
+
+def _due(campaign: Campaign, seen: str, now: float) -> bool:
+    """Whether there is something to do: new files, a lost report, a pause that is over."""
+    before = recall(campaign)
+    if before.print != seen:
+        return True
+    answered = before.verdict not in (None, "rejected", "failed")
+    if answered and not (campaign.reports / "result.json").is_file():
+        return True
+    # a clock that was set back must not make the pause a year
+    return abs(now - before.tried) >= before.pause_s
+
+
+def scan(
+    root: Path,
+    preferences: Preferences,
+    work: Work,
+    clock: Clock = Clock(),
+) -> Iterator[Outcome]:
+    """Run what is new or changed and has stopped growing; one that fails stops none of the others.
+
+    Args:
+        root: The project's root.
+        preferences: How long a folder must stay as it is, where campaigns live, whom to tell.
+        work: How campaigns are brought up to date.
+        clock: Of this machine.
+    """
+    last = service.Looked.of(root)
+    look = service.Looked(began=clock.now())
+    trouble = _noted(root, look)
+    drawn = last is not None and last.drawn  # else it was killed, or could not
+    try:
+        elsewhere = False
+        for made in _scan(root, preferences, work, clock, trouble):
+            look = look.model_copy(update={"alive": clock.now()})
+            trouble += _noted(root, look)
+            drawn = False
+            if made is None:
+                elsewhere = True
+            else:
+                yield made
+        if not drawn:
+            wrong = work.pages()
+            drawn = wrong is None and not elsewhere  # what ends there is drawn after the next look
+            trouble += [wrong] if wrong else []
+        trouble += sync.publish(root, preferences.storage)
+    except Exception as problem:  # the next look comes, whatever this one has met
+        trouble.append(failed(SERVICE, problem))
+    for campaign in campaigns.every(root):
+        trouble += _wrong(campaign.name, partial(_tell, campaign, preferences.notify))
+    ended = look.model_copy(update={"ended": clock.now(), "drawn": drawn})
+    trouble += _noted(root, ended)
+    yield from told_once(root, trouble)
+
+
+def _noted(root: Path, look: service.Looked) -> list[Outcome]:
+    """What went wrong when a look was noted for `doctor`."""
+    path = root / "data" / "processed" / service.LOOKED
+    return _wrong(SERVICE, partial(files.write, path, dump(look.model_dump())))
+
+
+def _scan(
+    root: Path,
+    preferences: Preferences,
+    work: Work,
+    clock: Clock,
+    trouble: list[Outcome],
+) -> Iterator[Outcome | None]:
+    """As `scan`; what went wrong beside the campaigns themselves is left in `trouble`."""
+    storage = preferences.storage
+    refused = sync.fetch(root, storage)
+    before = _waiting(root, clock.now())
+    if before:
+        clock.pause(preferences.service.quiet_s)
+        refused = sync.fetch(root, storage)  # what still grows there grows here, too
+    trouble += refused
+    for campaign, seen in before.items():
+        if fingerprint(campaign.folder) != seen:  # still being copied: the next look will take it
+            continue
+        made = work.campaign(campaign)
+        if made is not None:
+            trouble += _wrong(campaign.name, partial(_learn, campaign, seen, made, clock.now()))
+        yield made
+
+
+def attend(campaign: Campaign, seen: str, work: Work) -> Outcome | None:
+    """Bring one campaign up to date that a look has handed out, with the fingerprint it had then.
+
+    Returns:
+        None where it has changed since, which the next look sees, or somebody has been faster.
+    """
+    with _attending(campaign):
+        if fingerprint(campaign.folder) != seen or not _due(campaign, seen, time.time()):
+            return None
+        made = work.campaign(campaign)
+        if made is not None:
+            _learn(campaign, seen, made, time.time())
+        return made
+
+
+@contextmanager
+def _attending(campaign: Campaign, patience_s: float = -1.0) -> Iterator[None]:
+    """Hold a campaign that was handed out, from the first moment of its run to the last.
+
+    Raises:
+        Timeout: Somebody else holds it.
+        CannotWrite: The disk refuses.
+    """
+    lock = FileLock(campaign.processed / ".attended")
+    with files.writing(campaign.processed):
+        campaign.processed.mkdir(parents=True, exist_ok=True)
+    with lock.acquire(timeout=patience_s):
+        yield
+
+
+def attended(campaign: Campaign) -> bool:
+    """Whether somebody works at a campaign that was handed out."""
+    try:
+        with _attending(campaign, 0.0):
+            return False
+    except Timeout:
+        return True
+
+
+def _wrong(name: str, work: Callable[[], object]) -> list[Outcome]:
+    """What goes wrong where something is remembered or told of a campaign: a full disk, say."""
+    try:
+        work()
+    except Exception as problem:
+        return [failed(name, problem)]
+    return []
+
+
+def told_once(root: Path, trouble: list[Outcome]) -> list[Outcome]:
+    """What was not told at the last look; all of it where that cannot be remembered."""
+    try:
+        return sync.untold(root, trouble)
+    except CannotWrite as problem:
+        return [*trouble, failed(SERVICE, problem)]
+
+
+def _learn(campaign: Campaign, seen: str, made: Outcome, now: float) -> None:
+    before = recall(campaign)
+    new = {
+        "print": seen,
+        "verdict": verdict_of(made),
+        "said": said_of(made),
+        "attempts": before.attempts + 1 if before.print == seen else 1,
+        "tried": now,
+    }
+    _remember(campaign, before.model_copy(update=new))
+
+
+def verdict_of(made: Outcome) -> str:
+    """The verdict, `rejected` when the input was, or `failed` when trying again may help."""
+    if made.verdict is not None:
+        return made.verdict
+    lasting = made.exit_code == InputError.exit_code and not made.passing
+    return "rejected" if lasting else "failed"
+
+
+def said_of(made: Outcome) -> str:
+    """What became of a campaign, in words: its verdict, or why there is none."""
+    error = made.content.get("error")
+    return str(error["message"]) if error else _brief(made.content)
+
+
+def _brief(content: Mapping[str, Any]) -> str:
+    """The verdict and what to do, of all that the first screen says."""
+    return " ".join(content.get("verdict_sentence", [])[:2])
+
+
+def _tell(campaign: Campaign, whom: Notify) -> None:
+    """Tell a changed verdict once; what could not be delivered is tried again next time."""
+    seen = recall(campaign)
+    if seen.verdict == seen.told or not seen.settled:
+        return
+    if whom.webhook is None or notify.posted(whom.webhook, message(campaign, seen)):
+        _remember(campaign, recall(campaign).model_copy(update={"told": seen.verdict}))
+
+
+def message(campaign: Campaign, seen: Seen) -> dict[str, str | None]:
+    """What a webhook gets; `text` is the word that chats show."""
+    news = f"{seen.told} -> {seen.verdict}" if seen.told else str(seen.verdict)
+    return {
+        "text": f"{campaign.name}: {news}. {seen.said}".rstrip(),
+        "campaign": campaign.name,
+        "before": seen.told,
+        "verdict": seen.verdict,
+        "report": str((campaign.reports / "index.html").resolve()),
+    }
+
+
+def watch(root: Path, preferences: Preferences) -> Iterator[Outcome]:
+    """Look at data/raw again and again, without Prefect; ends with the process."""
+    wanted = preferences.service
+    with Guard(root, "local", wanted) as guard:
+        while True:
+            began = time.monotonic()
+            yield from scan(root, preferences, guard)
+            time.sleep(max(0.0, wanted.interval_s - (time.monotonic() - began)))

@@ -1,0 +1,147 @@
+"""The folder of a campaign as a page fills it: names, archives, what has changed."""
+
+import io
+import zipfile
+
+import pytest
+
+from pipeline.base.errors import UsageError
+from pipeline.page import desk as module
+from pipeline.page.desk import Desk, named
+
+
+@pytest.fixture
+def desk(tmp_path):
+    made = Desk(tmp_path, "hall")
+    made.folder.mkdir(parents=True)
+    return made
+
+
+def archive(**inside):
+    data = io.BytesIO()
+    with zipfile.ZipFile(data, "w", zipfile.ZIP_DEFLATED) as made:
+        for name, content in inside.items():
+            made.writestr(name.replace("!", "/"), content)
+    return data.getvalue()
+
+
+@pytest.mark.parametrize(
+    "name",
+    [
+        "",
+        ".env",
+        "..",
+        "a/b",
+        "a\\b",
+        "a\0b",
+        "a\nb",
+        "x" * 121,
+        "a.",
+        "a ",
+        "\u202egpj.exe",
+        'a"b',
+    ],
+)
+def test_a_name_that_is_none_is_refused(name):
+    """Nothing leaves the folder, hides in it, or reads otherwise than it is."""
+    with pytest.raises(UsageError, match="plain name"):
+        named(name)
+
+
+@pytest.mark.parametrize(
+    "name", ["tracker.csv", "Zugkraft Halle 7.xlsx", "Müller.txt", "a..b", "P1 (2).csv"]
+)
+def test_names_that_people_give_are_names(name):
+    """Blanks, umlauts, brackets."""
+    assert named(name) == name
+
+
+def test_a_file_that_is_dropped_twice_is_there_once(desk):
+    """The same bytes are nothing new; others of that name are asked about."""
+    assert desk.taken("a.csv", b"1") == ["a.csv"]
+    assert desk.taken("a.csv", b"1") == []
+    for name in ("a.csv", "A.CSV"):
+        with pytest.raises(UsageError, match="replace it"):
+            desk.taken(name, b"2")
+    assert desk.taken("a.csv", b"2", instead=True) == ["a.csv"]
+
+    assert (desk.folder / "a.csv").read_bytes() == b"2"
+    assert desk.names() == ["a.csv"]
+
+
+def test_an_archive_is_its_files(desk):
+    """Without their folders, what systems add, and archives within it."""
+    data = archive(
+        **{"x!a.csv": "1", "x!y!b.csv": "2", "__MACOSX!x": "3", ".DS_Store": "4", "in.zip": "5"}
+    )
+
+    assert sorted(desk.taken("all.ZIP", data)) == ["a.csv", "b.csv"]
+    assert desk.names() == ["a.csv", "b.csv"]
+
+
+@pytest.mark.parametrize(
+    ("data", "why"),
+    [
+        (b"no archive", "cannot be unpacked"),
+        (archive(**{"a.csv": "0" * 200_000})[:-300], "cannot be unpacked"),
+        (archive(**{"x!a.csv": "1", "y!A.csv": "2"}), "two files"),
+        (archive(**{f"f{k}.csv": "1" for k in range(501)}), "500 files"),
+        (archive(**{"a.csv": b"\0" * 3_000_000}), "more than 1 MB"),
+        (archive(**{f"{k}.csv": b"\0" * 600_000 for k in "ab"}), "more than 1 MB"),
+    ],
+)
+def test_an_archive_that_is_none_leaves_nothing(desk, monkeypatch, data, why):
+    """Damaged, ambiguous, or growing beyond all bounds as it is unpacked."""
+    monkeypatch.setattr(module, "MOST_BYTES", 2**20)
+
+    with pytest.raises(UsageError, match=why):
+        desk.taken("bomb.zip", data)
+    assert desk.names() == []
+
+
+def test_what_an_archive_says_of_its_sizes_is_not_believed(desk, monkeypatch):
+    """Sizes are counted as it is read."""
+    monkeypatch.setattr(module, "MOST_BYTES", 2**20)
+    data = bytearray(archive(**{"a.csv": b"\0" * 3_000_000}))
+    true = (3_000_000).to_bytes(4, "little")
+    data = bytes(data).replace(true, (10).to_bytes(4, "little"))
+
+    with pytest.raises(UsageError):
+        desk.taken("liar.zip", data)
+    assert desk.names() == []
+
+
+def test_a_link_is_no_file_of_the_campaign(desk, tmp_path):
+    """What it leads to is neither shown nor read nor removed."""
+    (tmp_path / "secret").write_text("x")
+    (desk.folder / "secret").symlink_to(tmp_path / "secret")
+
+    assert desk.names() == []
+    with pytest.raises(UsageError, match="no file"):
+        desk.removed("secret")
+
+
+def test_a_change_elsewhere_is_not_overwritten(desk):
+    """Two windows, or the terminal: who wrote last is not undone without a word."""
+    desk.taken("campaign.toml", b"a = 1\n")
+    seen = desk.digest("campaign.toml")
+    desk.written("a = 2\n", seen)
+
+    with pytest.raises(UsageError, match="changed elsewhere"):
+        desk.written("a = 3\n", seen)
+    assert desk.text() == "a = 2\n"
+
+
+def test_any_change_is_seen(desk):
+    """Content, name, one more, one less."""
+    desk.taken("a.csv", b"1")
+    seen = {desk.digest()}
+    for change in (
+        lambda: desk.taken("b.csv", b"1"),
+        lambda: desk.taken("b.csv", b"2", instead=True),
+        lambda: desk.removed("a.csv"),
+        lambda: (desk.folder / "b.csv").rename(desk.folder / "c.csv"),
+    ):
+        change()
+        assert desk.digest() not in seen
+        seen.add(desk.digest())

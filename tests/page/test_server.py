@@ -1,0 +1,255 @@
+"""The pages behind their door: who gets in, what is refused, what is armed when."""
+
+import json
+import shutil
+import socket
+import threading
+import time
+from pathlib import Path
+
+import httpx
+import pytest
+import uvicorn
+
+from pipeline.page import server
+
+DEMO = Path(__file__).parents[2] / "data" / "raw" / "kr500_demo"
+TOKEN = "a-token"
+
+
+@pytest.fixture
+def outside(tmp_path):
+    with socket.socket() as free:
+        free.bind((server.HERE, 0))
+        port = free.getsockname()[1]
+    pages = server.application(tmp_path, port, TOKEN)
+    running = uvicorn.Server(uvicorn.Config(pages, port=port, log_level="error"))
+    thread = threading.Thread(target=running.run)
+    thread.start()
+    while not running.started:
+        time.sleep(0.02)
+    at = f"http://{server.HERE}:{port}"
+    with httpx.Client(base_url=at, timeout=120, follow_redirects=True, trust_env=False) as client:
+        yield client
+    running.should_exit = True
+    thread.join(20)
+
+
+@pytest.fixture
+def client(outside):
+    assert outside.get(f"/enter?token={TOKEN}").status_code == 200
+    return outside
+
+
+def drop(client, *files, name="hall"):
+    client.post("/campaigns", content=json.dumps({"name": name}))
+    for file in files:
+        said = client.put(f"/c/{name}/file/{file.name}", content=file.read_bytes())
+        assert said.json()["problem"] == ""
+
+
+@pytest.fixture
+def demo(client):
+    """A whole campaign, as the terminal would have it."""
+    drop(
+        client, *(DEMO / one for one in ("tracker.csv", "loads.csv", "joints.csv", "campaign.toml"))
+    )
+    return client
+
+
+@pytest.mark.parametrize(
+    "way", ["/", "/c/hall/files", "/looks/page.js", "/enter?token=other", "/enter"]
+)
+def test_nobody_gets_in_without_the_token(outside, way):
+    """Not by an address, not by a wrong one."""
+    answer = outside.get(way)
+
+    assert answer.status_code == 403
+    assert TOKEN not in answer.text
+
+
+@pytest.mark.parametrize(
+    "headers",
+    [{"host": "evil.example"}, {"host": "127.0.0.1:1"}, {"origin": "http://evil.example"},
+     {"origin": "null"}],
+)  # fmt: skip
+def test_other_hosts_and_origins_are_turned_away(client, headers):
+    """Also with the cookie: a page of somebody else's, or a name that leads here."""
+    assert client.get("/", headers=headers).status_code == 403
+    assert client.post("/campaigns", content='{"name": "x"}', headers=headers).status_code == 403
+
+
+def test_the_cookie_is_for_us_alone(outside):
+    """No script reads it, no other site sends it."""
+    said = (
+        outside.get(f"/enter?token={TOKEN}", follow_redirects=False).headers["set-cookie"].lower()
+    )
+
+    assert "httponly" in said
+    assert "samesite=strict" in said
+
+
+@pytest.mark.parametrize(
+    "page",
+    ["/", "/c/hall/files", "/c/hall/setup", "/c/hall/check", "/c/hall/run", "/c/hall/answer"],
+)
+def test_pages_load_nothing_from_elsewhere(demo, page):
+    """And run no script that stands in their text."""
+    answer = demo.get(page)
+
+    assert answer.status_code == 200
+    policy = answer.headers["content-security-policy"]
+    assert "default-src 'none'" in policy
+    assert "unsafe" not in policy
+    assert "http" not in answer.text.replace("http://www.w3.org/2000/svg", "")
+
+
+HOSTILE = "<script>alert(1)</script>'\"><img src=x onerror=alert(1)>{{7*7}}"
+
+
+def test_what_a_stranger_writes_is_shown_as_it_is(demo):
+    """In a file's cells, in campaign.toml, in its comments."""
+    text = demo.get("/c/hall/setup").text
+    seen = text.partition('data-seen="')[2].partition('"')[0]
+    toml = (
+        DEMO / "campaign.toml"
+    ).read_text() + f"\n[robot_unit]\nserial = {json.dumps(HOSTILE)}   # {HOSTILE}\n"
+    assert (
+        demo.post("/c/hall/text", content=json.dumps({"text": toml, "seen": seen})).status_code
+        == 200
+    )
+    demo.put("/c/hall/file/odd.csv", content=f"group,{HOSTILE},x,y,z\na,{HOSTILE},1,2,3\n".encode())
+
+    for page in ("/c/hall/setup", "/c/hall/files", "/c/hall/look/odd.csv"):
+        body = demo.get(page).text
+
+        assert "<script>alert" not in body
+        assert "<img src=x" not in body
+        assert "49" not in body.partition("alert(1)")[2][:40]
+
+
+@pytest.mark.parametrize("name", ["%2e%2e", "..%2f..%2fetc", "a%2fb", ".hidden", "a%00"])
+def test_no_name_leads_out_of_the_folder(demo, tmp_path, name):
+    """Neither a campaign's, nor a file's, nor one of a report's."""
+    before = sorted(tmp_path.rglob("*"))
+
+    for method, way in (
+        ("GET", f"/c/{name}/files"),
+        ("PUT", f"/c/hall/file/{name}"),
+        ("DELETE", f"/c/hall/file/{name}"),
+        ("GET", f"/c/hall/report/{name}"),
+        ("GET", f"/c/hall/look/{name}"),
+        ("GET", f"/looks/{name}"),
+    ):
+        assert demo.request(method, way).status_code in (400, 404, 405)
+    assert sorted(tmp_path.rglob("*")) == before
+
+
+def test_run_is_armed_by_the_check_and_disarmed_by_any_change(demo):
+    """A file that is touched after it was checked is another campaign."""
+    assert "check first" in demo.post("/c/hall/run").json()["problem"]
+    assert demo.post("/c/hall/check").json()["problem"] == ""
+    assert "Accepted as it is now" in demo.get("/c/hall/check").text
+    assert "disabled" not in demo.get("/c/hall/run").text
+
+    demo.put("/c/hall/file/note.txt", content=b"moved the tracker at noon")
+
+    assert "check again" in demo.get("/c/hall/check").text
+    assert "disabled" in demo.get("/c/hall/run").text
+    assert "check first" in demo.post("/c/hall/run").json()["problem"]
+
+
+def test_a_wrong_line_is_shown_beside_its_reason(demo, tmp_path):
+    """And nothing runs."""
+    path = tmp_path / "data" / "raw" / "hall" / "campaign.toml"
+    path.write_text(path.read_text().replace("[naming]", "[naming]\nmeasurde = 3"))
+
+    demo.post("/c/hall/check")
+
+    page = demo.get("/c/hall/check").text
+    assert "measurde" in page
+    assert "Not accepted" in page
+    assert demo.post("/c/hall/run").status_code == 400
+
+
+def until(client, *states, most_s=120):
+    end = time.monotonic() + most_s
+    while (now := client.get("/c/hall/progress").json())["state"] not in states:
+        assert time.monotonic() < end, now
+        time.sleep(0.3)
+    return now
+
+
+def test_a_run_gives_the_answer_of_the_command(demo, tmp_path):
+    """The same result.json; a second Run while it runs is the same run."""
+    demo.post("/c/hall/check")
+    assert demo.post("/c/hall/run").json()["problem"] == ""
+    assert demo.post("/c/hall/run").json()["problem"] == ""
+    until(demo, "done")
+
+    found = json.loads((tmp_path / "reports" / "hall" / "result.json").read_text())
+    page = demo.get("/c/hall/answer").text
+    assert found["diagnosis"]["verdict"] == "adequate"
+    assert "Joint springs explain the readings" in page
+    report = demo.get("/c/hall/report/index.html")
+    assert "sandbox" in report.headers["content-security-policy"]
+    assert "allow-same-origin" not in report.headers["content-security-policy"]
+
+
+def test_a_run_that_is_cancelled_leaves_nothing(demo, tmp_path):
+    """No report, and the next run begins at once."""
+    demo.post("/c/hall/check")
+    demo.post("/c/hall/run")
+    time.sleep(1.0)
+    demo.post("/c/hall/cancel")
+
+    assert until(demo, "cancelled", "done")["state"] == "cancelled"
+    assert not (tmp_path / "reports" / "hall" / "result.json").exists()
+    assert demo.post("/c/hall/run").json()["problem"] == ""
+    until(demo, "done")
+
+
+def test_from_files_to_fields_and_back(client, tmp_path):
+    """campaign.toml is written for the files; each field is a line of it; comments stay."""
+    drop(client, *(DEMO / one for one in ("tracker.csv", "loads.csv", "joints.csv")))
+    assert client.post("/c/hall/init").json()["go"].endswith("/setup")
+    page = client.get("/c/hall/setup").text
+    seen = page.partition('data-seen="')[2].partition('"')[0]
+    path = tmp_path / "data" / "raw" / "hall" / "campaign.toml"
+    line = next(
+        k for k, one in enumerate(path.read_text().splitlines(), 1) if one.startswith("# P2 = ?")
+    )
+
+    typed = {"line": line, "said": ["-120", "190,5", "100"], "unit": "mm", "seen": seen}
+    said = client.post("/c/hall/fill", content=json.dumps(typed)).json()
+
+    assert said["problem"] == ""
+    assert path.read_text().splitlines()[line - 1] == "P2 = [-0.12, 0.1905, 0.1]"
+    old = client.post(
+        "/c/hall/fill", content=json.dumps({"line": line, "said": ["1", "1", "1"], "seen": seen})
+    )
+    assert "changed elsewhere" in old.json()["problem"]
+
+
+def test_a_campaign_of_the_terminal_opens(client, tmp_path):
+    """Whatever was begun elsewhere goes on here, with what it waits for."""
+    shutil.copytree(DEMO, tmp_path / "data" / "raw" / "kr500_demo")
+
+    assert 'href="/c/kr500_demo/check"' in client.get("/").text
+
+
+@pytest.mark.parametrize(
+    ("method", "way", "body"),
+    [("POST", "/campaigns", b"\xff"), ("POST", "/campaigns", b"[]"),
+     ("POST", "/campaigns", b'{"name": "a/b"}'),
+     ("POST", "/c/hall/fill", b'{"line": "x"}'), ("POST", "/c/hall/fill", b"{}"),
+     ("POST", "/c/hall/text", b'{"text": "a = ", "seen": ""}'), ("GET", "/c/other/files", b""),
+     ("POST", "/c/hall/fill", b"x" * (2**20 + 1)), ("PUT", "/c/hall/file/a.zip", b"PK\x03\x04 no")],
+)  # fmt: skip
+def test_what_cannot_be_taken_is_a_sentence(demo, method, way, body):
+    """Never an internal error."""
+    answer = demo.request(method, way, content=body)
+
+    assert answer.status_code == 400
+    assert "internal error" not in answer.text
+    assert answer.json()["problem"]

@@ -1,0 +1,182 @@
+"""Campaigns of positions in the one table of verdicts: what green means, and what is told of it."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.transform import Rotation
+from test_geometry import TOOL, made, stands, weightless
+
+from pipeline.answer.positions import Positions, answer
+from pipeline.diagnosis.positions import bounds_of, facts_of
+from pipeline.diagnosis.verdict import findings, verdict
+from pipeline.faults.mistake import outlying
+from pipeline.geometry import blunders
+from pipeline.geometry.begin import begin
+from pipeline.geometry.identify import Wanted
+from pipeline.geometry.named import Data
+from pipeline.geometry.scatter import start
+from pipeline.geometry.study import Stage, Step, Study, _without_blunders
+from pipeline.geometry.worth import distances, partings
+from pipeline.machine.robot import load
+from pipeline.store.campaign import in_memory
+
+ROBOT = load("ur10")
+TURN = Rotation.from_euler("xyz", [0.3, -0.2, 1.0]).as_matrix()
+
+
+def read(m=60, seed=1, noise=2e-5, targets=1):
+    """Points on the effector of a machine by other formulas."""
+    rng = np.random.default_rng(seed)
+    readings = made(m, rng, noise=0.0)
+    at, turn = stands(readings.q, 1e-5 * rng.standard_normal(readings.q.shape))
+    axes = turn @ TURN.T
+    points = np.array([TOOL, TOOL + np.array([0.1, 0, 0]), TOOL + np.array([0, 0.15, 0.05])])[
+        :targets
+    ]
+    every = at[:, None] + np.einsum("mij,tj->mti", axes, points - TOOL)
+    every += noise * rng.standard_normal(every.shape)
+    return replace(
+        readings,
+        targets=np.array(list("ABC")[:targets], dtype=object),
+        six=np.zeros(targets, dtype=bool),
+        at=every,
+        turn=np.tile(np.eye(3), (m, targets, 1, 1)),
+    )
+
+
+def data(readings, sigma=None):
+    return Data(readings, weightless(len(readings)), (np.nan, np.nan), start(ROBOT, sigma))
+
+
+def nothing(every):
+    """No reading is out."""
+    return np.zeros(every.readings.at.shape[:2], dtype=bool)
+
+
+def estimated(every):
+    begun = begin(ROBOT, every.readings, {})
+    nominal = every.identify(begun, Wanted(False, False))
+    return nominal, every.identify(nominal.mechanism, Wanted(springs=False))
+
+
+def studied(readings, sigma=None):
+    """Nominal and identified table, without the search for laws."""
+    every = data(readings, sigma)
+    nominal, table = estimated(every)
+    parts = partings(readings, np.random.default_rng(0), rail=False)
+    steps = ((Step.TABLE, nominal), (Step.LETTERS, table), (Step.SPRINGS, table))
+    stages = tuple(
+        Stage(step, found, {k: distances(found, part) for k, part in parts.items()})
+        for step, found in steps
+    )
+    return Study(stages, (), (), (), (), every)
+
+
+@pytest.fixture(scope="module")
+def clean():
+    return studied(read(), 2e-5)
+
+
+def test_a_clean_campaign_keeps_the_bounds(clean):
+    got = bounds_of(clean)
+
+    assert not got.faulty
+    assert got.left < 1e-4
+    assert verdict(facts_of(clean, ROBOT)) == "adequate"
+
+
+@pytest.mark.parametrize("targets", [1, 3])
+def test_20_mm_of_noise_where_a_fiftieth_is_stated_are_unexplained(targets):
+    """The joints may err by as much as they like: no machine does so."""
+    found = studied(read(noise=2e-2, targets=targets), 2e-5)
+    facts = facts_of(found, ROBOT)
+
+    assert facts.bounds.faulty
+    assert verdict(facts) == "unexplained"
+    assert "beyond_noise" in [row.finding for row in findings(facts)]
+
+
+def test_targets_of_a_pose_show_their_own_noise():
+    """0.5 mm where 0.02 mm is stated: joints could err so, three points of one body could not."""
+    one, three = (bounds_of(studied(read(noise=5e-4, targets=t), 2e-5)) for t in (1, 3))
+
+    assert not one.faulty
+    assert three.stated
+    assert three.tracker == pytest.approx(25.0, rel=0.3)
+    assert three.faulty
+
+
+def test_positions_that_nothing_predicts_are_unexplained():
+    """Joint values of other poses, none in place: what is left is as large as the motion."""
+    readings = read()
+    order = np.random.default_rng(2).permutation(60)
+    facts = facts_of(studied(replace(readings, q=readings.q[order]), 2e-5), ROBOT)
+
+    assert facts.bounds.left > 0.25
+    assert verdict(facts) == "unexplained"
+
+
+def told(found, mistakes=()):
+    rows = pd.DataFrame(np.rad2deg(found.final.readings.q))
+    rows.columns = [f"theta{k}_deg" for k in range(1, 7)]
+    xyz = 1e3 * found.final.readings.at[:, 0]
+    rows = rows.assign(x_mm=xyz[:, 0], y_mm=xyz[:, 1], z_mm=xyz[:, 2])
+    toml = 'format = 1\nname = "h"\nrobot = "ur10"\n[positions]\nfile = "p.csv"\n'
+    raw = in_memory({"campaign.toml": toml.encode(), "p.csv": rows.to_csv(index=False).encode()})
+    none = pd.DataFrame(columns=["file", "line", "reason"])
+    return answer(Positions.of("h", raw, found, mistakes, none))
+
+
+def test_mistakes_and_what_is_refuted_give_the_controller_no_number(clean):
+    """In words that say so, and the verdict with its reason."""
+    wrong = outlying("pose03/A", "A of pose 3 is off", "recomputed without", before=9.0, unit="mm",
+                     size=9e-3, at=("p.csv:4",), correct=lambda rows: rows)  # fmt: skip
+    rough = studied(read(noise=2e-2), 2e-5)
+    said = {"good": told(clean), "bad": told(clean, (wrong,)), "rough": told(rough)}
+    numbers = {
+        key: next(line.text for line in one.first_screen if line.about == "numbers")
+        for key, one in said.items()
+    }
+
+    assert [one.diagnosis.verdict for one in said.values()] == [
+        "adequate", "bad_data", "unexplained",
+    ]  # fmt: skip
+    assert numbers["bad"].startswith("None")
+    assert numbers["rough"].startswith("None")
+    assert not numbers["good"].startswith("None")
+    assert said["bad"].recommended.reason == "mistake"
+    assert said["bad"].diagnosis.causes[0].readings == ("p.csv:4",)
+    assert "scatter by" in said["rough"].diagnosis.why
+
+
+def test_bad_readings_of_ten_times_the_noise_are_found_and_no_good_one():
+    """One in twenty, of a single target; the noise that is found is that without them."""
+    readings, rng = read(90, noise=1e-4), np.random.default_rng(5)
+    bad = rng.choice(90, 5, replace=False)
+    at, off = readings.at.copy(), rng.standard_normal((5, 3))
+    at[bad, 0] += 2e-3 * off / np.linalg.norm(off, axis=1)[:, None]
+    every = data(replace(readings, at=at))
+    _, table = estimated(every)
+
+    left, found, out = _without_blunders(every, every, table, nothing(every))
+
+    assert np.flatnonzero(out.which.any(axis=1)).tolist() == sorted(bad.tolist())
+    assert len(left.readings) == 85
+    assert np.allclose(out.size_m[sorted(bad), 0], 2e-3, rtol=0.3)
+    again = blunders.off(found, every.readings, every.weights, out.which)
+    assert np.array_equal(again.which, out.which)
+
+
+def test_a_bad_target_leaves_the_rest_of_its_pose():
+    readings = read(40, targets=3)
+    at = readings.at.copy()
+    at[7, 1] += [0.0, 0.003, 0.0]
+    every = data(replace(readings, at=at))
+
+    left, _, out = _without_blunders(every, every, estimated(every)[1], nothing(every))
+
+    assert np.argwhere(out.which).tolist() == [[7, 1]]
+    assert np.isfinite(left.readings.at[7, 0]).all()
+    assert len(left.readings) == 40

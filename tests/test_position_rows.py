@@ -1,0 +1,147 @@
+"""Tables of positions with wrong rows, columns and names, of a machine by other formulas."""
+
+import numpy as np
+import pandas as pd
+import pytest
+from test_geometry import TOOL, TURN, made, stands
+
+from pipeline.faults.position_rows import Sheet, position_rows
+from pipeline.geometry.positioned import as_read
+from pipeline.store.campaign import in_memory
+
+JOINTS = [f"theta{k}_deg" for k in range(1, 7)]
+TOML = 'format = 1\nname = "a hall"\nrobot = "ur10"\n[positions]\nfile = "p.csv"\n'
+MARKS = {"A": TOOL, "B": TOOL + np.array([0.1, 0.0, 0.0]), "C": TOOL + np.array([0.0, 0.15, 0.05])}
+NAMED = TOML + "[tool]\n" + "".join(f"{k} = {list(map(float, v))}\n" for k, v in MARKS.items())
+
+
+@pytest.fixture(scope="module")
+def right():
+    """Sixty poses of one target of a machine whose table is off by a millimetre."""
+    readings = made(60, np.random.default_rng(3))
+    rows = pd.DataFrame(np.rad2deg(readings.q), columns=JOINTS)
+    return rows.assign(**{f"{a}_mm": 1e3 * readings.at[:, 0, k] for k, a in enumerate("xyz")})
+
+
+def three(right):
+    """The same poses with three targets on the effector, a row each."""
+    at, turn = stands(np.deg2rad(right[JOINTS].to_numpy()), 0.0)
+    axes = turn @ TURN.T
+    parts = []
+    for name, point in MARKS.items():
+        there = 1e3 * (at + axes @ (point - TOOL))
+        rows = right.assign(pose=np.arange(1, len(right) + 1), target=name)
+        parts.append(rows.assign(**{f"{a}_mm": there[:, k] for k, a in enumerate("xyz")}))
+    return pd.concat(parts).sort_values(["pose", "target"], ignore_index=True)
+
+
+def sheet(rows, toml=TOML):
+    raw = in_memory({"campaign.toml": toml.encode(), "p.csv": rows.to_csv(index=False).encode()})
+    return Sheet(raw.robot, raw.settings, as_read(raw.settings, raw.robot, raw.files)[0])
+
+
+def screened(rows, toml=TOML):
+    found, put_right = position_rows(sheet(rows, toml))
+    return found, put_right.rows
+
+
+def joints(rows):
+    return np.rad2deg(rows[[name.removesuffix("_deg") for name in JOINTS]].to_numpy())
+
+
+def with_joints(rows, values):
+    return rows.assign(**dict(zip(JOINTS, np.asarray(values).T, strict=True)))
+
+
+def test_a_right_table_has_no_mistake(right):
+    """Nor do three targets of a pose, with and without their places on the tool."""
+    for rows, toml in ((right, TOML), (three(right), TOML), (three(right), NAMED)):
+        found, left = screened(rows, toml)
+
+        assert found == []
+        assert len(left) == len(rows)
+
+
+def test_two_rows_that_stand_for_each_other_are_named_with_their_lines(right):
+    q = right[JOINTS].to_numpy(copy=True)
+    q[[5, 40]] = q[[40, 5]]
+
+    (one,), put_right = screened(with_joints(right, q))
+
+    assert (one.name, one.where) == ("exchanged", "pose06/pose41")
+    assert one.at == ("p.csv:7", "p.csv:42")
+    assert np.allclose(joints(put_right), right[JOINTS])
+
+
+@pytest.mark.parametrize("first", [0, 20, 45])
+def test_joint_rows_off_by_one_are_named_from_where_on_they_are(right, first):
+    """All of them, most, or the last ones: a row too few, or one written twice."""
+    q = right[JOINTS].to_numpy(copy=True)
+    q[first:] = np.roll(q[first:], 1, axis=0)
+
+    (one,), put_right = screened(with_joints(right, q))
+
+    assert one.name == "exchanged"
+    assert one.where == f"pose{first + 1:02d}/pose60 off by one"
+    assert one.at == tuple(f"p.csv:{k + 2}" for k in range(first, 60))
+    assert np.allclose(joints(put_right), right[JOINTS])
+
+
+def test_joint_rows_that_are_shuffled_find_their_positions(right):
+    """Neither tool nor frame is known: order and frame are found together."""
+    order = np.random.default_rng(2).permutation(60)
+    moved = np.flatnonzero(order != np.arange(60))
+
+    found, put_right = screened(with_joints(right, right[JOINTS].to_numpy()[order]))
+
+    assert {one.name for one in found} == {"exchanged"}
+    assert sorted(at for one in found for at in one.at) == sorted(f"p.csv:{k + 2}" for k in moved)
+    assert np.allclose(joints(put_right), right[JOINTS])
+
+
+@pytest.mark.parametrize(
+    ("column", "factor", "where"),
+    [("z_mm", 1e-3, "z_m"), ("theta3_deg", np.pi / 180, "theta3_rad")],
+)
+def test_a_column_in_another_unit_is_named(right, column, factor, where):
+    (one,), put_right = screened(right.assign(**{column: right[column] * factor}))
+
+    assert (one.name, one.where, one.since) == ("unit_mixup", where, None)
+    assert np.allclose(joints(put_right), right[JOINTS])
+    assert np.allclose(1e3 * put_right["z"], right["z_mm"])
+
+
+def test_a_unit_that_changes_in_mid_file_is_named_with_the_line(right):
+    x = right["x_mm"].to_numpy(copy=True)
+    x[35:] *= 1e-3
+
+    (one,), put_right = screened(right.assign(x_mm=x))
+
+    assert (one.name, one.where, one.since) == ("unit_mixup", "x_m", "p.csv:37")
+    assert np.allclose(1e3 * put_right["x"], right["x_mm"])
+
+
+def test_columns_that_stand_for_each_other_are_named(right):
+    q = right[JOINTS].to_numpy()[:, [0, 3, 2, 1, 4, 5]]
+
+    (one,), _ = screened(with_joints(right, q))
+
+    assert (one.name, one.where) == ("exchanged", "theta2/theta4")
+
+
+@pytest.mark.parametrize("toml", [TOML, NAMED])
+@pytest.mark.parametrize("true", [{0: "B", 1: "A"}, {0: "B"}, {0: "Bee"}])
+def test_a_wrong_name_of_a_target_is_named_with_its_line(right, toml, true):
+    """Two that are exchanged, one written twice, and one that nobody knows."""
+    rows = three(right)
+    names = rows["target"].to_numpy(object)
+    names[[30 + k for k in true]] = list(true.values())
+
+    rows = rows.assign(was=rows["target"], target=names)
+    if true == {0: "B"}:  # the true one of that pose was not read
+        rows = rows.drop(31)
+    (one,), put_right = screened(rows.drop(columns="was"), toml)
+
+    assert one.name == "label_swap"
+    assert one.at == tuple(f"p.csv:{32 + k}" for k in true)
+    assert put_right["target"].tolist() == rows["was"].tolist()
