@@ -105,7 +105,7 @@ def _listed(robot: Robot, q: Array, tau: Array) -> Iterator[Listed]:
             yield Listed("joint_lost_motion", Law(joint, "step", "torque", joint, 0.0))
         for order in _WAVES:
             name = "compensator" if joint == shoulder and order < _WAVES[-1] else ""
-            if name or order * np.ptp(q[:, joint - 1]) > 2 * np.pi:
+            if name or order * np.ptp(q[:, joint - 1]) > np.pi:
                 yield Listed(name, Law(joint, "periodic", "angle", joint, order))
 
 

@@ -16,6 +16,7 @@ from pipeline.geometry.estimate import (
     Rows,
     Solution,
     again,
+    by_a_factor,
     larger,
     padded,
     prior,
@@ -155,6 +156,8 @@ def identify(
         if turn + 1 == _MOST or (still and turn + 1 >= _FEWEST):
             break
         mechanism, here = moved, then
+    if mechanism.unknown:
+        found = by_a_factor(whitened, mechanism, found)
     return Identified(moved, readings, weights, known, scatter, here, whitened, found, wanted)
 
 
@@ -203,14 +206,15 @@ def _equipped(begun: Mechanism, readings: Readings, wanted: Wanted) -> Mechanism
     if wanted.yields != bool(elements):
         elements = yielding(begun.table) if wanted.yields else ()
     kept = len(elements) == len(begun.elements)
-    moments = begun.moments
+    moments, compliance = begun.moments, begun.compliance
     if wanted.moments and not begun.unknown:
-        moments = usual(begun.table)[0]
+        moments, compliance = usual(begun.table)[0], begun.table.nominal_compliance
     return replace(
         begun,
         elements=elements,
         yields=begun.yields if kept else np.zeros(len(sizes(elements))),
         moments=moments,
+        compliance=compliance,
         unknown=wanted.moments,
         laws=wanted.laws,
         amplitudes=amplitudes,
