@@ -99,6 +99,11 @@ class Identified(Locked):
     wanted: Wanted
 
     @property
+    def likely(self) -> float:
+        """Log of the likelihood of the readings, whatever the parameters are."""
+        return self.solution.evidence + float(linear.log_det(self.rows.W).sum())
+
+    @property
     def left(self) -> Array:
         """Readings minus mechanism [m], [rad], shape (m, 6 t), F_b."""
         e = self.rows.y - self.rows.along(self.solution.x)
