@@ -84,8 +84,8 @@ def wrong_entries(found: Study) -> list[Mistake]:
 def _entry(one: TableMistake) -> Mistake:
     row = "" if one.joint is None else f" of joint {one.joint}"
     if one.entry and one.said is not None and one.value is not None:
-        what = f"the robot file has {one.entry} = {plain(one.said, 6)}{row}, and "
-        what += f"{plain(one.value, 6)} is right"
+        what = f"the robot file has {one.entry} = {plain(one.said, 4)}{row}, and "
+        what += f"{plain(one.value, 4)} is right"
     else:
         what = f"the robot file is wrong in {one.entry or one.where}{row}"
     return Mistake(
