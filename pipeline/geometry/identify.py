@@ -42,8 +42,9 @@ noise; where a torque is about zero, steps of its sign come and go."""
 _STILL = 2e-3
 """How far a compliance may come from the last linearisation, over its nominal size."""
 
-_STEPS, _LATER = 4, 2
-"""Steps of scatter and sizes before the second linearisation, and between later ones."""
+_STEPS = (4, 2, 2)
+"""Steps of scatter and sizes before the first linearisation is left, the second, and later ones; an
+estimate that begins where another one ended is beyond the first."""
 
 _SIZE = {True: 1e-4, False: 2e-4}
 """Of a curve before any data: sliding [m], turning [rad]."""
@@ -131,11 +132,13 @@ def identify(
         known: Priors of an earlier estimate, to begin with.
     """
     mechanism = _equipped(begun, readings, wanted)
+    shapes = [[(c.screw, c.length) for c in one.curves] for one in (begun, mechanism)]
+    warm = known is not None and shapes[0] == shapes[1]
     before = prior(mechanism, stated, weights.payloads)
     known = _only(_scaled(before, mechanism, known), mechanism, wanted)
     here = linearised(readings, mechanism, weights)
     for turn in range(_MOST):
-        for _ in range(_STEPS if turn == 0 else _LATER if turn < _SETTLED else 0):
+        for _ in range(_steps(turn, warm)):
             whitened = rows(here, mechanism, scatter)
             found = solved(whitened, mechanism, known)
             scatter = again(whitened, here, found, scatter)
@@ -153,6 +156,13 @@ def identify(
             break
         mechanism, here = moved, then
     return Identified(moved, readings, weights, known, scatter, here, whitened, found, wanted)
+
+
+def _steps(turn: int, warm: bool) -> int:
+    """How often scatter and sizes are estimated anew before a linearisation is left."""
+    if turn >= _SETTLED:
+        return 0
+    return _STEPS[min(turn + warm, len(_STEPS) - 1)]
 
 
 def _scaled(new: Prior, mechanism: Mechanism, earlier: Prior | None) -> Prior:
@@ -232,7 +242,7 @@ def likeliest(found: Identified, choices: Sequence[Wanted]) -> Wanted:
         if found.mechanism.curves or wanted.bed is not None:
             here = linearised(found.readings, mechanism, found.weights)
         known = found.known
-        for _ in range(_STEPS):
+        for _ in range(_STEPS[0]):
             whitened = rows(here, mechanism, scatter)
             solution = solved(whitened, mechanism, known)
             scatter = again(whitened, here, solution, scatter)

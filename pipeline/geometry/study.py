@@ -152,8 +152,8 @@ def study(
     gross = _gross(every, begun)
     data = every.without(gross)
     base, names = _base(data, begun)
-    every, base, of, chances = _apart(every, data, base, rng)
-    begun, data = _framed(begun, of), every.without(gross)
+    every, data, base, of, chances = _apart(every, data, base, rng)
+    begun = _framed(begun, of)
     data, base, late = _without_blunders(every, data, base, gross)
     parts = partings(data.readings, rng, rail(robot))
     whole = with_laws(data, base, names, parts, rng)
@@ -174,8 +174,7 @@ def study(
     bad = tuple(_listed(every.readings, late))
     moved = tuple(_moves(whole.found, chances))
     sag = () if weighs(robot) else tuple(_sag(stages, rng))
-    causes = (*sag, *whole.causes)
-    return Study(stages, whole.laws, bad, moved, causes, mistakes, every)
+    return Study(stages, whole.laws, bad, moved, (*sag, *whole.causes), mistakes, every)
 
 
 def _sag(stages: Sequence[Stage], rng: np.random.Generator) -> Iterator[Cause]:
@@ -235,15 +234,15 @@ def _plain(data: Data, begun: Mechanism) -> Iterator[Identified]:
 
 def _apart(
     every: Data, data: Data, found: Identified, rng: np.random.Generator
-) -> tuple[Data, Identified, list[int], dict[str, float]]:
-    """All readings with another series wherever the instrument moved, by some of them.
+) -> tuple[Data, Data, Identified, list[int], dict[str, float]]:
+    """All readings and some of them, with another series wherever the instrument moved.
 
     Rail, joints and time are in the estimate already and compete; a move counts only where stations
     or joint angles that were left out are then nearer for certain.
 
     Returns:
-        All readings, the estimate from some, what series each of them was before, and by what
-        chance each began, by name.
+        All readings, some of them, the estimate from these, what series each was before, and by
+        what chance each began, by name.
     """
     of = list(range(len(data.readings.names)))
     chances: dict[str, float] = {}
@@ -264,7 +263,7 @@ def _apart(
         data, found = then, trial
         of.insert(new, of[new - 1])
         chances[str(data.readings.names[new])] = moved.p
-    return every, found, of, chances
+    return every, data, found, of, chances
 
 
 def _place(every: Readings, some: Readings, pose: int) -> int:
