@@ -1,6 +1,7 @@
 """`python -m bench.picture FILE`: the packages of pipeline/, each above all that it imports.
 
 Drawn from the code's own imports. Of the imports only those are drawn that no other one implies.
+The outbuildings, which the core can do without, stand beside it on one floor.
 """
 
 from __future__ import annotations
@@ -13,6 +14,12 @@ import matplotlib
 from matplotlib.figure import Figure
 
 PACKAGE = Path(__file__).parents[1] / "pipeline"
+
+
+def outbuildings() -> list[str]:
+    """Packages whose first page says that they are one."""
+    pages = sorted(PACKAGE.glob("*/__init__.py"))
+    return [one.parent.name for one in pages if one.read_text("utf-8").startswith('"""Outbuilding')]
 
 
 def packages() -> dict[str, set[str]]:
@@ -62,7 +69,8 @@ def main(file: str) -> None:
     """Draw them."""
     matplotlib.rcParams["svg.hashsalt"] = "packages"
     matplotlib.rcParams["svg.fonttype"] = "none"
-    uses = packages()
+    everything, beside = packages(), outbuildings()
+    uses = {name: mine for name, mine in everything.items() if name not in beside}
     height = floors(uses)
     rows = [sorted(n for n in uses if height[n] == k) for k in range(max(height.values()) + 1)]
     at = {
@@ -70,6 +78,8 @@ def main(file: str) -> None:
         for row in rows
         for k, name in enumerate(row)
     }
+    right = max(x for x, _ in at.values()) + 3.0
+    at |= {name: (right, 2 * k + 1) for k, name in enumerate(beside)}
     canvas = Figure(figsize=(7, 0.62 * len(rows)))
     axes = canvas.add_axes((0.0, 0.0, 1.0, 1.0))
     axes.set_axis_off()
@@ -80,10 +90,13 @@ def main(file: str) -> None:
             )
     for name, (x, y) in at.items():
         words = f"{name}  {lines_of(name)}"
-        box = {"boxstyle": "round,pad=0.35", "facecolor": "white", "edgecolor": "0.3"}
+        box = {
+            "boxstyle": "round,pad=0.35",
+            "facecolor": "0.93" if name in beside else "white",
+            "edgecolor": "0.3",
+        }
         axes.text(x, y, words, ha="center", va="center", fontsize=9, bbox=box)
-    wide = max(abs(x) for x, _ in at.values()) + 1.6
-    axes.set_xlim(-wide, wide)
+    axes.set_xlim(min(x for x, _ in at.values()) - 1.6, right + 1.6)
     axes.set_ylim(-0.6, len(rows) - 0.4)
     canvas.savefig(file, metadata={"Date": None})
 

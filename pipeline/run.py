@@ -225,13 +225,13 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
 
 
 def _enough(data: Measured, robot: Robot) -> None:
-    """One coordinate at least, and more than stiffnesses where they must tell the noise too.
+    """As of `Measured.enough`.
 
     Raises:
         InputError: Fewer.
     """
-    size, noise = data.delta.size, data.noise_stated or data.found_m is not None
-    if size == 0 or (size <= robot.n and not noise):
+    size, noise = data.delta.size, data.tells_noise
+    if not data.enough(robot.n):
         raise InputError(
             f"{size} displacement coordinates for {robot.n} stiffnesses"
             + ("" if size < robot.n else " leave none to tell the noise from"),

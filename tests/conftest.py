@@ -2,9 +2,10 @@
 
 from __future__ import annotations
 
+import contextlib
 import signal
 from collections import defaultdict
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 
 import pytest
 
@@ -52,11 +53,20 @@ def _shares(item: pytest.Item) -> bool:
     return any(one.scope == "module" for found in known.values() for one in found)
 
 
-@pytest.fixture
-def unseen(monkeypatch: pytest.MonkeyPatch) -> None:
+@contextlib.contextmanager
+def without_pages() -> Iterator[None]:
     """Runs in this process leave blank pages: drawing is two thirds of a run on a few poses."""
-    blank = {"index.html": b"", "report.pdf": b""}
-    monkeypatch.setattr("pipeline.run.render", lambda *_: blank)
+    with pytest.MonkeyPatch.context() as patch:
+        blank = {"index.html": b"", "report.pdf": b""}
+        patch.setattr("pipeline.run.render", lambda *_: blank)
+        yield
+
+
+@pytest.fixture
+def unseen() -> Iterator[None]:
+    """A test `without_pages`."""
+    with without_pages():
+        yield
 
 
 @pytest.fixture(scope="session")

@@ -46,10 +46,7 @@ def test_every_rate_is_used_where_a_test_is_made():
 
 
 KNOWN = {
-    "reading._FITS": "choice of the model that readings are tested beside",
-    "pose_moved._FITS": "a pose is named only where all else fits",
     "pose_moved._ALONE": "takes back what other poses show, too",
-    "drift._FITS": "takes back a motion that is not rigid",
     "base_reading._AGREES": "takes back what others contradict",
     "base_reflector._AGREE": "takes back what others contradict",
     "unloaded_geometry._MISFIT": "asks for causes only where positions do not fit",

@@ -29,8 +29,18 @@ PURE = (
     "simulate",
     "geometry",
     "fleet/wear",
+    "intake",
 )
-SPEAKING = ("command.py", "plan_files.py", "plan_figures.py", "corrected.py", "library.py")
+SPEAKING = (
+    "command.py",
+    "plan_files.py",
+    "plan_figures.py",
+    "corrected.py",
+    "library.py",
+    "look.py",
+    "asking.py",
+    "blank.py",
+)
 """Files of these that parse, draw, or take paths: what is offered of an outbuilding."""
 OUTSIDE = {"prefect", "typer", "matplotlib", "filelock", "jinja2", "typst"}
 LATE = ("pinocchio", "prefect", "matplotlib", "scipy", "pandas", "pyarrow", "numpy")
@@ -181,6 +191,15 @@ OUTBUILDINGS = {
         "diagnosis.finding": "the verdicts by name",
         "diagnosis.average": "from which probability on a cause counts as likely",
         "report": _PAGES,
+    },
+    "intake": {
+        "app.commands._shared": _COMMAND,
+        "app.outcome": _COMMAND,
+        "store.campaign": _PLACES,
+        "readers": "it says what a reader will be told, and tries it",
+        "reduction._group_names": "how group names are read, which a campaign.toml then says",
+        "reduction.settings": "it writes campaign.toml",
+        "reduction.limits": "whether a robot can stand where a log says",
     },
     "page": {"app.commands._shared": _COMMAND},
     "programs": {

@@ -25,6 +25,7 @@ from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.machine.robot.axes import sense
 from pipeline.machine.robot.mdh import parse
+from pipeline.prediction.compensate import Compensation, Path, compensate
 from pipeline.prediction.compliance import cartesian_stiffness
 from pipeline.prediction.model import dumps
 from pipeline.prediction.model import parse as parse_model
@@ -223,6 +224,29 @@ def test_a_prediction_has_the_stiffness_of_its_torque():
         assert (off < 4 * foretold.std + 2e-5).all()
     there, back = (np.linalg.norm(ends[way], axis=1) for way in (1.0, -1.0))
     assert np.max(np.abs(there / back - 1)) > 0.02
+
+
+def test_a_corrected_path_says_both_stiffnesses_and_where_each_holds():
+    """Signs by moments about the axis; theta4 turns against A3, so minus is its positive torque."""
+    _, true, _, run = soft_one_way()
+    q, force = run.model.at_pose
+    rng = np.random.default_rng(8)
+    q, force = q + rng.uniform(-0.2, 0.2, (7, 7)), force * rng.choice([-1.0, 1.0], (7, 1))
+    here = forward.load(paper_cell(KR500, run.model.tool), Pulls.at(q, force), np.zeros(7))
+    axis, at = here.configuration.axes[:, 3, :, 2], here.configuration.origin[:, 3]
+    positive = np.einsum("mi,mi->m", np.cross(here.load_point - at, force), axis) > 0
+    path = Path(np.arange(7), q, force, controller=False)
+
+    found = compensate(run.model, path)
+    (ways,) = found.each_way
+    both = Compensation.joined([found, found])
+
+    assert ways.called == "A3"
+    assert (ways.towards_minus, ways.towards_plus) == (positive.sum(), (~positive).sum())
+    assert ways.minus[0] == pytest.approx(1 / true["positive"], abs=3 * ways.minus[1])
+    assert ways.plus[0] == pytest.approx(1 / true["negative"], abs=3 * ways.plus[1])
+    assert ways.sentence in found.remarks
+    assert both.each_way[0].towards_plus == 2 * ways.towards_plus
 
 
 def test_the_tangent_at_zero_torque_is_between_both():

@@ -5,8 +5,8 @@ import pytest
 from campaign_exports import POINTS, dms, german, polar, table, workbook, xyz
 
 from pipeline import readers
-from pipeline.app import shell
 from pipeline.base.errors import InputError
+from pipeline.intake import look
 from pipeline.readers import Hints
 
 PLACES = np.array([place for _, _, place in POINTS])
@@ -168,7 +168,7 @@ def test_angles_that_may_have_minutes_behind_the_point_are_asked(title, tmp_path
     """That no decimals are minutes beyond 59 is a hint; degrees and decimals stay possible."""
     path = tmp_path / "t.txt"
     path.write_bytes(packed(f"Group;Point;{title};D [m]"))
-    question = shell.inspect(path, {}).content["question"]
+    question = look.inspect(path, {}).content["question"]
 
     assert question["about"] == "angle"
     assert question["answers"][0] == "dms"
@@ -309,7 +309,7 @@ def test_the_right_answer_is_among_those_offered(kind, tmp_path):
     data = data if isinstance(data, bytes) else data.encode()
     path = tmp_path / ("export.xlsx" if data[:2] == b"PK" else "export.txt")
     path.write_bytes(data)
-    rows = shell.inspect(path, {}, csv=True, ask=answering(answers)).text.splitlines()[1:]
+    rows = look.inspect(path, {}, csv=True, ask=answering(answers)).text.splitlines()[1:]
     cells = [row.replace('"', "").split(",") for row in rows]
 
     assert [(row[1], row[2]) for row in cells] == NAMES
@@ -320,7 +320,7 @@ def test_a_question_is_the_one_that_the_error_names(tmp_path):
     """Not that of the unit, where the coordinates are open."""
     path = tmp_path / "t.txt"
     path.write_text("1;1,234;2,345;3,456\n2;1,2345;2;3\n3;100,5;3,2;1\n")
-    answer = shell.inspect(path, {}).content
+    answer = look.inspect(path, {}).content
 
     assert "the coordinates may be" in answer["error"]["message"]
     assert answer["question"]["about"] == "coordinates"

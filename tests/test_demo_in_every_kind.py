@@ -14,8 +14,10 @@ from campaign_exports import polar as seen
 
 from pipeline.app import shell
 from pipeline.base import toml
+from pipeline.intake import look
+from pipeline.intake.known import settled
 from pipeline.readers import Hints
-from pipeline.readers.known import Body, settled
+from pipeline.readers.known import Body
 from pipeline.reduction.ingest import ingest
 from pipeline.store.campaign import in_memory
 
@@ -243,7 +245,7 @@ def test_whoever_inspects_or_checks_is_told_what_settled_it(tmp_path):
     folder.mkdir(parents=True)
     for name, content in files_of(kind).items():
         (folder / name).write_bytes(content)
-    seen = shell.inspect(folder / "tracker.txt", {})
+    seen = look.inspect(folder / "tracker.txt", {})
     checked = shell.check(tmp_path, "demo")
 
     assert (seen.exit_code, seen.content["coordinates"]) == (0, "spherical")

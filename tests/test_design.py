@@ -488,7 +488,7 @@ def test_the_same_seed_gives_the_same_plan(reference):
         ({"pull": {"steps_n": [9.0]}}, "determines every joint: .* compliance of r1"),
         ({"limits": {"joints": {"theta9": [1, 2]}}}, 'has no joint "theta9"'),
         ({"criterion": {"points": ["P9"]}}, r"P9 not in \[tool\]"),
-        ({"test_pose": [{"q": [1, 2], "force_n": [1, 2, 3]}]}, "2 joint values"),
+        ({"test_pose": [{"q": [1, 2], "force_n": [1, 2, 3]}]}, "has 2 values, the robot 7 joints"),
         ({"robot": "kr600"}, 'no robot "kr600"'),
         ({"noise": {"tracker": "paper"}}, "give one of"),
     ],

@@ -53,6 +53,7 @@ def test_the_variance_of_the_last_digit_is_in_that_of_every_reading():
     assert (variances(rounded(files, 4)) == before).all()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(1, 7))
 def test_coarse_digits_are_no_noise_of_the_tracker_and_accuse_no_reflector(seed):
     """They are said as what they are."""

@@ -9,6 +9,7 @@ from small_case import asked
 
 from pipeline.faults.assignment import Ring, rings
 from pipeline.faults.base_names import base_names
+from pipeline.faults.conventions import conventions
 from pipeline.faults.exchanged import exchanged
 from pipeline.faults.exchanged_pulls import exchanged_pulls
 from pipeline.reduction.bring import conformed, plain
@@ -338,3 +339,78 @@ def test_a_row_too_few_leaves_one_without_a_place():
     assert found.moves == [(0, 1), (1, 2), (2, 3)]
     assert found.by_one
     assert rings(cost[:3, :3], 10, 10) == []
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_forces_in_any_order_are_put_back(seed):
+    """Each pull has the force of its step again, and every row that had another one is named."""
+    order = np.random.default_rng(seed).permutation(PULLS).tolist()
+    made = reordered(files(seed), "loads.csv", [2], order)
+
+    found = exchanged_pulls(asked(case(made)))
+
+    true = case(files(seed)).loads["force_n"].to_numpy(float)
+    given = case(made).loads["force_n"].to_numpy(float)
+    right = put_right(found, case(made)).loads["force_n"].to_numpy(float)
+    assert right == pytest.approx(true, rel=0.05)
+    named = {int(row.split(",")[0]) * 10 + int(row.split(",")[1]) for row in told(found, made)}
+    loads = case(made).loads
+    key = loads["pose"].to_numpy(int) * 10 + loads["repeat"].to_numpy(int)
+    assert set(key[np.abs(given / true - 1) > 0.1].tolist()) <= named
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("seed", SEEDS)
+def test_two_columns_of_the_joint_log_are_put_back(seed):
+    """Any two revolute joints have each other's values in all poses."""
+    one, other = np.random.default_rng(seed).choice(range(2, 8), 2, replace=False).tolist()
+    head, rows = table(files(seed), "joints.csv")
+    for row in rows:
+        row[one], row[other] = row[other], row[one]
+    made = written(files(seed), "joints.csv", head, rows)
+
+    (found,) = conventions(case(made))
+
+    assert found.name == "exchanged"
+    assert {int(row.split(",")[0]) for row in told([found], made)} == set(range(1, POSES + 1))
+    same(found.correct(case(made)), case(files(seed)))
+
+
+@pytest.mark.parametrize("targets", [1, 3])
+def test_pulls_of_two_poses_that_are_all_there_is(targets):
+    """The base reflectors lay them on the table, however few."""
+    tool = {"load_point": (0.15, 0.0, 0.25), "P1": (0.2, 0.05, 0.12)}
+    more = {"P2": (-0.12, 0.19, 0.10), "P3": (-0.10, -0.18, 0.22)} if targets > 1 else {}
+    plan = Plan(name="two", seed=4, tool=tool | more, poses={"count": 2})
+    right = dict(simulate(plan).files)
+    made = regrouped(right, {"pose01_rep1_loaded": "pose02_rep1_loaded"})
+
+    (found,) = exchanged(case(made))
+
+    assert found.where == "pose01_rep1_loaded/pose02_rep1_loaded"
+    same(found.correct(case(made)), case(right))
+    assert exchanged(case(right)) == []
+
+
+def test_a_bad_reading_tells_of_no_force():
+    """One target in two pulls is off as if the forces were exchanged: neither row of them is."""
+    given = case(files(0))
+    rows, xyz = given.readings, ["x_m", "y_m", "z_m"]
+    new = rows[xyz].to_numpy(float).copy()
+    group, target = rows["group"].astype(str), rows["target"].astype(str)
+    measured, force = given.settings.measured, given.loads.set_index(["pose", "repeat"])["force_n"]
+    for pose, repeat, meant in ((2, 1, force[5, 2]), (5, 2, force[2, 1])):
+        moved = {}
+        for name in measured:
+            mine = (target == name).to_numpy()
+            at = np.flatnonzero((group == f"pose{pose:02d}_rep{repeat}_loaded").to_numpy() & mine)
+            zero = ((rows["pose"] == pose) & (rows["state"] == "unloaded")).to_numpy() & mine
+            moved[name] = at, rows[xyz].to_numpy(float)[at] - new[zero].mean(axis=0)
+        whole = sum(np.sum(d**2) for _, d in moved.values())
+        at, d = moved["P1"]
+        new[at] += (meant / force[pose, repeat] - 1) * whole / np.sum(d**2) * d
+
+    spoilt = replace(given, readings=rows.assign(**dict(zip(xyz, new.T, strict=True))))
+
+    assert exchanged_pulls(asked(spoilt)) == []

@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 import report_sample
 
-from pipeline.answer.contract import Cause, Unit
+from pipeline.answer.contract import BlindSpot, Cause, PositionStep, Unit
 from pipeline.base.errors import InputError
 from pipeline.diagnosis.finding import Verdict
 from pipeline.fleet.experience import experience
@@ -64,6 +64,28 @@ def test_a_robot_counts_once_however_often_it_is_measured():
 
     a, b = (experience(answers, NAMES).causes for answers in (steady, often))
     assert [one.odds for one in a] == pytest.approx([one.odds for one in b], rel=0.02)
+
+
+def test_only_campaigns_that_could_see_a_cause_teach_that_it_is_rare():
+    """Blind ones say nothing of it; positions nothing of what pulls are asked for."""
+    rng = np.random.default_rng(1)
+    spot = BlindSpot.model_construct(name="tool_flex", where=None)
+    step = PositionStep(model="nominal table", between_mm=1.0, space_mm=1.0, series_mm=None)
+    plain, told = fleet(rng), fleet(np.random.default_rng(1))
+    blind = [
+        one.model_copy(
+            update={"diagnosis": one.diagnosis.model_copy(update={"blind_spots": (spot,)})}
+        )
+        for one in told
+    ]
+    weights = [one.model_copy(update={"position_steps": (step,)}) for one in told]
+    odds = {
+        key: {one.name: one.odds for one in experience(those, NAMES).causes}
+        for key, those in {"plain": plain, "blind": blind, "both": [*plain, *weights]}.items()
+    }
+
+    assert odds["blind"]["tool_flex"] > odds["plain"]["tool_flex"]
+    assert odds["both"] == odds["plain"]
 
 
 def test_few_campaigns_teach_nothing_and_say_so():

@@ -12,9 +12,9 @@ from scipy import stats
 from pipeline import readers
 from pipeline.app.cli import main
 from pipeline.base.errors import InputError
+from pipeline.intake.inspect import inspect
+from pipeline.intake.offer import offer
 from pipeline.readers import Columns, Hints
-from pipeline.readers.inspect import inspect
-from pipeline.readers.offer import offer
 from pipeline.run import answered
 from pipeline.store.campaign import in_memory
 

@@ -265,6 +265,7 @@ def test_a_step_of_torque_makes_no_prediction_uncertain_for_its_torque():
     assert predict(model, *asked).std.max() < 1.1 * predict(plain, *asked).std.max() + 1e-5
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("size", [2e-4, 0.05])
 def test_an_instrument_that_was_knocked_begins_a_series(size):
     """Between two poses; no joint is blamed, and a blunder beyond is listed where it was read."""

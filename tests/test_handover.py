@@ -15,6 +15,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from bending_robot import BendingRobot
+from conftest import without_pages
 from made_programs import Kuka
 from test_programs import off, unstamped
 
@@ -86,7 +87,8 @@ def demo(tmp_path_factory):
     """The demo campaign after its run; its root."""
     root = tmp_path_factory.mktemp("demo")
     shutil.copytree(DATA / "raw" / "kr500_demo", root / "data" / "raw" / "kr500_demo")
-    run(find(root, "kr500_demo"))
+    with without_pages():
+        run(find(root, "kr500_demo"))
     return root
 
 

@@ -5,7 +5,7 @@ import pytest
 import report_sample
 from scipy import stats
 
-from pipeline.answer.contract import Reason, Unit
+from pipeline.answer.contract import PositionStep, Reason, Unit
 from pipeline.answer.history import changes, ordered, previous, robots, together, trends
 from pipeline.fleet.overview import comparison, overview, render_overview
 from pipeline.report.model import compose
@@ -143,6 +143,24 @@ def test_the_previous_campaign_is_the_last_earlier_one_of_the_robot():
     assert previous(campaign("undated", [2e-7]), others) is None
     assert ordered(others)[0].campaign == "old"
     assert ordered(others)[-1].campaign == "undated"
+
+
+def of_weight(answer):
+    """The same from positions under the arm's own weight."""
+    step = PositionStep(model="nominal table", between_mm=1.0, space_mm=1.0, series_mm=None)
+    return answer.model_copy(update={"position_steps": (step,)})
+
+
+def test_stiffnesses_from_weight_are_not_compared_with_those_from_pulls():
+    """Neither by the report of the later one nor over the campaigns of a robot."""
+    spring = campaign("spring", [2e-7], measured="2026-03-01")
+    summer = of_weight(campaign("summer", [4e-7], measured="2026-06-01"))
+    autumn = campaign("autumn", [2e-7], measured="2026-09-01")
+
+    assert previous(autumn, [spring, summer]).campaign == "spring"
+    assert previous(summer, [spring]) is None
+    (only,) = trends([spring, summer, autumn])
+    assert (only.campaigns, only.sure) == (2, False)
 
 
 def unit(serial):

@@ -153,9 +153,9 @@ def identified(campaign, force):
 sys.modules["pipeline.service.flow"] = flow = types.ModuleType("pipeline.service.flow")
 import contextlib
 flow.identified, flow.telling = identified, contextlib.nullcontext
-from pipeline.app import shell
+from pipeline.service import engine
 from pipeline.store.campaign import find
-shell._through_prefect(find(Path({root!r}), "."), True, str)
+engine.through_prefect(find(Path({root!r}), "."), True, str)
 """
 
 

@@ -14,10 +14,10 @@ from small_case import PLAN
 from pipeline.app import cli
 from pipeline.base.errors import InputError
 from pipeline.base.patterns import named
+from pipeline.intake.files import propose
 from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import load
 from pipeline.reduction.ingest import ingest
-from pipeline.reduction.proposal import propose
 from pipeline.reduction.settings import parse, unfilled
 from pipeline.simulate import simulate
 from pipeline.store.campaign import in_memory

@@ -9,8 +9,8 @@ import pytest
 
 from pipeline.app import cli
 from pipeline.app.cli import main
+from pipeline.intake.inspect import inspect
 from pipeline.readers import Hints, logs
-from pipeline.readers.inspect import inspect
 
 GOLDEN = Path(__file__).parent / "golden"
 

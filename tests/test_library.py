@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import pinocchio as pin
 import pytest
+from conftest import without_pages
 
 import pipeline
 from pipeline.app import cli
@@ -38,10 +39,8 @@ def ran(tmp_path_factory, small_campaign):
     for name, data in small_campaign.files.items():
         (folder / name).write_bytes(data)
     words = ["run", "small", "--engine", "local", "--root", str(root)]
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr("pipeline.run.render", lambda *_: {"index.html": b"", "report.pdf": b""})
-        with pytest.raises(SystemExit) as end:
-            cli.main(words)
+    with without_pages(), pytest.raises(SystemExit) as end:
+        cli.main(words)
     assert end.value.code == 0
     return root
 

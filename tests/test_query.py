@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 import pyarrow.parquet as pq
 import pytest
+from conftest import without_pages
 from openpyxl import load_workbook
 
 from bench.bench_query import copies, queries
@@ -33,7 +34,8 @@ def finished(tmp_path_factory):
     root = tmp_path_factory.mktemp("finished")
     shutil.copytree(KEPT, root / "data" / "raw" / "first")
     campaign = find(root, "first")
-    run(campaign)
+    with without_pages():
+        run(campaign)
     copies(campaign, NAMES[1:], np.random.default_rng(3))
     return root
 

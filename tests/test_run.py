@@ -236,6 +236,7 @@ def test_json_on_stdout_is_the_result_file(tmp_path):
 
 
 @pytest.mark.usefixtures("unseen")
+@pytest.mark.usefixtures("unseen")
 def test_a_second_run_computes_nothing_and_a_changed_input_does(tmp_path):
     """No file is touched when nothing changed; one changed byte of input makes a new result."""
     campaign = write(tmp_path, simulate(FEW).files)

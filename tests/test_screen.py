@@ -54,6 +54,7 @@ def tests(monkeypatch):
     calls = []
     monkeypatch.setattr(module, "lost_readings", lambda *_: [])
     monkeypatch.setattr(module, "lock_lost", lambda one, _: one)
+    monkeypatch.setattr(module, "tells", lambda _: True)
 
     def put(*letters, **more):
         def make(letter):
@@ -113,6 +114,19 @@ def test_after_each_finding_the_grossest_test_is_asked_first(tests):
     assert got.case.wrong == ()
     assert [letter for letter, _ in calls] == ["a", "a", "a", "b", "a", "b", "a", "b"]
     assert [asked.known is reduced for _, asked in calls] == [True] + [False] * 7
+
+
+def test_a_mistake_that_would_leave_nothing_stays_and_is_said_to(tests, monkeypatch):
+    """The campaign as it is, with what nothing puts right; no test of it goes on for ever."""
+    calls = tests("F", "a")
+    monkeypatch.setattr(module, "tells", lambda case: len(case.wrong) > 0)
+
+    got = screen(Bench(("a1",)), object())
+
+    assert names(got) == ["a1"]
+    assert got.findings[0].hopeless
+    assert got.case.wrong == ("a1",)
+    assert len(calls) == 2
 
 
 def test_it_stops_where_something_new_is_found_for_ever(tests):

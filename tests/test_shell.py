@@ -10,6 +10,7 @@ import sys
 from pathlib import Path
 
 import pytest
+from conftest import without_pages
 from filelock import FileLock
 
 from pipeline.answer import archive
@@ -30,7 +31,8 @@ def finished(tmp_path_factory):
     """A project with one campaign that is done."""
     root = tmp_path_factory.mktemp("finished")
     shutil.copytree(KEPT, root / "data" / "raw" / "c")
-    assert cli._exit_code(["run", "--engine", "local", "--root", str(root)]) == 0
+    with without_pages():
+        assert cli._exit_code(["run", "--engine", "local", "--root", str(root)]) == 0
     return root
 
 

@@ -5,6 +5,7 @@ import io
 
 import numpy as np
 import pytest
+from small_case import asked
 
 from pipeline.faults.screen import screen
 from pipeline.faults.stale_reading import repeated, stale
@@ -107,15 +108,17 @@ def test_equal_digits_say_nothing_where_they_are_few(files):
     one = again(files, "pose03_rep2_loaded", "pose03_rep1_loaded", ("P2",), digits=2)
     five = again(files, "pose03_rep2_loaded", "pose03_rep1_loaded", EVERY, digits=2)
 
-    assert repeated(one) == []
-    assert {found.where for found in repeated(five)} >= {f"pose03_rep2_loaded/{t}" for t in EVERY}
+    assert repeated(asked(one)) == []
+    assert {found.where for found in repeated(asked(five))} >= {
+        f"pose03_rep2_loaded/{t}" for t in EVERY
+    }
 
 
 def test_base_reflectors_copied_from_the_first_round_are_named(files):
     """Then nobody knows whether the tracker moved."""
     case = again(files, "base_end", "base_start", ("B1", "B2", "B3"))
 
-    assert {found.where for found in repeated(case)} == {f"base_end/B{k}" for k in (1, 2, 3)}
+    assert {found.where for found in repeated(asked(case))} == {f"base_end/B{k}" for k in (1, 2, 3)}
 
 
 def test_data_without_noise_repeat_themselves(files):
@@ -123,5 +126,31 @@ def test_data_without_noise_repeat_themselves(files):
     still = simulate(PLAN.without_noise(), np.random.default_rng(5)).files
     case = again(still, "pose03_rep2_loaded", "pose03_rep1_loaded", EVERY)
 
-    assert repeated(case) == []
-    assert repeated(written(files, {})) == []
+    assert repeated(asked(case)) == []
+    assert repeated(asked(written(files, {}))) == []
+
+
+def copied(files, source, copy):
+    """The campaign with the readings of one group under the name of another one, too."""
+    rows = list(csv.reader(io.StringIO(files["tracker.csv"].decode())))
+    at = {(row[0], row[1]): k for k, row in enumerate(rows)}
+    names = [target for group, target in at if group == copy and (source, target) in at]
+    return written(files, {(copy, t): at[source, t] - at[copy, t] for t in names})
+
+
+@pytest.mark.parametrize(
+    ("source", "copy"),
+    [
+        ("pose03_rep3_loaded", "pose03_rep2_loaded"),
+        ("pose03_rep2_loaded", "pose03_rep3_loaded"),
+        ("pose05_rep1_loaded", "pose02_rep1_loaded"),
+        ("pose02_rep1_loaded", "pose05_rep1_loaded"),
+        ("pose02_rep1_loaded", "pose05_rep0_unloaded"),
+    ],
+)
+def test_a_state_stored_under_another_name_is_the_copy(files, source, copy):
+    """Its force, or the place of its pose, does not belong to it, whichever of both comes first."""
+    found = repeated(asked(copied(files, source, copy)))
+
+    assert {one.where.partition("/")[0] for one in found} == {copy}
+    assert {one.where.partition("/")[2] for one in found} >= {"P1", "P2", "P3"}

@@ -1,6 +1,7 @@
 """Suspects that are at work together, against fits of all subsets and of dense columns."""
 
 from itertools import combinations
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -9,7 +10,7 @@ from scipy import special
 from pipeline.system import alarms
 from pipeline.system.beside import Base
 from pipeline.system.blocks import Blocks
-from pipeline.system.together import Suspects, _end, cost, together
+from pipeline.system.together import Held, Suspects, _end, cost, together
 
 BLOCKS, EACH = 8, 7
 """Blocks, and suspects of each: six that have three rows to themselves, one that moves them all."""
@@ -143,3 +144,47 @@ def test_the_cost_of_a_suspect_is_that_of_its_prior(k):
     whole = 0.01 * np.trapezoid(ratio, np.log(near)) / 10
 
     assert float(cost(x**2, k)) == pytest.approx(x**2 - 2 * np.log(whole), abs=0.1)
+
+
+@pytest.mark.parametrize("seed", range(8))
+def test_a_set_gives_way_to_a_smaller_one_that_says_the_same(seed):
+    """Three of six that move alike are these three, and not the one that moves all and the rest."""
+    rng = np.random.default_rng(seed)
+    key, X, suspects = bench(rng)
+    y = X @ rng.standard_normal(3) + rng.standard_normal(len(key))
+    for one in range(3):
+        y += dense(suspects, one) @ [30.0, 20.0, -10.0]
+
+    assert together(Base.of(X, y, key), suspects, 1.0).which.tolist() == [0, 1, 2]
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_where_nobody_states_a_noise_the_middle_of_the_others_is_it(seed):
+    """One in six is forty standard deviations off: the mean of all would hide every one of them."""
+    rng = np.random.default_rng(seed)
+    key, X, suspects = bench(rng)
+    true = np.sort(rng.choice(BLOCKS * EACH, 9, replace=False))
+    y = X @ rng.standard_normal(3) + 1e-5 * rng.standard_normal(len(key))
+    for one in true:
+        off = dense(suspects, one) @ rng.standard_normal(3)
+        y += 4e-4 * off / np.linalg.norm(off)
+
+    held = together(Base.of(X, y, key), suspects, 1e-30)
+
+    assert held.which.tolist() == true.tolist()
+    assert held.variance == pytest.approx(1e-10, rel=0.8)
+
+
+@pytest.mark.parametrize(("drop", "worth"), [(18.0, False), (60.0, True)])
+def test_a_suspect_must_be_worth_what_it_is_unlikely_beforehand(drop, worth):
+    """Of three coordinates: likelihood alone would take any, one in a hundred takes few."""
+    none = held_with(np.zeros(0), 100.0 + drop, 100)
+    one = held_with(np.array([drop]), 100.0, 97)
+
+    assert (one.loss(100.0 / 97) < none.loss(100.0 / 97)) is worth
+
+
+def held_with(drop, rest, dof):
+    """An end with suspects of three coordinates that fell by so much."""
+    n, base = len(drop), SimpleNamespace(rest=rest, dof=dof)
+    return Held(np.arange(n), np.zeros((n, 3)), drop, np.full(n, 3), 1.0, base, base, 10)

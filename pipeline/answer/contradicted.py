@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from pipeline.base.errors import place
 from pipeline.base.quantities import plain as in_digits
 from pipeline.base.toml import line_of
@@ -25,7 +27,7 @@ def entry_findings(case: Case, text: str) -> list[str]:
     ]
 
 
-def contradicted(text: str, one: Entry, found: list[Entry]) -> str:
+def contradicted(text: str, one: Entry, found: Sequence[Entry]) -> str:
     """What the readings have against an entry, and the way out."""
     if not one.names:
         return f"[{one.table}] is in {one.unit}, as the distances as read show; write it in metres"

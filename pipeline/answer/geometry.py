@@ -51,7 +51,7 @@ def table_entries(
     )
 
 
-_QUANTILE = 1.959964
+QUANTILE = 1.959964
 """Of 95 % intervals: there are many readings."""
 
 
@@ -99,7 +99,7 @@ def _combination(
         ),
         value=value,
         std=std,
-        ci95=(value - _QUANTILE * std, value + _QUANTILE * std),
+        ci95=(value - QUANTILE * std, value + QUANTILE * std),
         unit=members[0].unit,
     )
 

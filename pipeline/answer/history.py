@@ -81,16 +81,28 @@ def trusted(answer: Answer) -> bool:
     return answer.recommended.reason.holds_for_its_readings
 
 
+def alike(a: Answer, b: Answer) -> bool:
+    """Whether the stiffnesses of two campaigns say the same of a machine.
+
+    From the arm's own weight they are as wrong as the masses of the robot file, from pulls as the
+    scale: what one has more than the other is no change of the machine.
+    """
+    return a.of_positions == b.of_positions
+
+
 def previous(answer: Answer, answers: Iterable[Answer]) -> Answer | None:
     """The last campaign of the same machine that was measured earlier; None if nothing tells.
 
-    A campaign whose model does not explain its readings does not count.
+    A campaign whose model does not explain its readings does not count, nor one of another kind.
     """
     now = answer.measured
     earlier = [
         other
         for other in answers
-        if other.machine == answer.machine and precedes(other.measured, now) and trusted(other)
+        if other.machine == answer.machine
+        and alike(other, answer)
+        and precedes(other.measured, now)
+        and trusted(other)
     ]
     return ordered(earlier)[-1] if earlier else None
 
@@ -231,12 +243,15 @@ class _Point:
 
 
 def trends(answers: Sequence[Answer]) -> list[Trend]:
-    """Whether the campaigns of one robot, in order, agree on each stiffness; those trusted count.
+    """Whether the campaigns of one robot, in order, agree on each stiffness.
+
+    Those count that are trusted, and of the kind of the last of them.
 
     This is for campaigns that are too few, or undated, for `pipeline.fleet.wear`.
     """
     names = dict.fromkeys(joint.name for one in answers for joint in one.stiffness)
     counted = [one for one in answers if trusted(one)]
+    counted = [one for one in counted if alike(one, counted[-1])]
     series = {name: list(_series(counted, name)) for name in names}
     tested = sum(len(points) > 1 for points in series.values())
     return [_trend(name, points, max(tested, 1)) for name, points in series.items()]

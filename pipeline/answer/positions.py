@@ -12,7 +12,7 @@ import pandas as pd
 from pipeline.answer import contract
 from pipeline.answer.contract import About, Answer, Line, NoiseFrom, Reason
 from pipeline.answer.diagnosis import cause_entry, mistake_entry, placed
-from pipeline.answer.geometry import KNOWN, table_combinations, table_entries
+from pipeline.answer.geometry import KNOWN, QUANTILE, table_combinations, table_entries
 from pipeline.answer.inputs import (
     identity_entry,
     input_entries,
@@ -55,9 +55,6 @@ from pipeline.machine.effect import in_place
 from pipeline.machine.robot import Joint, Robot
 from pipeline.machine.robot.axes import alone
 from pipeline.store.campaign import Raw, versions
-
-_QUANTILE = 1.959964
-"""Of 95 % intervals: there are thousands of readings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -252,7 +249,7 @@ def stiffness_entries(found: Identified) -> tuple[contract.Stiffness, ...]:
     x, cov = found.solution.x[part], found.solution.cov[part, part]
     std = np.sqrt(np.diag(cov))
     known = std**2 < KNOWN * found.known.std[part] ** 2
-    springs = Springs(x, cov, x - _QUANTILE * std, x + _QUANTILE * std, known)
+    springs = Springs(x, cov, x - QUANTILE * std, x + QUANTILE * std, known)
     return tuple(
         told(one, _about(joint, float(x[k]), bool(known[k])))
         for k, joint in enumerate(robot.joints)
@@ -374,7 +371,7 @@ def _first_screen(said: Positions) -> Iterator[Line]:
     lines = (
         (About.VERDICT, _verdict(said)),
         (About.TO_DO, _to_do(said)),
-        (About.MODEL, _model(said.found, said.row)),
+        (About.MODEL, _model(said)),
         (About.NUMBERS, _numbers(said, stiffness)),
         (About.TOLERANCE, _NOT_JUDGED),
         (About.WRONG, " ".join(_wrong(said))),
@@ -423,20 +420,23 @@ def _numbers(said: Positions, stiffness: Sequence[contract.Stiffness]) -> str:
     return "None: the values below do not explain the readings."
 
 
-def _model(found: Study, row: Row) -> str:
+def _model(said: Positions) -> str:
     """What the model holds, and what each part of it is worth."""
-    steps = list(pairwise(found.stages))
-    said = [
+    steps = list(pairwise(said.found.stages))
+    each = [
         f"{now.step.value} {percent(1 - now.mean(Parting.BETWEEN) / before.mean(Parting.BETWEEN))}"
         for before, now in steps
         if now.found is not before.found
     ]
-    parts = "table, springs under the arm's weight"
-    whose = f"{parts} and laws of the joints" if found.laws else parts.replace(", ", " and ")
-    data = "the corrected data" if row.data == contract.Data.CORRECTED else "the data as given"
+    parts = ["table", "springs under the arm's weight"]
+    listed_, laws = (_those(said.facts.causes, law) for law in (False, True))
+    parts += ["causes of the catalogue"] if listed_ else []
+    whose = listed([*parts, *(["laws of the joints"] if laws else [])])
+    corrected = said.row.data == contract.Data.CORRECTED
+    data = "the corrected data" if corrected else "the data as given"
     return (
         f"{capital(whose)}, from {data}. Each part reduces the cross-validation error "
-        f"of the model before it: {', '.join(said)}."
+        f"of the model before it: {', '.join(each)}."
     )
 
 
@@ -467,13 +467,18 @@ def _wrong(said: Positions) -> Iterator[str]:
 
 def _named(causes: Sequence[Cause]) -> Iterator[str]:
     """What of the catalogue acts, and the largest law outside of it."""
-    listed_ = [one.effect.called for one in causes if one.effect.law is None]
-    laws = [one for one in causes if one.effect.law is not None]
-    if listed_:
-        yield f"Beside the joint springs {'act' if len(listed_) > 1 else 'acts'} {listed(listed_)}."
+    known, laws = (_those(causes, law) for law in (False, True))
+    if known:
+        those = listed([one.effect.called for one in known])
+        yield f"Beside the joint springs {'act' if len(known) > 1 else 'acts'} {those}."
     if laws:
         of = "a law" if len(laws) == 1 else f"the largest of {len(laws)} laws"
         yield f"{capital(law_told(laws[0]))}: {of} outside the catalogue."
+
+
+def _those(causes: Sequence[Cause], law: bool) -> list[Cause]:
+    """The causes that are laws nobody listed, or those that are not."""
+    return [one for one in causes if (one.effect.law is not None) == law]
 
 
 def _erring(found: Study, robot: Robot) -> str | None:

@@ -28,7 +28,7 @@ from pipeline.base.toml import line_of
 from pipeline.faults.survey import Clock, Distance, Stand, clock, distances, over_nominal, stands
 from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.machine.poses import in_log_units
-from pipeline.machine.robot import Robot
+from pipeline.machine.robot import Robot, axes, configure
 from pipeline.prediction.compensate import beside_pulls
 from pipeline.prediction.tolerance import Path, asked
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
@@ -273,7 +273,8 @@ class _Seen:
                 for d in self.between
             ],
             "each_pose": [
-                {"pose": one.pose, "q": in_log_units(robot, one.q).tolist(), "pulls": one.pulls,
+                {"pose": one.pose, "q": in_log_units(robot, one.q).tolist(),
+                 "axes": axes.shown(robot, one.q).round(6).tolist(), "pulls": one.pulls,
                  "force_n": [one.least_n, one.most_n]}
                 for one in self.stands
             ],
@@ -315,7 +316,20 @@ class _Seen:
                 f"  {pair:{width}} {1e3 * d.read_m:9.2f} mm measured, "
                 f"{1e3 * d.stated_m:9.2f} mm nominal (lines {where})"
             )
+        yield from self._asked_about()
         yield from _table(self.case.robot, self.stands)
+
+    def _asked_about(self) -> Iterator[str]:
+        """The test pose by the controller's axes, and its load point: a wrong sign shows."""
+        robot, asked = self.case.robot, self.case.settings.test_pose
+        if asked is None:
+            return
+        q = asked.joint_values(robot)
+        at = configure(robot, q[None]).points(self.case.tool.load_point[None])[0, 0]
+        names, shown = axes.of(robot).names, axes.shown(robot, q)
+        pose = ", ".join(f"{name} {x:.7g}" for name, x in zip(names, shown, strict=True))
+        place = ", ".join(f"{x:.3f}" for x in at)
+        yield f"  test pose    {pose} (mm, deg); its load point is at [{place}] m in F_b"
 
     def _farthest_off(self) -> list[Distance]:
         """Distances to show: all, or the worst where they are many."""
@@ -348,12 +362,13 @@ def _span(when: Clock) -> str:
 
 
 def _table(robot: Robot, poses: list[Stand]) -> Iterator[str]:
-    """Every pose with joint values, pulls and forces."""
-    units = ["m" if joint.prismatic else "deg" for joint in robot.joints]
-    titles = [f"{j.name}_{unit}" for j, unit in zip(robot.joints, units, strict=True)]
+    """Every pose with the controller's axes, pulls and forces."""
+    mapped = axes.of(robot)
+    units = ["mm" if slides else "deg" for slides in mapped.slides]
+    titles = [f"{name}_{unit}" for name, unit in zip(mapped.names, units, strict=True)]
     yield "  " + " ".join(["pose", *(f"{one:>10}" for one in titles), " pulls", "force_n"])
     for one in poses[:_MOST_LINES]:
-        values = " ".join(f"{x:10.3f}" for x in np.asarray(in_log_units(robot, one.q)))
+        values = " ".join(f"{x:10.3f}" for x in axes.shown(robot, one.q))
         force = f"{one.least_n:.0f} to {one.most_n:.0f}"
         yield f"  {one.pose:4d} {values} {one.pulls:6d} {force}"
     if len(poses) > _MOST_LINES:

@@ -8,10 +8,11 @@ from pipeline.answer.inputs import rejected_entries
 from pipeline.app.outcome import Outcome
 from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain
+from pipeline.faults.position_rows import Sheet, position_rows
 from pipeline.geometry.begin import begin
 from pipeline.geometry.leftout import distances
 from pipeline.geometry.mechanism import linearised
-from pipeline.geometry.positioned import positioned
+from pipeline.geometry.positioned import as_read, usable
 from pipeline.store.campaign import Raw
 
 _FAR_M = 0.02
@@ -22,7 +23,9 @@ convention is wrong: tables are off by millimetres."""
 def of_positions(name: str, raw: Raw) -> Outcome:
     """What a campaign of positions holds, and how far it is from the robot's table."""
     with raw.placing():
-        read = positioned(raw.settings, raw.robot, raw.files)
+        table, rejects = as_read(raw.settings, raw.robot, raw.files)
+        wrong, sheet = position_rows(Sheet(raw.robot, raw.settings, table))
+        read = usable(raw.settings, raw.robot, sheet.rows, rejects)
     readings = read.readings
     points = {target: np.array(point) for target, point in raw.settings.tool.items()}
     rows = linearised(readings, begin(raw.robot, readings, points), read.weights)
@@ -30,6 +33,7 @@ def of_positions(name: str, raw: Raw) -> Outcome:
     rejected = rejected_entries(read.rejected)
     series = listed(str(one) or "one" for one in readings.names)
     notes = [f"{one.file}:{one.line}: {one.reason}" for one in rejected]
+    notes += [one.evidence for one in wrong]
     todo = f"pipeline run {name}"
     if off_m > _FAR_M:
         todo = f"pipeline check {name}"
@@ -49,6 +53,9 @@ def of_positions(name: str, raw: Raw) -> Outcome:
             "series": [str(one) for one in readings.names],
             "off_mm": 1e3 * off_m,
             "notes": notes,
+            "mistakes": [
+                {"name": one.name, "where": one.where, "readings": list(one.at)} for one in wrong
+            ],
             "next": todo,
         },
         text="\n".join(
@@ -59,6 +66,6 @@ def of_positions(name: str, raw: Raw) -> Outcome:
                 f"  next         {'' if off_m <= _FAR_M else 'look into this, then: '}{todo}",
             ]
         ),
-        exit_code=InputError.exit_code if rejected else 0,
+        exit_code=InputError.exit_code if rejected or wrong else 0,
         complaints=[f"{name}: {note}" for note in notes],
     )

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -53,7 +54,7 @@ def wrong_lines(raw: Raw) -> list[Wrong]:
     word = wrong_word(raw.settings, given, partial(_read, raw))
     if word is not None:
         return [_wrong_word(text, word)]
-    found = [] if given is None else wrong_entries(given)
+    found = () if given is None else wrong_entries(given)
     return [_wrong_entry(text, one, found) for one in found]
 
 
@@ -84,7 +85,7 @@ def _wrong_word(text: str, word: Word) -> Wrong:
     return Wrong(line_of(text, ["tracker", word.key]), f"tracker.{word.key}", said)
 
 
-def _wrong_entry(text: str, one: Entry, found: list[Entry]) -> Wrong:
+def _wrong_entry(text: str, one: Entry, found: Sequence[Entry]) -> Wrong:
     key = ".".join([one.table, *(["/".join(one.names)] if one.names else [])])
     return Wrong(line_of(text, one.path), key, contradicted(text, one, found), one.probability)
 

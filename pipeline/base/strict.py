@@ -53,6 +53,8 @@ Degrees = Annotated[float, Field(ge=-1e5, le=1e5)]
 """An angle [deg]: 280 turns."""
 JointValue = Length
 """A joint's, [m] or [deg]."""
+AxisValue = Annotated[float, Field(ge=-1e6, le=1e6)]
+"""A controller's axis as it shows it, [mm] or [deg]."""
 Force = Annotated[float, Field(ge=-1e7, le=1e7)]
 """A force or a part of one [N]: a thousand tonnes."""
 LEAST_FORCE = 1e-6

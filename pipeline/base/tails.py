@@ -5,6 +5,10 @@ from scipy import special
 
 from pipeline.base.arrays import Array
 
+NORMAL_95 = 1.96
+"""95 % of a normal quantity lie within so many standard uncertainties [1]; statistics, with the
+three digits of GUM table G.1."""
+
 
 def chi2_below(chi2: Array | float, dof: Array | float) -> Array:
     """P(chi2_dof < chi2); 0 below zero, and nan without freedom."""

@@ -49,7 +49,7 @@ def continued(spec: ProblemFile, settings: Settings, name: str) -> ProblemFile:
     points = [p for p in spec.criterion.points or [] if p in settings.measured]
     content["criterion"] = content.get("criterion", {}) | {"points": points or None}
     if settings.test_pose is not None:
-        content["test_pose"] = [settings.test_pose.model_dump()]
+        content["test_pose"] = [settings.test_pose.model_dump(exclude_none=True)]
     noise = _noise(settings)
     return validated(content | ({"noise": noise} if noise else {}), "the options")
 

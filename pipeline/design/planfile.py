@@ -57,7 +57,7 @@ def plan_content(proposal: Proposal) -> dict[str, Any]:
     }
     if spec.test_pose:
         first = spec.test_pose[0]
-        content["test_pose"] = {"q": first.q, "force_n": list(first.force_n)}
+        content["test_pose"] = {first.key: first.said, "force_n": list(first.force_n)}
     return content
 
 

@@ -17,7 +17,7 @@ from pipeline.design.spec import Limits, NoiseSpec, ProblemFile, revised
 from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M
-from pipeline.machine.poses import from_log_units, rounded
+from pipeline.machine.poses import rounded
 from pipeline.machine.robot import Joint, Robot, configure, rating
 from pipeline.machine.robot.configuration import velocity
 from pipeline.machine.room import Room, room_of, turns
@@ -252,7 +252,7 @@ def _criterion(
     if kind in criteria.CLASSIC:
         return criteria.CLASSIC[kind]
     if kind == "test_pose":
-        q = np.array([_in_radians(robot, pose.q) for pose in spec.test_pose])
+        q = np.array([pose.joint_values(robot, "problem.toml") for pose in spec.test_pose])
         force = np.array([pose.force_n for pose in spec.test_pose])
         weights = np.array([pose.weight for pose in spec.test_pose])
     else:
@@ -263,15 +263,6 @@ def _criterion(
     A = jacobian(cell, Pulls.at(q, force), np.zeros(robot.n))[:, points] * scale
     weights = np.repeat(weights, len(points))
     return criteria.prediction(A.reshape(-1, 3, robot.n), weights, kind)
-
-
-def _in_radians(robot: Robot, values: list[float]) -> Array:
-    if len(values) != robot.n:
-        raise InputError(
-            f"a test pose has {len(values)} joint values, {robot.name} has {robot.n} joints",
-            "give one value per joint, m for sliding and degrees for turning joints",
-        )
-    return from_log_units(robot, np.array(values))
 
 
 def _workspace(spec: ProblemFile, lower: Array, upper: Array) -> tuple[Array, Array]:

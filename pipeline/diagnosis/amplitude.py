@@ -10,6 +10,7 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Parameter
+from pipeline.base.tails import NORMAL_95
 from pipeline.diagnosis.average import Hypothesis, Size, each_way, size
 from pipeline.diagnosis.facts import Amplitude
 from pipeline.diagnosis.identify import Case, of_model
@@ -18,9 +19,6 @@ from pipeline.machine.effect import Effect, Elastic
 from pipeline.system.elimination import coefficients, eliminate
 from pipeline.system.evidence import ROUNDING
 from pipeline.system.whitened import Whitened
-
-_NORMAL = 1.96
-"""Half width of a 95 % interval in standard uncertainties, as `_profile` counts [1]."""
 
 
 def amplitudes(case: Case, view: Whitened) -> list[tuple[Amplitude, ...]]:
@@ -112,7 +110,7 @@ def _of(alone: Amplitude, over: Size) -> Amplitude:
 
 def _bent(alone: Amplitude, over: Size) -> Amplitude:
     """A size over all hypotheses, its interval bent as that of the accepted cause alone."""
-    straight = _NORMAL * alone.std
+    straight = NORMAL_95 * alone.std
     if not 0 < straight < np.inf:
         return _of(alone, over)
     low, high = (
@@ -133,7 +131,7 @@ def _profile(
     force and geometry bend. Elastic causes are linear in their parameters and need none of this.
     """
     out = []
-    for side in (-_NORMAL, _NORMAL):
+    for side in (-NORMAL_95, NORMAL_95):
         rise = _rise(view, suspect, parameter, value + side * std) / variance
         out.append(value + side * std * float(np.sqrt(3.84 / max(rise, 1.0))))
     return out[0], out[1]

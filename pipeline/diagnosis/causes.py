@@ -8,6 +8,7 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.base.arrays import Array
+from pipeline.base.tails import NORMAL_95
 from pipeline.diagnosis.amplitude import averaged, both_ways
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.facts import Amplitude, AsGood, Cause, Drift, Gain, Named, Standing
@@ -163,7 +164,7 @@ def of_unloaded(stood: Standing) -> tuple[Cause, ...]:
 
 
 def _sizes(
-    effect: Effect, value: Array, std: Array, quantile: float = 1.96
+    effect: Effect, value: Array, std: Array, quantile: float = NORMAL_95
 ) -> tuple[Amplitude, ...]:
     parts = zip(effect.parameters, value, std, strict=True)
     return tuple(Amplitude.symmetric(p, float(v), float(s), quantile) for p, v, s in parts)

@@ -21,16 +21,10 @@ from pipeline.diagnosis.rounds import in_rounds
 from pipeline.machine.effect import Effect, Observation
 from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS, PER_GROUP, amount
 from pipeline.reduction.register import XYZ, Registration, seconds
-from pipeline.system import alarms
+from pipeline.system import alarms, odds
 from pipeline.system.beside import Base, Beside
 from pipeline.system.noise import TOLERATED
 from pipeline.system.wander import Wander
-
-_FITS = 1e-3
-"""Where a rigid motion leaves something this improbable, a reflector moved or was read badly."""
-
-_DECIDES = 9.2
-"""Drop of chi-square that separates one course of the motion from another: odds of 100."""
 
 _LEVER_M = 10.0
 """Turns are estimated in shifts at this distance, for the conditioning."""
@@ -76,8 +70,8 @@ def drift(
         return None
     amounts = [amount(effect, since) for effect in forms]
     laws = _moved(base, white @ rigid, amounts)
-    # the steady law, the first, unless another one fits better by `_DECIDES`
-    best = int(np.argmax(laws.drop - _DECIDES * (np.arange(len(forms)) > 0)))
+    # the steady law, the first, unless another one fits better by `odds.DECIDES`
+    best = int(np.argmax(laws.drop - odds.DECIDES * (np.arange(len(forms)) > 0)))
     knocks = _moved(base, white @ rigid, [after.astype(float) for after in _rounds(table)])
     better = max(knocks.drop, default=-np.inf) - float(laws.drop[best])
     parts = rigid @ laws.size[best] * np.ptp(amounts[best])
@@ -125,13 +119,14 @@ def _stated(
     left, dof, motion = float(laws.rest - laws.drop[best]), laws.dof - 6, laws.size[best]
     variance = max(TOLERATED**2, left / dof)
     p = float(laws.p(variance, np.inf)[best])
-    rigid = bool(chi2_beyond(left / TOLERATED**2, dof) > _FITS)
+    # what it leaves else is a reflector that moved or was read badly
+    rigid = bool(chi2_beyond(left / TOLERATED**2, dof) > odds.FITS)
     typical = np.concatenate([[q.typical for q in effect.parameters], np.zeros(3)])
     shown = typical @ laws.N[best] @ typical / variance
     std = np.sqrt(np.diag(laws.cov[best]) * max(1.0, left / dof))
-    named = bool(p < alarms.DRIFT and rigid and knocked < _DECIDES)
+    named = bool(p < alarms.DRIFT and rigid and knocked < odds.DECIDES)
     visible = float(np.sqrt(needed(6, alarms.DRIFT) / shown)) if rigid and shown > 0 else np.inf
-    undecided = bool(knocked >= -_DECIDES)
+    undecided = bool(knocked >= -odds.DECIDES)
     return Drift(
         effect=effect,
         velocity=motion[:3],

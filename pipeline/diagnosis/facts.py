@@ -9,6 +9,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Locked, Parameter
 from pipeline.base.linear import rms
+from pipeline.base.tails import NORMAL_95
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.bounds import Bounds
 from pipeline.faults.mistake import Mistake
@@ -237,7 +238,7 @@ class Amplitude:
 
     @classmethod
     def symmetric(
-        cls, parameter: Parameter, value: float, std: float, quantile: float = 1.96
+        cls, parameter: Parameter, value: float, std: float, quantile: float = NORMAL_95
     ) -> Amplitude:
         """One whose interval reaches `quantile` standard uncertainties to either side."""
         return cls(parameter, value, std, (value - quantile * std, value + quantile * std))

@@ -122,7 +122,9 @@ def _tails(files: Screened, end: Settled) -> Family | None:
     right, seen = end.right, end.diagnosis.seen
     if not right.plain.noise_stated:
         return None
-    data = right.as_noisy(bring(end.screened.without_doubt(files.case)).data)
+    case = end.screened.without_doubt(files.case)
+    reduced = right.reduced if case is right.case else bring(case)
+    data = right.as_noisy(reduced.data)
     return tails(linearise(seen.model, data, seen.suspects), seen.model.accepted)[1]
 
 

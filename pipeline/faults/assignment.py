@@ -90,6 +90,11 @@ def lines(at: Sequence[str]) -> str:
     return ", ".join(at[:_FEW]) + (f" and {more} more lines" if more > 0 else "")
 
 
+def assigned(cost: Array) -> Ints:
+    """The content of each place where the sum is least, whatever it moves, shape (n,)."""
+    return np.argsort(optimize.linear_sum_assignment(cost)[1])
+
+
 def rings(cost: Array, least: float, most: float) -> list[Ring]:
     """Contents that stand in each other's place.
 

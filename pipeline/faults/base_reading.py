@@ -25,14 +25,11 @@ from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import bad_reading, smallest
 from pipeline.machine.effects.tracker_drift import LAWS
 from pipeline.reduction.register import XYZ, Registration, agreed
-from pipeline.system import alarms
+from pipeline.system import alarms, odds
 from pipeline.system.beside import Base, Beside
 
 _AGREES = 0.01
 """What is left agrees if its misfit is more probable than this."""
-
-_DECIDES = 9.2
-"""Drop of chi-square by which a reading must beat any other in its place: odds of 100."""
 
 _ROUNDS = 100
 """Rounds of readings between which a moved tracker is told from bad readings; one of more counts
@@ -268,7 +265,7 @@ def _told(one: _Readings, table: pd.DataFrame, free: set[int], lost: Bools, limi
             return _told(one, table, free - {k}, lost, limit)
         at = int(np.sum([i not in free for i in range(k)]))
         drops[k], sizes[k] = float(drop[k]), float(np.linalg.norm(found.size[at]))
-        decided &= lost[k] or bool(np.delete(drop, k).max() < drop[k] - _DECIDES)
+        decided &= lost[k] or bool(np.delete(drop, k).max() < drop[k] - odds.DECIDES)
     used = np.ones(len(table), dtype=bool)
     used[sorted(free)] = False
     if table["target"][used].nunique() < _REFLECTORS:

@@ -19,8 +19,9 @@ import pandas as pd
 from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.fault import Fault
-from pipeline.faults.labels import GROSS_M, unlike
+from pipeline.faults.labels import unlike
 from pipeline.faults.mistake import Mistake, apart, of_group, outlying
+from pipeline.readers.known import GROSS_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.system import alarms

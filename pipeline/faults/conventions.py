@@ -19,7 +19,7 @@ from pipeline.base import covariance
 from pipeline.base.arrays import Array, Bools, Ints, Strings
 from pipeline.base.linear import rigid
 from pipeline.faults.fault import Fault
-from pipeline.faults.mistake import Mistake
+from pipeline.faults.mistake import Mistake, lines_of
 from pipeline.machine import instrument
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import SHIPPED, Robot, configure, load
@@ -109,7 +109,7 @@ def _search(
         misses = [_after(case, chosen, how) for chosen in tried]
         best = int(np.argmin([*misses, np.inf]))
         if best < len(tried) and misses[best] < gross and BETTER * misses[best] < before:
-            return [_finding(h, before, misses[best]) for h in tried[best]]
+            return [_finding(case, h, before, misses[best]) for h in tried[best]]
     return []
 
 
@@ -127,7 +127,7 @@ def _after(case: Case, chosen: Sequence[Hypothesis], how: Callable[[Case], float
     return np.inf if value is None else value
 
 
-def _finding(h: Hypothesis, before: float, after: float) -> Mistake:
+def _finding(case: Case, h: Hypothesis, before: float, after: float) -> Mistake:
     return Mistake(
         name=h.name,
         where=h.where,
@@ -138,6 +138,7 @@ def _finding(h: Hypothesis, before: float, after: float) -> Mistake:
         after=1e3 * after,
         unit="mm",
         correct=h.correct,
+        at=lines_of(case.joints) if h.name == "exchanged" else (),
     )
 
 
@@ -267,6 +268,16 @@ def _columns(case: Case) -> Iterator[Hypothesis]:
             partial(_logged, [column], -1.0),
             single=True,
         )
+    for one, other in itertools.combinations(case.joint_columns, 2):
+        if one.rpartition("_")[2] == other.rpartition("_")[2]:
+            names = [column.rpartition("_")[0] for column in (one, other)]
+            yield Hypothesis(
+                "exchanged",
+                f"{'/'.join(names)} columns",
+                f"in the joint log {' and '.join(names)} stand in each other's column",
+                partial(_in_columns, one, other),
+                single=True,
+            )
 
 
 def _names(case: Case) -> Iterator[Hypothesis]:
@@ -329,6 +340,12 @@ def _with_covariance(rows: pd.DataFrame, six: Array) -> pd.DataFrame:
 def _logged(columns: Sequence[str], factor: float, case: Case) -> Case:
     """Some columns of the joint log times a factor."""
     joints = case.joints.assign(**{c: case.joints[c] * factor for c in columns})
+    return replace(case, joints=joints)
+
+
+def _in_columns(one: str, other: str, case: Case) -> Case:
+    """Two columns of the joint log in each other's place."""
+    joints = case.joints.assign(**{one: case.joints[other], other: case.joints[one]})
     return replace(case, joints=joints)
 
 

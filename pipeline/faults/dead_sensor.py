@@ -17,7 +17,7 @@ from pipeline.base.quantities import plain
 from pipeline.faults.assignment import lines
 from pipeline.faults.exchanged_pulls import displacement_std
 from pipeline.faults.fault import Fault, Screening
-from pipeline.faults.mistake import Mistake, left_out, lines_of
+from pipeline.faults.mistake import Mistake, as_it_is, left_out, lines_of
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import PULLED
 from pipeline.reduction.case import Case
@@ -83,15 +83,11 @@ def _still(asked: Screening, data: Measured) -> list[Mistake]:
             before=seen / due,
             after=1.0,
             unit="1",
-            correct=_as_it_is,
+            correct=as_it_is,
             at=lines_of(rows),
             hopeless=True,
         )
     ]
-
-
-def _as_it_is(case: Case) -> Case:
-    return case
 
 
 # --- the scale ------------------------------------------------------------------------------------
@@ -149,7 +145,7 @@ def _of_copy(case: Case, data: Measured, same: Ints, force: float, every: bool) 
         before=_UNLIKE,
         after=1.0,
         unit="1",
-        correct=_as_it_is if every else partial(left_out, at=at, of="loads"),
+        correct=as_it_is if every else partial(left_out, at=at, of="loads"),
         at=at,
         hopeless=every,
     )

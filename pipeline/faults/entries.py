@@ -17,6 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -191,7 +192,8 @@ class _Fit(Locked):
     left: Array
 
 
-def wrong_entries(case: Case) -> list[Entry]:
+@lru_cache(maxsize=1)  # asked of the readings, and again when the answer is written
+def wrong_entries(case: Case) -> tuple[Entry, ...]:
     """Entries of [tool] and [base_frame] one of which is wrong, the most probable first.
 
     Nothing where all entries as stated are likelier than any single error, where no single one
@@ -199,13 +201,13 @@ def wrong_entries(case: Case) -> list[Entry]:
     """
     scene = _scene(case)
     if scene is None:
-        return []
+        return ()
     found = _single(case, scene)
     kept = scene.only(_alike(scene, max(found, key=lambda one: one[1].evidence)[1]))
     if len(kept.axes) < len(scene.axes):
         found = _single(case, kept)
     if not _doubted(found):
-        return []  # exchanged points would leave one that is free far ahead of none
+        return ()  # exchanged points would leave one that is free far ahead of none
     found += [(claim, _fit(other, None)) for claim, other in _together(case, kept)]
     evidence = np.array([fit.evidence for _, fit in found[1:]])
     share = np.exp(evidence - logsumexp(evidence))
@@ -214,7 +216,7 @@ def wrong_entries(case: Case) -> list[Entry]:
         for (claim, fit), p in zip(found[1:], share, strict=True)
         if p >= _RIVAL and float(np.median(_missed(kept, fit))) < GROSS_M
     ]
-    return sorted(named, key=lambda one: -one.probability)
+    return tuple(sorted(named, key=lambda one: -one.probability))
 
 
 def _doubted(found: Sequence[tuple[_Claim, _Fit]]) -> bool:

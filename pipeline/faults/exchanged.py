@@ -38,7 +38,7 @@ _SOFT = 0.9
 [1]."""
 
 _FITTED = 3
-"""So often the readings are laid on the table anew, each time by those that fit."""
+"""So often the readings are laid on the table anew."""
 
 _OTHERWISE = 0.5
 """What an exchange for a group of the other state, or of another load step, counts more [1]: it
@@ -122,6 +122,15 @@ def misplaced(case: Case) -> frozenset[int]:
     return frozenset(most.index[most].tolist())
 
 
+def elsewhere(case: Case, groups: Sequence[str]) -> list[bool]:
+    """Whether each of some groups is elsewhere than the robot's table has its pose."""
+    laid = _lay(case)
+    if laid is None:
+        return [False] * len(groups)
+    away = dict(zip(laid.name, laid.own > (STANDS_OUT * laid.usual) ** 2, strict=True))
+    return [bool(away.get(name, False)) for name in groups]
+
+
 # --- where the groups are -------------------------------------------------------------------------
 
 
@@ -131,10 +140,11 @@ def _lay(case: Case) -> _Laid | None:
     known = rows["target"].isin(case.settings.measured) & rows["pose"].isin(case.joints["pose"])
     rows = rows[known].drop_duplicates(["group", "target"])
     poses = np.unique(rows["pose"].to_numpy(int))
-    if not FEWEST_POSES <= len(poses) <= _MOST:
+    few = len(poses) < FEWEST_POSES  # and then the base reflectors say where everything is
+    if len(poses) < 2 or len(poses) > _MOST or (few and not case.settings.base_frame):
         return None
-    starts = [at for at in (anchored(case), _by_table(case)) if at is not None]
-    found = [_laid(case, rows, poses, *at) for at in starts]
+    starts = [anchored(case), None if few else _by_table(case)]
+    found = [_laid(case, rows, poses, *at, not few) for at in starts if at is not None]
     best = min(found, key=_median, default=None)
     return best if best is not None and _median(best) < GROSS_M else None
 
@@ -150,14 +160,15 @@ def _by_table(case: Case) -> tuple[Array, Array] | None:
     return None if at is None else (at[0].T, -at[0].T @ at[1])
 
 
-def _laid(case: Case, rows: pd.DataFrame, poses: Ints, R: Array, t: Array) -> _Laid:
+def _laid(case: Case, rows: pd.DataFrame, poses: Ints, R: Array, t: Array, free: bool) -> _Laid:
+    """`free`: laid on the table anew, each time by those that fit."""
     group, names = pd.factorize(rows["group"].astype(str))
     first = rows.groupby(group)[["pose", "repeat", "state"]].first()
     target = pd.Index(case.settings.measured).get_indexer(pd.Index(rows["target"]))
     seen = np.full((len(names), len(case.settings.measured), 3), np.nan)
     seen[group, target] = rows[XYZ].to_numpy(float)
     table = configure(case.robot, case.q(poses)).points(case.tool.points)
-    for _ in range(_FITTED):
+    for _ in range(_FITTED * free):
         placed = seen @ R.T + t
         off = np.stack([_square(placed, table[k]) for k in range(len(poses))], axis=1)
         R, t = _moved(seen, table, off)

@@ -25,7 +25,7 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.quantities import plain
-from pipeline.faults.assignment import Ring, lines, rings, said, shift
+from pipeline.faults.assignment import Ring, assigned, lines, rings, said, shift
 from pipeline.faults.exchanged import regrouped
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, lines_of
@@ -178,9 +178,35 @@ def _beside(moved: Moved, x: Array, order: Ints) -> _Fit:
     part = np.abs(due / force - 1)
     model = max(1.4826 * float(np.median(part)), _MODEL)  # of a normal distribution
     var = own**2 + moved.std**2 + (model * force) ** 2
-    cost = (moved.force[:, None] - due) ** 2 / var
+    cost = (moved.force[:, None] - due) ** 2 / var * _straight(moved, x, due)
     left = float(np.mean(np.minimum(part, 1.0)))
     return _Fit(x, cost, model, left)
+
+
+def _straight(moved: Moved, x: Array, due: Array) -> Bools:
+    """Pulls that moved as some force moves them: a bad reading tells of no force, shape (m,)."""
+    off = moved.y - due[:, None] * (moved.G @ x)
+    square, whole = (np.mean(each**2, axis=1) for each in (off, moved.y))
+    part = max(float(np.median(square / np.maximum(whole, moved.noise**2))), _MODEL**2)
+    return np.asarray(square <= _APART**2 * (moved.noise**2 + part * whole))
+
+
+def copied(asked: Screening, pulls: tuple[tuple[int, int], tuple[int, int]]) -> int | None:
+    """Which of two pulls, (pose, repeat) each, that moved alike has a force that does not do so.
+
+    None where the other one's does not either, or both do.
+    """
+    moved = Moved.of(asked)
+    if not FEWEST <= len(moved.force) <= MOST:
+        return None
+    of = asked.reduced.data.pulls
+    keys = list(zip(of.pose[moved.pull].tolist(), of.repeat[moved.pull].tolist(), strict=True))
+    if not set(pulls) <= set(keys):
+        return None
+    fit = _fit(moved, np.arange(len(keys)))
+    least = float(special.chdtri(1, alarms.EXCHANGED / len(keys) ** 2))
+    wrong = [bool(fit.cost[keys.index(key), keys.index(key)] > least) for key in pulls]
+    return wrong.index(True) if sum(wrong) == 1 else None
 
 
 # --- rows of the loads ----------------------------------------------------------------------------
@@ -251,9 +277,7 @@ def _sorted(moved: Moved, least: float) -> tuple[_Fit, list[Ring]] | None:
     x = x * float(np.median(due[due > 0]) / np.median(moved.force)) if (due > 0).any() else x
     order = np.arange(count)
     for _ in range(_ROUNDS):
-        fit = _beside(moved, x, order)
-        found = rings(fit.cost, 1e-9, np.inf)
-        new = _order(found, count)
+        new = assigned(_beside(moved, x, order).cost)
         if (new == order).all():
             break
         order, x = new, moved.solved(moved.force[new])

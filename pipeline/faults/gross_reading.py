@@ -15,9 +15,9 @@ import pandas as pd
 from pipeline.base import covariance
 from pipeline.base.arrays import Array, Bools
 from pipeline.faults.fault import Fault
-from pipeline.faults.labels import GROSS_M
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import bad_reading
+from pipeline.readers.known import GROSS_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 

@@ -15,12 +15,9 @@ from pipeline.faults.conventions import FEWEST_POSES, pairs, unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, of_group
 from pipeline.machine.robot import configure
-from pipeline.readers.known import BETTER
+from pipeline.readers.known import BETTER, GROSS_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
-
-GROSS_M = 0.03
-"""A reading this far from where its reflector should be is no reading of that reflector."""
 
 _PULLS = 3
 """So many pulls of a pose tell how its chain is hung."""

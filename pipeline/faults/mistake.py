@@ -53,6 +53,12 @@ class Mistake:
     hopeless: bool = False
 
     @property
+    def lost(self) -> Mistake:
+        """The same where too few displacements are left without it: no value holds."""
+        said = "nothing can be corrected, too few displacements are left without it"
+        return replace(self, correct=as_it_is, correction=said, hopeless=True)
+
+    @property
     def of_reading(self) -> bool:
         """Whether it accuses one reading of the tracker."""
         return self.name == "outlier" and self.size_unit == "m"
@@ -62,6 +68,11 @@ class Mistake:
         """Whether it does so by a probability, which heavy tails change."""
         single = self.of_reading and not self.together
         return single and self.unit == "sigma" and self.p_value is not None
+
+
+def as_it_is(case: Case) -> Case:
+    """Nothing puts it right."""
+    return case
 
 
 def lines_of(rows: pd.DataFrame) -> tuple[str, ...]:

@@ -19,13 +19,10 @@ from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, apart, left_out, length, lines_of, of_group, outlying
 from pipeline.faults.reading import Shifted, confirmed, shifted_readings
 from pipeline.reduction.case import Case
-from pipeline.system import alarms
+from pipeline.system import alarms, odds
 from pipeline.system.beside import Beside
 from pipeline.system.system import System
 from pipeline.system.together import cost
-
-_FITS = 1e-3
-"""A model whose misfit is this probable fits."""
 
 _ALONE = 0.01
 """Where another pose moves with a chance below this, too, it is something of the machine."""
@@ -44,7 +41,7 @@ def moved(asked: Screening) -> list[Mistake]:
     scale, contrasts = asked.spread
     whole = estimate.chi2 / max(estimate.dof, 1) / scale**2
     misfit = special.fdtrc(estimate.dof, contrasts, whole)  # NaN where nothing tells the noise
-    if estimate.p_value is None or not misfit <= _FITS:
+    if estimate.p_value is None or not misfit <= odds.FITS:
         return []
     shifted = shifted_readings(asked.case, asked.reduced, asked.zeros, system, estimate)
     D, from_pull, columns = _columns(shifted)
@@ -54,7 +51,7 @@ def moved(asked: Screening) -> list[Mistake]:
     best = int(np.argmax(found.drop))
     rest = float(found.variance()[best])
     dof = max(found.dof - int(found.rank[best]), 1)
-    if not special.fdtrc(dof, contrasts, rest / scale**2) >= _FITS:
+    if not special.fdtrc(dof, contrasts, rest / scale**2) >= odds.FITS:
         return []
     p = int((found.rank > 0).sum()) * float(found.p(max(rest, 1.0), dof)[best])
     size = found.size[best]

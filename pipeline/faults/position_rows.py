@@ -123,9 +123,9 @@ class Sheet:
         )
 
     def called(self, unit: int) -> str:
-        """`pose07`, or `line 9` where poses have no numbers of their own in their file."""
-        row = self.rows.iloc[int(np.argmax(self.unit == unit))]
-        return f"pose{int(row['pose']):02d}"
+        """`pose07`, with as many digits as the largest number of all poses has."""
+        pose = self.rows["pose"].to_numpy(int)
+        return f"pose{pose[int(np.argmax(self.unit == unit))]:0{max(len(str(pose.max())), 2)}d}"
 
 
 def _at(rows: Rows) -> tuple[str, ...]:

@@ -30,6 +30,7 @@ from pipeline.reduction.bring import Reduced
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.register import XYZ
+from pipeline.system import odds
 from pipeline.system.beside import Base, Beside
 from pipeline.system.blocks import Blocks
 from pipeline.system.contrasts import Stack, Zeros, stacked
@@ -39,9 +40,6 @@ from pipeline.system.whiten import Whitener, whitener
 
 _SMALLEST_M = 8e-5
 """A reading off by less than this is not reported."""
-
-_FITS = 1e-3
-"""A model whose misfit is this probable fits."""
 
 _NOTHING = 1e-30
 """A variance that is rounding [1]."""
@@ -209,7 +207,8 @@ def outliers(asked: Screening) -> list[Mistake]:
 
     Beside the model where it fits without them, else beside a free stiffness of every pose. How
     much readings scatter is the median of what they leave there, never less than stated: a
-    certificate may be modest, chance no outlier.
+    certificate may be modest, chance no outlier. Where one in another pose would do as well, too
+    few readings were taken to say of any that it is off.
     """
     case, reduced, system = asked.case, asked.reduced, asked.system
     shifted = shifted_readings(case, reduced, asked.zeros, system, asked.estimate)
@@ -224,14 +223,14 @@ def outliers(asked: Screening) -> list[Mistake]:
     told = shifted.told(held, suspects, free, seen=not fits)
     p, size = held.p(), np.linalg.norm(held.size, axis=1)
     least_m = smallest(reduced.placed, float(np.sqrt(held.variance)))
+    rivals, pose = suspects.rivals(held), shifted.readings.pose
+    alone = [bool((pose[of] == pose[k]).all()) for k, of in zip(held.which, rivals, strict=True)]
     found = []
     for k in np.argsort(-held.drop, kind="stable"):
-        if told[k] and size[k] > least_m:
-            one = int(held.which[k])
-            alike = [one, *suspects.rivals(held, one).tolist()]
-            row, *rivals = (_row(case, reduced, shifted.readings, j) for j in alike)
-            sigmas = float(np.sqrt(held.drop[k] / held.variance))
-            known = sigmas, float(p[k]), rivals
+        if told[k] and alone[k] and size[k] > least_m:
+            alike = [int(held.which[k]), *rivals[k].tolist()]
+            row, *others = (_row(case, reduced, shifted.readings, j) for j in alike)
+            known = float(np.sqrt(held.drop[k] / held.variance)), float(p[k]), others
             if asked.cell.tool.six:
                 found.append(_bad_pose(case, row, held.size[k], *known))
             else:
@@ -245,7 +244,7 @@ def _fits(held: Held, pulls: Base, least: float) -> bool:
         return True
     scatter = max(pulls.rest / pulls.dof, least)
     left = held.base.rest / held.base.dof
-    return bool(special.fdtrc(held.base.dof, pulls.dof, left / scatter) >= _FITS)
+    return bool(special.fdtrc(held.base.dof, pulls.dof, left / scatter) >= odds.FITS)
 
 
 def shifted_readings(

@@ -12,7 +12,7 @@ from pipeline.faults.lost_pull import lost_readings
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import lock_lost
 from pipeline.machine.cell import Cell
-from pipeline.reduction.bring import Reduced
+from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
 from pipeline.system.family import Family
 
@@ -72,8 +72,8 @@ def files_of(case: Case, reduced: Reduced) -> Screened:
     for fault in _asked(case, in_files=True):
         known = None if findings else reduced
         found = fault.find(Screening(case, case.cell, case.robot.nominal_compliance, known))
+        found, case = _righted(case, found)
         findings += found
-        case = put_right(case, found)
     return Screened(tuple(findings), case)
 
 
@@ -105,13 +105,28 @@ def singles_of(given: Screened, reduced: Reduced | None, beside: Beside | None =
         found, doubted = _first(tests, asked)
         if not found:
             break
+        found, case = _righted(case, found)
         findings += found
-        case = put_right(case, found)
+        if any(one.hopeless for one in found):
+            break
         if any(one.may_be_noise for one in found):
             family = asked.family
         asked = Screening(case, beside.cell, beside.start, accepted=family)
-    lost = lost_readings(given.case, findings, asked)
-    return Screened((*findings, *lost), put_right(case, lost), tuple(doubted))
+    lost, case = _righted(case, lost_readings(given.case, findings, asked))
+    return Screened((*findings, *lost), case, tuple(doubted))
+
+
+def _righted(case: Case, found: list[Mistake]) -> tuple[list[Mistake], Case]:
+    """The same and the campaign without it, or as it is where nothing would be left of that."""
+    right = put_right(case, found)
+    if not found or tells(right):
+        return found, right
+    return [one.lost for one in found], case
+
+
+def tells(case: Case) -> bool:
+    """Whether a campaign has displacements enough to say anything of its robot."""
+    return bring(case).data.enough(case.robot.n)
 
 
 def put_right(case: Case, findings: Sequence[Mistake]) -> Case:

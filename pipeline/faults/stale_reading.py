@@ -2,8 +2,10 @@
 
 An end of a chain that repeats the other end leaves a pull without direction, left out as read.
 Another target that repeats the one before it is in the wrong place: the tests of readings name it.
-A target that repeats its own reading of an earlier state is in a likely place, and no test of
-places would find it; equal digits do, where the noise makes them as good as impossible.
+A target that repeats its own reading of another state is in a likely place, and no test of places
+would find it; equal digits do, where the noise makes them as good as impossible. Of two pulls the
+one whose force does not move the robot so is the copy, of two poses the one that stands elsewhere
+than the robot's table has it, else the later one.
 """
 
 from __future__ import annotations
@@ -17,8 +19,10 @@ import pandas as pd
 
 from pipeline.base import covariance
 from pipeline.base.arrays import Array
-from pipeline.faults.fault import Fault
-from pipeline.faults.mistake import Mistake, left_out, outlying
+from pipeline.faults.exchanged import elsewhere
+from pipeline.faults.exchanged_pulls import copied
+from pipeline.faults.fault import Fault, Screening
+from pipeline.faults.mistake import Mistake, as_it_is, left_out, outlying
 from pipeline.reduction.case import Case
 from pipeline.reduction.digits import rounding
 from pipeline.reduction.measured import STILL_M
@@ -43,7 +47,7 @@ def stale(case: Case) -> list[Mistake]:
             "computed without this pull, whose direction is unknown",
             before=0.0,
             unit="mm",
-            correct=lambda case: case,
+            correct=as_it_is,
             at=(f"{one.file}:{one.line}",),
         )
         for one in case.stale
@@ -51,19 +55,20 @@ def stale(case: Case) -> list[Mistake]:
     ]
 
 
-def repeated(case: Case) -> list[Mistake]:
-    """Readings of a target that repeat its reading in an earlier state of the same pose.
+def repeated(asked: Screening) -> list[Mistake]:
+    """Readings of a target that repeat its reading in another state.
 
-    Or of a base reflector in an earlier round. Two readings with noise s agree in all digits of
+    Or of a base reflector in another round. Two readings with noise s agree in all digits of
     width h along an axis with chance h / (sqrt(4 pi) s) at most, which is multiplied over axes and
     over all targets that repeat the same group. That is said where it is below `alarms.READING`
-    after counting all pairs of groups.
+    after counting all pairs of groups of a pose; in two poses no chance makes them equal.
     """
+    case = asked.case
     rows = case.readings
     rows = rows[rows["pose"].notna() | rows["target"].isin(case.settings.base_frame)]
     rows = rows[rows[XYZ].any(axis=1)]  # a lost lock is (0, 0, 0) however often
     rows = rows.assign(at=rows["pose"].fillna(-1)).drop_duplicates(["group", "target"])
-    equal = rows.duplicated(["at", "target", *XYZ], keep=False)
+    equal = rows.duplicated(["target", *XYZ], keep=False)
     if not equal.any() or _without_noise(rows):
         return []
     h = np.sqrt(12) * rounding(case.readings[XYZ].to_numpy(float))
@@ -73,24 +78,52 @@ def repeated(case: Case) -> list[Mistake]:
     pairs = rows.groupby("at")["group"].nunique()
     count = float((pairs * (pairs - 1) / 2).sum())
     found: dict[int, Mistake] = {}
-    for earlier, later, same in _twice(rows[equal]):
-        p = count * float(np.prod(chance[same].to_numpy(float)))
-        if p < alarms.READING:
-            for k in same:
-                found.setdefault(k, _repeats(rows.loc[[k]].iloc[0], earlier, later, p))
+    for names, same in _twice(rows[equal]):
+        here = rows.loc[same[0]].iloc[0], rows.loc[same[1]].iloc[0]
+        p: float | None = None
+        if here[0]["at"] == here[1]["at"]:
+            p = count * float(np.prod(chance[same[1]].to_numpy(float)))
+        elif _stand_alike(case, here):
+            continue
+        if p is None or p < alarms.READING:
+            copy = _copy(asked, names, here)
+            for k in same[copy]:
+                found.setdefault(
+                    k, _repeats(rows.loc[[k]].iloc[0], names[1 - copy], names[copy], p)
+                )
     return [found[k] for k in sorted(found)]
 
 
-def _twice(rows: pd.DataFrame) -> Iterator[tuple[str, str, list[int]]]:
-    """Pairs of groups that share readings: both names, and the rows of the later one."""
-    for _, here in rows.groupby("at"):
-        groups = list(dict.fromkeys(here["group"].astype(str)))
-        of = {name: here[here["group"].astype(str) == name] for name in groups}
-        for earlier, later in combinations(groups, 2):
-            keys = set(of[earlier][["target", *XYZ]].itertuples(index=False, name=None))
-            mine = of[later][["target", *XYZ]].itertuples(index=True, name=None)
-            if same := [k for k, *key in mine if tuple(key) in keys]:
-                yield earlier, later, same
+def _twice(rows: pd.DataFrame) -> Iterator[tuple[tuple[str, str], tuple[list[int], list[int]]]]:
+    """Pairs of groups that share readings, the earlier one first, and their rows."""
+    shared: dict[tuple[str, str], tuple[list[int], list[int]]] = {}
+    for _, here in rows.groupby(["target", *XYZ], observed=True, sort=False):
+        each = zip(here["group"].astype(str), here.index, strict=True)
+        for (one, k), (other, n) in combinations(each, 2):
+            first, second = shared.setdefault((one, other), ([], []))
+            first.append(k)
+            second.append(n)
+    yield from shared.items()
+
+
+def _stand_alike(case: Case, here: tuple[pd.Series, pd.Series]) -> bool:
+    """Whether two poses are one by the joint log."""
+    log = case.joints.set_index("pose")[case.joint_columns]
+    poses = [int(one["pose"]) for one in here]
+    return all(pose in log.index for pose in poses) and bool(
+        np.array_equal(log.loc[poses[0]].to_numpy(float), log.loc[poses[1]].to_numpy(float))
+    )
+
+
+def _copy(asked: Screening, names: tuple[str, str], here: tuple[pd.Series, pd.Series]) -> int:
+    """Which of two groups that share readings was not measured: 0, or 1 where nothing tells."""
+    if here[0]["at"] != here[1]["at"]:
+        away = elsewhere(asked.case, names)
+        return 0 if away == [True, False] else 1
+    if any(one["state"] != "loaded" for one in here):
+        return 1
+    first, second = ((int(one["pose"]), int(one["repeat"])) for one in here)
+    return 0 if copied(asked, (first, second)) == 0 else 1
 
 
 def _without_noise(rows: pd.DataFrame) -> bool:
@@ -113,12 +146,12 @@ def _known(std: Array, rows: pd.DataFrame) -> Array:
     return np.where(np.isfinite(std), std, max(usual, STILL_M))
 
 
-def _repeats(row: pd.Series, earlier: str, later: str, p: float) -> Mistake:
-    where = f"{later}/{row['target']}"
+def _repeats(row: pd.Series, of: str, copy: str, p: float | None) -> Mistake:
+    where = f"{copy}/{row['target']}"
     line = f"{row['file']}:{row['line']}"
     return outlying(
         where,
-        f"the reading {where} ({line}) repeats that of {earlier} to the last digit: it was not "
+        f"the reading {where} ({line}) repeats that of {of} to the last digit: it was not "
         "measured again",
         f"recomputed without {where}",
         before=0.0,
@@ -132,6 +165,6 @@ def _repeats(row: pd.Series, earlier: str, later: str, p: float) -> Mistake:
 FAULT = Fault(
     "outlier",
     "outlying reading",
-    lambda asked: [*stale(asked.case), *repeated(asked.case)],
+    lambda asked: [*stale(asked.case), *repeated(asked)],
     in_files=True,
 )

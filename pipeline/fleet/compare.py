@@ -11,13 +11,19 @@ import numpy as np
 
 from pipeline.answer.archive import Finished, finished, with_digest
 from pipeline.answer.contract import Answer, Data, Stiffness, Which
-from pipeline.answer.history import chance, changes, of_one_day, together, trusted
+from pipeline.answer.history import alike, chance, changes, of_one_day, together, trusted
 from pipeline.app.outcome import Outcome
 from pipeline.base import files, parquet
 from pipeline.base.arrays import Array
 from pipeline.base.errors import CannotWrite, UsageError
 from pipeline.fleet import tables as fleet
-from pipeline.fleet.overview import NOT_EXPLAINED, NOT_STOOD_FOR, SAME_READINGS, comparison
+from pipeline.fleet.overview import (
+    NOT_EXPLAINED,
+    NOT_STOOD_FOR,
+    OF_TWO_KINDS,
+    SAME_READINGS,
+    comparison,
+)
 from pipeline.fleet.sentences import of
 from pipeline.report import words
 from pipeline.report.record import Report
@@ -127,6 +133,8 @@ def _not_tested(a: _Side, b: _Side) -> str | None:
     """Why what two differ by is no matter of chance; None where it is."""
     if a.campaign == b.campaign:
         return SAME_READINGS
+    if not alike(a.answer, b.answer):
+        return OF_TWO_KINDS
     loose = [one.campaign for one in (a, b) if not trusted(one.answer)]
     if loose:
         return NOT_EXPLAINED.format(" and ".join(loose))

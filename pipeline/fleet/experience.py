@@ -16,14 +16,14 @@ typical size. Campaigns whose own answer rests on learnt priors teach nothing.
 from __future__ import annotations
 
 import math
-from collections.abc import Collection, Iterable, Sequence
+from collections.abc import Collection, Iterable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from scipy import optimize, special
 
 from pipeline.answer.contract import Answer
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, Ints
 from pipeline.diagnosis.finding import Verdict
 
 ROBOTS, CAMPAIGNS = 10, 20
@@ -86,13 +86,14 @@ class Experience:
 def experience(answers: Iterable[Answer], names: Collection[str]) -> Experience:
     """What finished campaigns teach of causes with these names."""
     by_robot = _by_robot(answers)
-    seen = {name: [_share(own, name) for own in by_robot.values()] for name in sorted(names)}
+    seen = {name: list(_shares(by_robot.values(), name)) for name in sorted(names)}
     sizes = {name: [size for own in by_robot.values() for size in _size(own, name)]
              for name in sorted(names)}  # fmt: skip
     count = sum(map(len, by_robot.values()))
     told = Experience(len(by_robot), count, ())
     total = np.array([sum(one) for one in seen.values()])
-    odds = _odds(total, len(by_robot)) if told.learnt else np.ones(len(seen))
+    robots = np.array([len(one) for one in seen.values()])
+    odds = _odds(total, robots) if told.learnt else np.ones(len(seen))
     causes = [
         Expected(name, y, o, _expected_size(sizes[name]), told.learnt, len(sizes[name]) >= SIZED)
         for name, y, o in zip(seen, total.tolist(), odds.tolist(), strict=True)
@@ -101,10 +102,14 @@ def experience(answers: Iterable[Answer], names: Collection[str]) -> Experience:
 
 
 def _by_robot(answers: Iterable[Answer]) -> dict[str, list[Answer]]:
-    """Campaigns of each robot that teach something; those with priors repeat what was learnt."""
+    """Campaigns of each robot that teach something; those with priors repeat what was learnt.
+
+    Odds are those of causes beside pulls: what positions show under the arm's weight, they show by
+    another test.
+    """
     found: dict[str, list[Answer]] = {}
     for one in answers:
-        if one.diagnosis.verdict in _TEACHES and not one.model.priors:
+        if one.diagnosis.verdict in _TEACHES and not (one.model.priors or one.of_positions):
             found.setdefault(one.machine, []).append(one)
     return found
 
@@ -112,10 +117,21 @@ def _by_robot(answers: Iterable[Answer]) -> dict[str, list[Answer]]:
 _TEACHES = (Verdict.ADEQUATE, Verdict.EXPLAINED, Verdict.AMBIGUOUS)
 
 
-def _share(own: Sequence[Answer], name: str) -> float:
-    """Part of a robot's campaigns that name a cause."""
-    return float(np.mean([any(c.name == name and c.probability > _CERTAIN
-                              for c in one.diagnosis.causes) for one in own]))  # fmt: skip
+def _shares(robots: Iterable[Sequence[Answer]], name: str) -> Iterator[float]:
+    """Part of each robot's campaigns that name a cause, of those that could have seen it."""
+    for own in robots:
+        told = [one for one in own if _names(one, name) or not _blind(one, name)]
+        if told:
+            yield float(np.mean([_names(one, name) for one in told]))
+
+
+def _names(one: Answer, name: str) -> bool:
+    return any(c.name == name and c.probability > _CERTAIN for c in one.diagnosis.causes)
+
+
+def _blind(one: Answer, name: str) -> bool:
+    """Whether a cause of one place would have gone unnoticed there at its typical size."""
+    return any(spot.name == name and spot.where is None for spot in one.diagnosis.blind_spots)
 
 
 def _size(own: Sequence[Answer], name: str) -> list[float]:
@@ -138,7 +154,7 @@ def _expected_size(logs: Sequence[float]) -> float:
     return float(np.clip(math.exp(mean), 1 / _MOST_SIZE, _MOST_SIZE))
 
 
-def _odds(total: Array, robots: int) -> Array:
+def _odds(total: Array, robots: Ints) -> Array:
     """Posterior odds of each rate over their geometric mean, bounded, shape (n,)."""
 
     def loss(at: Array) -> float:

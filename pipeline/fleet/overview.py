@@ -273,6 +273,10 @@ SAME_READINGS = (
     "Two models of the same readings share their errors, so what they differ by is no matter of "
     "chance: it is what the richer model takes away from the springs."
 )
+OF_TWO_KINDS = (
+    "Stiffnesses from the arm's own weight are as wrong as the masses of the robot file, those "
+    "from pulls as the scale: what they differ by is no change of the machine."
+)
 NOT_EXPLAINED = (
     "No model explains the readings of {}, so its uncertainties cannot tell whether a stiffness "
     "has changed."

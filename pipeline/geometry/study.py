@@ -256,7 +256,7 @@ def _apart(
             break
         then = replace(data, readings=data.readings.apart(moved.pose))
         new = int(then.readings.series[moved.pose])
-        order = np.insert(np.arange(len(of)), new, new - 1)
+        order = np.insert(np.arange(len(of)), new, new - 1).tolist()
         trial = then.again(_with_frames(found, order))
         if not Judge(partings(data.readings, rng, on_rail), rng).better(trial, found):
             break

@@ -99,13 +99,11 @@ class Cell:
 
     def split(self, values: Array) -> list[tuple[Effect, Array]]:
         """Each facet of each effect with its part of the parameter vector."""
-        ends = np.cumsum([len(effect.parameters) for effect in self.effects], dtype=int)
-        parts = np.split(np.asarray(values, float), ends)[:-1]
-        return [
-            (facet, part)
-            for effect, part in zip(self.effects, parts, strict=True)
-            for facet in effect.facets
-        ]
+        values, parts, end = np.asarray(values, float), [], 0
+        for effect in self.effects:
+            begin, end = end, end + len(effect.parameters)
+            parts += [(facet, values[begin:end]) for facet in effect.facets]
+        return parts
 
 
 @dataclass(frozen=True, eq=False)

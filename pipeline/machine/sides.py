@@ -42,12 +42,18 @@ def at_pose(cell: Cell, values: Array, q: Array, force: Array) -> dict[int, floa
         q: Joint values [m] or [rad], shape (n,).
         force: Force on the robot [N], F_b, shape (3,).
     """
+    found = along(cell, values, np.atleast_2d(q), np.atleast_2d(force))
+    return {joint: float(side[0]) for joint, side in found.items()}
+
+
+def along(cell: Cell, values: Array, q: Array, force: Array) -> dict[int, Array]:
+    """The same at many poses (m, n) under forces (m, 3), shape (m,) of each joint."""
     out, loaded = {}, None
     for effect in cell.effects:
         if isinstance(effect, Elastic) and effect.side is not None:
             loaded = loaded or load(cell, Pulls.at(q, force), values)
             tau = torque(effect.screws(loaded), loaded.load_point, loaded.force)
-            out[effect.carrier[0] - 1] = float(effect.side(loaded, tau)[0, 0])
+            out[effect.carrier[0] - 1] = effect.side(loaded, tau)[:, 0]
     return out
 
 

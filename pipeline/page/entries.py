@@ -57,6 +57,11 @@ class Entry:
         return self.table in _PLACES and self.key != "file"
 
     @property
+    def confirmable(self) -> bool:
+        """Whether it asks for something below to be looked at: taking it away is the answer."""
+        return self.needed and "remove this line" in self.about
+
+    @property
     def coordinates(self) -> tuple[float, float, float] | None:
         """The point, in metres; None where it is open."""
         read = tomllib.loads(f"x = {self.value}")["x"] if self.value and self.whole else None
@@ -158,6 +163,22 @@ def filled(text: str, line: int, said: str) -> str:
     else:
         lines[line - 1] = f"# {key} ={f'   # {about}' if about else ''}{end}"
     return sound("".join(lines))
+
+
+def confirmed(text: str, line: int) -> str:
+    """The text without a question that is answered by taking it away, and what it says below.
+
+    Raises:
+        UsageError: The line holds no such question.
+    """
+    one = next((each for each in entries(text) if each.line == line), None)
+    if one is None or not one.confirmable:
+        raise UsageError(f"line {line} of campaign.toml is no question of that kind")
+    lines = text.splitlines(keepends=True)
+    end = line
+    while end < len(lines) and _MORE.match(lines[end].rstrip("\r\n")):
+        end += 1
+    return sound("".join([*lines[: line - 1], *lines[end:]]))
 
 
 def _uncover(lines: list[str], line: int) -> None:

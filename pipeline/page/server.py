@@ -316,6 +316,9 @@ async def fill(state: State, request: Request) -> Response:
     desk, typed = state.desk(request), await _typed(request)
     text = desk.text() or ""
     line, said = int(typed.get("line", 0)), typed.get("said", "")
+    if typed.get("confirm"):
+        desk.written(entries.confirmed(text, line), str(typed.get("seen", "")))
+        return _told(seen=desk.digest(TOML))
     one = next((each for each in entries.entries(text) if each.line == line), None)
     if isinstance(said, list):
         value = entries.point([str(part) for part in said], str(typed.get("unit", "m")))

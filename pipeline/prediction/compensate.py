@@ -14,11 +14,10 @@ from pipeline.base.errors import InputError
 from pipeline.base.quantities import plain
 from pipeline.machine.robot import Robot, axes, configure, rating
 from pipeline.machine.robot.configuration import velocity
+from pipeline.machine.robot.inverse import ARM_M
+from pipeline.prediction.each_way import Ways, along, each_way
 from pipeline.prediction.model import Model
 from pipeline.readers import logs
-
-_ARM_M = 0.3
-"""Turning the tool by an angle counts as moving a point this far from its tip."""
 
 _FURTHEST = rating.TWIST_RAD
 """A motion of the tool for which joints would have to turn further is left: the arm is at a
@@ -65,6 +64,7 @@ class Compensation(Locked):
         force: Size of the forces [N], shape (m,).
         pulled: The gentlest and the hardest pull that the model is from [N]; None where it does
             not say.
+        each_way: Joints with another stiffness each way of their torque, at these points.
     """
 
     joints: Array
@@ -76,6 +76,7 @@ class Compensation(Locked):
     force: Array
     held_out: float | None = None
     pulled: tuple[float, float] | None = None
+    each_way: tuple[Ways, ...] = ()
 
     def part(self, rows: Sequence[int] | Ints) -> Compensation:
         """That of some of the points, in this order."""
@@ -88,7 +89,8 @@ class Compensation(Locked):
         """Several paths of one model, one behind the other."""
         of_each = {one.name: [getattr(part, one.name) for part in parts] for one in fields(cls)}
         joined = {k: np.concatenate(v) for k, v in of_each.items() if isinstance(v[0], np.ndarray)}
-        return cls(**{k: v[0] for k, v in of_each.items()} | joined)
+        ways = along(of_each["each_way"])
+        return cls(**{k: v[0] for k, v in of_each.items()} | joined | {"each_way": ways})
 
     @property
     def summary(self) -> str:
@@ -102,7 +104,8 @@ class Compensation(Locked):
     @property
     def remarks(self) -> list[str]:
         """The summary, and how the forces compare with those that the model is from."""
-        return [self.summary, *beside_pulls(self.force, self.pulled)]
+        ways = [one.sentence for one in self.each_way]
+        return [self.summary, *ways, *beside_pulls(self.force, self.pulled)]
 
     @property
     def _known(self) -> str:
@@ -214,7 +217,7 @@ def compensate(
         rounds: Newton steps; each gains about three digits.
     """
     tip = model.tool.load_point if tip is None else np.asarray(tip, float)
-    points = tip + _ARM_M * np.vstack([np.zeros(3), np.eye(3)])
+    points = tip + ARM_M * np.vstack([np.zeros(3), np.eye(3)])
     rating.refuse_unheld(model.robot, path.q, path.force, tip, path.file, path.line)
     before = model.positions(path.q, path.force, points)
     offset = np.zeros_like(path.q)
@@ -235,6 +238,7 @@ def compensate(
         held_out=model.held_out_m,
         force=np.linalg.norm(path.force, axis=1),
         pulled=model.pulled_n,
+        each_way=each_way(model, path.q, path.force),
     )
 
 
@@ -279,7 +283,7 @@ def _least(robot: Robot, q: Array, points: Array, missed: Array, soft: Array) ->
 def _turned(points: Array, moved: Array) -> Array:
     """Rotation vector (m, 3) of a small rigid motion: tip and three arms at right angles."""
     arms = points[:, 1:] - points[:, :1]
-    return np.cross(arms, moved[:, 1:] - moved[:, :1]).sum(axis=1) / (2 * _ARM_M**2)
+    return np.cross(arms, moved[:, 1:] - moved[:, :1]).sum(axis=1) / (2 * ARM_M**2)
 
 
 def table(robot: Robot, path: Path, found: Compensation) -> bytes:

@@ -78,10 +78,10 @@ class Hypothesis(Locked):
     @property
     def beside_springs(self) -> tuple[Effect, ...]:
         """The causes that it holds beside the joint springs."""
-        return tuple(one for one in self._more if one.law is None or not one.law.beyond)
+        return tuple(one for one in self.more if one.law is None or not one.law.beyond)
 
     @property
-    def _more(self) -> tuple[Effect, ...]:
+    def more(self) -> tuple[Effect, ...]:
         """The same, and what laws may be where they were not taught."""
         return self.cell.effects[len(paper_cell(self.cell.robot, self.cell.tool).effects) :]
 
@@ -196,7 +196,7 @@ class Model(Locked):
         """The same by one hypothesis."""
         T = np.eye(len(one.value))[: self.robot.n]
         if self.at_pose is not None:
-            both = sides.columns(self.robot.n, one._more)
+            both = sides.columns(self.robot.n, one.more)
             for joint, sign in sides.at_pose(one.cell, one.value, *self.at_pose).items():
                 T[joint, both[joint]] = sign
         return sides.taken(one.value, one.cov, T)
@@ -395,7 +395,7 @@ def dumps(handed: Model) -> str:
 def _at_pose(handed: Model) -> dict[str, Any]:
     """The test pose, where a stiffness is that of its side."""
     if handed.at_pose is None or not any(
-        sides.columns(handed.robot.n, one._more) for one in handed.hypotheses
+        sides.columns(handed.robot.n, one.more) for one in handed.hypotheses
     ):
         return {}
     q, force = handed.at_pose
@@ -409,7 +409,7 @@ def _hypothesis(one: Hypothesis) -> dict[str, Any]:
     return told | {
         "weight": one.weight,
         "equilibrium": one.cell.equilibrium,
-        "effects": [[e.label, e.form] for e in one._more],
+        "effects": [[e.label, e.form] for e in one.more],
         "parameter": _parameters(one.cell.parameters, one),
         "covariance": one.cov.tolist(),
     }

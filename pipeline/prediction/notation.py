@@ -10,6 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array
+from pipeline.machine.robot.inverse import ARM_M
 
 Form = Literal["abc", "wpr", "quaternion", "vector"]
 """Letters of a turn: A, B, C about z, y', x'' (KUKA); W, P, R about the fixed x, y, z (FANUC), the
@@ -17,8 +18,6 @@ same turn from the other end; the quaternion, scalar first (ABB); the rotation v
 
 _LEVEL = 1e-9
 """Cosine of the angle about y from which on the two others turn about one axis [1]."""
-_LEVER_M = 0.3
-"""[m]: how far from the tip a turn of the tool matters."""
 _REACH_M = 1.0
 """[m]: how far the tip is from a joint's axis, in order of magnitude."""
 
@@ -84,7 +83,7 @@ class Notation:
     @property
     def worth_of_pose(self) -> Array:
         """How far a unit of each number of a pose moves the tool [m], shape (6,) or (7,)."""
-        turn = 2 * _LEVER_M if self.form == "quaternion" else self.angle * _LEVER_M
+        turn = 2 * ARM_M if self.form == "quaternion" else self.angle * ARM_M
         return np.array([self.length] * 3 + [turn] * (self.count - 3))
 
     @property

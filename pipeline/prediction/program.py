@@ -20,7 +20,7 @@ NUMBER = r"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?"
 _PARTS = re.compile(r"([-+]?)(\d*)(?:\.(\d*))?(?:([eE])([-+]?)(\d+))?")
 _LARGEST = 1e10
 """Of all numbers of a target, whatever their unit; ABB writes 9E9 for an axis that there is not."""
-_FINE_M = 1e-6
+FINE_M = 1e-6
 """[m]: a last digit that is worth more gets others behind it. No tracker resolves less."""
 _WHOLE = 1e-9
 """Of a number of digits [1]: what rounding adds to a whole one."""
@@ -178,7 +178,7 @@ def _rewritten(old: str, value: float, worth: float) -> str:
         raise ValueError(f"{old} is no number")
     sign, whole, fraction, letter, _, digits = found.groups(default="")
     power = Decimal(repr(value)).adjusted() if letter and value else 0
-    least = math.ceil(math.log10(worth / _FINE_M) - _WHOLE) + power
+    least = math.ceil(math.log10(worth / FINE_M) - _WHOLE) + power
     decimals = max(len(fraction), least)
     new = format(Decimal(repr(value)), f"z.{decimals}{letter.lower() or 'f'}")
     if Decimal(new) == Decimal(_decimal(old)):

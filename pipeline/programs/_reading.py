@@ -196,41 +196,63 @@ def _mentions(
     Coordinates have an empty name.
     """
     literals = {one.start(1) for one in lexicon.literal.finditer(source.plain)}
-    calls: list[str] = []
-    head, before, assigned = "", "", False
+    so_far = _Statement(lexicon)
     for token in _TOKEN.finditer(source.plain):
-        word, sign = token["name"], token["sign"]
-        key, at = lexicon.key(word) if word else "", token.start("name" if word else "sign")
-        if at in literals or (key in names and not token["switch"]):
-            name = "" if at in literals else key
-            yield at, name, _getter(source, lexicon, token, calls, head, assigned)
-        if sign == lexicon.end and not (calls and lexicon.cased):
-            calls, head, assigned = [], "", False
+        word = token["name"]
+        at = token.start("name" if word else "sign")
+        if at in literals:
+            yield at, "", so_far.getter(source, token)
+        elif word and not token["switch"] and (key := lexicon.key(word)) in names:
+            yield at, key, so_far.getter(source, token)
+        so_far.follow(token)
+
+
+@dataclass
+class _Statement:
+    """What stands of a statement before a token.
+
+    Attributes:
+        lexicon: Of its language.
+        calls: What each open bracket is of, innermost last: a routine, empty where there is none.
+        head: Its first word.
+        before: The word just before.
+        assigned: Whether it assigns.
+    """
+
+    lexicon: Lexicon
+    calls: list[str] = field(default_factory=list)
+    head: str = ""
+    before: str = ""
+    assigned: bool = False
+
+    def follow(self, token: re.Match[str]) -> None:
+        """Go on behind a token."""
+        word, sign = token["name"] or "", token["sign"]
+        if sign == self.lexicon.end and not (self.calls and self.lexicon.cased):
+            self.calls, self.head, self.assigned = [], "", False
         elif sign == ":=":
-            assigned = True
-        elif sign in tuple("([{"):
-            called = before if sign == "(" and before.lower() not in _NO_CALL else ""
-            calls.append(called or (calls[-1] if calls else ""))
-        elif sign in tuple(")]}") and calls:
-            calls.pop()
-        head = "" if word and word.lower() in _STARTS else head or (word or "")
-        before = word or ""
+            self.assigned = True
+        elif sign:
+            self._bracket(sign)
+        self.head = "" if word.lower() in _STARTS else self.head or word
+        self.before = word
 
+    def _bracket(self, sign: str) -> None:
+        outer = self.calls[-1] if self.calls else ""
+        if sign in "([{":
+            called = sign == "(" and self.before.lower() not in _NO_CALL
+            self.calls.append((self.before if called else "") or outer)
+        elif sign in ")]}" and self.calls:
+            self.calls.pop()
 
-def _getter(
-    source: Source,
-    lexicon: Lexicon,
-    token: re.Match[str],
-    calls: Sequence[str],
-    head: str,
-    assigned: bool,
-) -> str | None:
-    """What gets a name: a routine, an assignment (`:=`); None for what only reads it."""
-    if not (calls and calls[-1]) and _SET.match(source.plain, token.end()):
-        return ":="
-    if calls and calls[-1]:
-        return None if calls[-1].lower() in lexicon.reading else calls[-1]
-    return (head or "a routine") if lexicon.statements and not assigned else None
+    def getter(self, source: Source, token: re.Match[str]) -> str | None:
+        """What gets a name: a routine, an assignment (`:=`); None for what only reads it."""
+        called = self.calls[-1] if self.calls else ""
+        if called:
+            return None if called.lower() in self.lexicon.reading else called
+        if _SET.match(source.plain, token.end()):
+            return ":="
+        return (self.head or "a routine") if self.lexicon.statements and not self.assigned else None
 
 
 def _spare(found: Reading) -> Iterator[Left]:

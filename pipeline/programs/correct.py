@@ -66,11 +66,7 @@ def correct(
         model, program.notation, program.targets, aimed, forces, setting.in_tool
     )
     own = [k for k, target in enumerate(program.targets) if target.file == program.file]
-    left = [
-        (program.targets[k], float(found.left[k]))
-        for k in own
-        if program.targets[k].kind == "joint" and _stuck(found)[k]
-    ]
+    left = _uncorrected(program.targets, found, own)
     if left and not partial:
         raise Refused([_stretched(*one) for one in left])
     return Corrected(
@@ -79,6 +75,15 @@ def correct(
         _rounding(model.robot, program, aimed, values, own),
         tuple(left),
     )
+
+
+def _uncorrected(
+    targets: Sequence[Target], found: Compensation, own: Sequence[int]
+) -> list[tuple[Target, float]]:
+    """Targets in axes whose deflection the joints cannot cancel, and what is left of it [m]."""
+    stuck = _stuck(found)
+    joint = [k for k in own if targets[k].kind == "joint" and stuck[k]]
+    return [(targets[k], float(found.left[k])) for k in joint]
 
 
 def left_standing(program: Program) -> list[Left]:

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.base import files
 from pipeline.base.errors import InputError, UsageError, place
+from pipeline.prediction.program import FINE_M
 
 if TYPE_CHECKING:
     from pipeline.base.arrays import Array
@@ -171,7 +172,7 @@ def _refuse_answer(file: str, data: bytes) -> None:
 def _remarks(program: Program, found: Corrected) -> list[str]:
     """What to know about a corrected program."""
     remarks = found.found.remarks
-    if found.rounding > _FINE_M:
+    if found.rounding > FINE_M:
         remarks.append(f"The digits of the program leave up to {1e3 * found.rounding:.4f} mm.")
     remarks += listed_lines(
         [
@@ -190,10 +191,6 @@ def _remarks(program: Program, found: Corrected) -> list[str]:
             ]
         )
     return remarks
-
-
-_FINE_M = 1e-6
-"""[m]: less than any tracker sees."""
 
 
 def _kept(root: Path, name: str) -> Path:

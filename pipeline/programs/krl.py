@@ -9,7 +9,7 @@ SLIN XP2 WITH $TOOL=STOOL2(FP2),$BASE=SBASE(FP2.BASE_NO)
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence, Set
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -184,16 +184,21 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     for source in sources:
         _define(found, source)
     for source in sources:
-        steps = _steps(found, source)
-        if _ASIDE.search(source.plain):
-            motions = [(at, source.line(at)) for at, line in source.lines if _MOTION.match(line)]
-            steps = {one: interrupted(several, motions) for one, several in steps.items()}
-        held = {one: holding(steps[one], "", thing) for one, thing in _THINGS.items()}
-        for start, line in source.lines:
-            _follow(found, source, start, line, held)
+        _carry_out(found, source)
     if all(source.file.lower().endswith(".dat") for source in sources):
         _all(found)
     return finished(found, file, text, KUKA)
+
+
+def _carry_out(found: _Krl, source: Source) -> None:
+    """The motions of a file, each with what holds there."""
+    steps = _steps(found, source)
+    if _ASIDE.search(source.plain):
+        motions = [(at, source.line(at)) for at, line in source.lines if _MOTION.match(line)]
+        steps = {one: interrupted(several, motions) for one, several in steps.items()}
+    held = {one: holding(steps[one], "", thing) for one, thing in _THINGS.items()}
+    for start, line in source.lines:
+        _follow(found, source, start, line, held)
 
 
 def _all(found: _Krl) -> None:
@@ -245,22 +250,35 @@ def _declare(
         found.lines[key] = _said(value)
     elif aggregate is None or not aggregate.taught:
         found.change(key, source, start)
-    elif "[" in key and (numbered := re.match(r"(?:tool|base)_data\[", key)):
-        if decided or key in found.frames or not _NUMBERED.fullmatch(key):
-            every = () if _NUMBERED.fullmatch(key) else (numbered[0],)
-            for one in (key, *every):
-                found.change(one, source, start)
-        found.frames.setdefault(key, []).append(aggregate)
-        _keep(found, key.partition("_")[0], _number(key), aggregate)
+    elif _OF_DATA.match(key):
+        _declare_data(found, start, key, aggregate, decided)
     else:
-        if kind == "frame":
-            found.steady.add(key)
-        elif key in found.steady:
-            found.change(key, source, start)
-        found.frames.setdefault(key, []).append(aggregate)
-        found.points.setdefault(key, []).append(aggregate.target(key.upper()))
-        if "[" in key:
-            found.parts.setdefault(key.partition("[")[0], []).append(key)
+        _declare_point(found, start, kind, key, aggregate)
+
+
+_OF_DATA = re.compile(r"(?:tool|base)_data\[")
+
+
+def _declare_data(found: _Krl, start: int, key: str, aggregate: _Aggregate, decided: bool) -> None:
+    """An element of TOOL_DATA or BASE_DATA; one that nobody can name may be any of them."""
+    known = _NUMBERED.fullmatch(key)
+    if decided or key in found.frames or not known:
+        for one in (key,) if known else (key, key.partition("[")[0] + "["):
+            found.change(one, aggregate.source, start)
+    found.frames.setdefault(key, []).append(aggregate)
+    _keep(found, key.partition("_")[0], _number(key), aggregate)
+
+
+def _declare_point(found: _Krl, start: int, kind: str, key: str, aggregate: _Aggregate) -> None:
+    """A point, or a frame, which is no target."""
+    if kind == "frame":
+        found.steady.add(key)
+    elif key in found.steady:
+        found.change(key, aggregate.source, start)
+    found.frames.setdefault(key, []).append(aggregate)
+    found.points.setdefault(key, []).append(aggregate.target(key.upper()))
+    if "[" in key:
+        found.parts.setdefault(key.partition("[")[0], []).append(key)
 
 
 def _account_value(found: _Krl, source: Source, start: int, value: str) -> None:
@@ -334,17 +352,26 @@ def _steps(found: _Krl, source: Source) -> dict[str, list[Step]]:
     routines = {
         one[1].lower() for _, line in source.lines if (one := _ROUTINE.match(line)) is not None
     }
-    call = re.compile(r"(?<!\w)(\w++)\s*+\(")
     for start, line in source.lines:
         at = source.line(start)
-        kind = _block(line)
-        called = kind != "routine" and {one[1].lower() for one in call.finditer(line)} & routines
-        kinds: tuple[Kind, ...] = (*(("call",) if called else ()), *((kind,) if kind else ()))
-        for steps in out.values():
-            steps += [Step(start, one, at) for one in kinds]
+        for kind in _kinds(line, routines):
+            for steps in out.values():
+                steps.append(Step(start, kind, at))
         for which, held in _settings(found, source, start, line):
             out[which].append(Step(start, "set", at, held))
     return out
+
+
+_CALL = re.compile(r"(?<!\w)(\w++)\s*+\(")
+
+
+def _kinds(line: str, routines: Set[str]) -> Iterator[Kind]:
+    """What a line does to the order: it calls a routine of the file, opens or closes a block."""
+    kind = _block(line)
+    if kind != "routine" and {one[1].lower() for one in _CALL.finditer(line)} & routines:
+        yield "call"
+    if kind:
+        yield kind
 
 
 def _settings(found: _Krl, source: Source, start: int, line: str) -> Iterator[tuple[str, Held]]:
@@ -352,23 +379,34 @@ def _settings(found: _Krl, source: Source, start: int, line: str) -> Iterator[tu
     at = source.line(start)
     assigned, part = _ASSIGNED.match(line), _PART.match(line)
     if bas := _BAS.match(line):
-        which, value = bas[1].lower(), bas[2].strip()
-        if which == "initmov":
-            yield from (("tool", ""), ("base", ""))
-        else:
-            known = value.isdecimal()
-            yield which, value if known else Unsure(f"{which} {value} of line {at} is not known")
+        yield from _bas(bas[1].lower(), bas[2].strip(), at)
     elif _SPLINE.match(line) and (found_with := _WITH.fullmatch(line)):
         yield from _with(found, source, start + found_with.start(2), found_with[2])
-    elif part and part[1].lower() in ("$tool", "$base"):
-        yield part[1][1:].lower(), f"line {at}"
-    elif part and part[1].lower() == "fdat_act":
-        yield from ((one, Unsure(f"line {at} changes the {one}")) for one in ("tool", "base"))
-    elif assigned and assigned[2].lower() in _MODES:
-        which = _MODES[assigned[2].lower()]
+    elif part:
+        yield from _part(part[1].lower(), at)
+    elif assigned and (which := _MODES.get(assigned[2].lower())):
         yield which, _frame(found, source, start + assigned.start(3), which, assigned[3])
     elif assigned and assigned[2].lower() == "fdat_act":
         yield from _form(found, _key(assigned[3]), at)
+
+
+def _part(name: str, at: int) -> Iterator[tuple[str, Held]]:
+    """What a part of a variable of the system sets: a number of a frame, or which frame it is."""
+    if name in ("$tool", "$base"):
+        yield name[1:], f"line {at}"
+    elif name == "fdat_act":
+        yield "tool", Unsure(f"line {at} changes the tool")
+        yield "base", Unsure(f"line {at} changes the base")
+
+
+def _bas(which: str, value: str, at: int) -> Iterator[tuple[str, Held]]:
+    """What BAS(#TOOL, n) and its like set."""
+    if which == "initmov":
+        yield "tool", ""
+        yield "base", ""
+    else:
+        known = value.isdecimal()
+        yield which, value if known else Unsure(f"{which} {value} of line {at} is not known")
 
 
 def _form(found: _Krl, key: str, at: int) -> Iterator[tuple[str, Held]]:
@@ -447,9 +485,7 @@ def _move(found: _Krl, source: Source, start: int, motion: re.Match[str], held: 
         words = found_with[1]
         now |= dict(_with(found, source, start + found_with.start(2), found_with[2]))
     if motion[2]:
-        why = f"{kind}{motion[2].upper()} moves by a distance"
-        one = Left(source.file, source.line(start), why)
-        found.following.append((one, found.last if found.moved else None))
+        _by_distance(found, source.line(start), source.file, kind + motion[2].upper())
         return
     found.moved = True
     count = 2 if "CIRC" in kind else 1
@@ -460,6 +496,12 @@ def _move(found: _Krl, source: Source, start: int, motion: re.Match[str], held: 
     for entry in given[count:]:
         if count == 1 or not entry.text.upper().startswith("CA"):
             found.leave(source, entry.start, f"{entry.text} is not understood")
+
+
+def _by_distance(found: _Krl, line: int, file: str, word: str) -> None:
+    """A motion that ends a distance from the point before it, and goes wherever that does."""
+    one = Left(file, line, f"{word} moves by a distance")
+    found.following.append((one, found.last if found.moved else None))
 
 
 def _go(

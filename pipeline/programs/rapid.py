@@ -12,6 +12,7 @@ import re
 from bisect import bisect_left
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
+from itertools import dropwhile
 
 import numpy as np
 
@@ -134,6 +135,16 @@ class _Rapid(Reading):
         """The file."""
         return self.sources[0]
 
+    def check(self, word: str, on: bool) -> None:
+        """From here on configurations are checked, or not."""
+        self.unchecked.discard(word)
+        if not on:
+            self.unchecked.add(word)
+
+    def checks(self, word: str) -> bool:
+        """Whether configurations are checked."""
+        return word not in self.unchecked
+
     def end(self, start: int) -> int:
         """Where the statement ends; one without an end says nothing."""
         k = bisect_left(self.ends, start)
@@ -153,20 +164,26 @@ def read(file: str, text: str, other: tuple[str, str] | None = None) -> Program:
     found.tools["tool0"] = found.bases["wobj0"] = np.eye(4)
     found.ends = [one.start() for one in re.finditer(";", source.plain)]
     _define(found)
+    _carry_out(found)
+    if not (found.uses or found.left):  # a module of data alone
+        found.named |= {*found.points}
+        points = (one for all_ in found.points.values() for one in all_)
+        found.uses = [Use(one, "", "") for one in points if isinstance(one, Target)]
+    return finished(found, file, text, ABB)
+
+
+def _carry_out(found: _Rapid) -> None:
+    """The motions of the module, each with what displaces it."""
+    source = found.source
     motions = list(_MOTION.finditer(source.plain))
     steps = list(_steps(found))
     if re.search(r"\bTRAP\b", source.plain, re.IGNORECASE):
         places = (one.start(one.lastindex or 0) for one in motions)
         steps = interrupted(steps, ((at, source.line(at)) for at in places))
     displaced = holding(steps, "", "displacement")
-    nexts = [*(one.start() for one in motions[1:]), len(text)]
+    nexts = [*(one.start() for one in motions[1:]), len(source.plain)]
     for motion, following in zip(motions, nexts, strict=False):
         _follow(found, motion, following, displaced)
-    if not (found.uses or found.left):  # a module of data alone
-        found.named |= {*found.points}
-        points = (one for all_ in found.points.values() for one in all_)
-        found.uses = [Use(one, "", "") for one in points if isinstance(one, Target)]
-    return finished(found, file, text, ABB)
 
 
 def _define(found: _Rapid) -> None:
@@ -277,21 +294,34 @@ def _ranges(configuration: Sequence[Number]) -> tuple[Range, ...]:
     return (first, None, None, fourth, fifth, sixth)
 
 
-def _framed(source: Source, kind: str, value: Entry | None) -> tuple[Array | None, str | None]:
+_Framed = tuple[Array | None, str | None]
+"""A frame, or why it is none that stands still."""
+
+
+def _framed(source: Source, kind: str, value: Entry | None) -> _Framed:
     """The frame of tooldata or wobjdata, or why it is none that stands still."""
-    parts = None if value is None else inner(source, value)
-    match kind, [part.text.upper() for part in parts or ()]:
-        case "tooldata", ["TRUE", _, _]:
-            return _pose(source, (parts or [])[1]), None
-        case "tooldata", ["FALSE", _, _]:
+    parts = (None if value is None else inner(source, value)) or []
+    said = [part.text.upper() for part in parts]
+    return (_tool if kind == "tooldata" else _work_object)(source, said, parts)
+
+
+def _tool(source: Source, said: Sequence[str], parts: Sequence[Entry]) -> _Framed:
+    match said:
+        case ["TRUE", _, _]:
+            return _pose(source, parts[1]), None
+        case ["FALSE", _, _]:
             return None, "does not move with the robot"
-        case "wobjdata", ["FALSE", "TRUE", _, _, _]:
-            user, object_ = (_pose(source, one) for one in (parts or [])[3:])
+    return None, None
+
+
+def _work_object(source: Source, said: Sequence[str], parts: Sequence[Entry]) -> _Framed:
+    match said:
+        case ["FALSE", "TRUE", _, _, _]:
+            user, object_ = (_pose(source, one) for one in parts[3:])
             return None if user is None or object_ is None else user @ object_, None
-        case "wobjdata", [_, _, _, _, _]:
+        case [_, _, _, _, _]:
             return None, "does not stand still"
-        case _:
-            return None, None
+    return None, None
 
 
 def _pose(source: Source, entry: Entry) -> Array | None:
@@ -309,19 +339,29 @@ def _steps(found: _Rapid) -> Iterator[Step]:
     jumps = {one.lower() for one in re.findall(r"\bGOTO\s+(\w+)", plain, re.IGNORECASE)}
     for token in _TOKEN.finditer(plain):
         word, at = (token[1] or "").lower(), token.start()
-        line = found.source.line(at)
-        if word in _DISPLACED:
-            yield Step(at, "set", line, _DISPLACED[word])
-        elif word in _BLOCKS:
-            yield Step(at, _BLOCKS[word], line)
-        elif token[2] and word in jumps:
-            yield Step(at, "label", line)
-        elif word in found.routines and before not in ("proc", "trap", "func"):
-            yield Step(at, "call", line)
-        elif not word and compact:
-            yield Step(at, "close", line)
-        compact = word == "if" or (compact and word not in ("", "then"))
+        kind = _kind(found, word, before, bool(token[2]) and word in jumps)
+        if compact and not word:
+            kind = "close"
+        if kind:
+            yield Step(at, kind, found.source.line(at), _DISPLACED.get(word, ""))
+        compact = word == "if" or (compact and word not in _ENDS_IF)
         before = word
+
+
+_ENDS_IF = ("", "then")
+"""What ends an IF that may have no block: its statement does, or THEN, which begins one."""
+
+
+def _kind(found: _Rapid, word: str, before: str, label: bool) -> Kind | None:
+    """What a word does to the order in which statements are carried out."""
+    if word in _DISPLACED:
+        return "set"
+    if word in _BLOCKS:
+        return _BLOCKS[word]
+    if label:
+        return "label"
+    called = word in found.routines and before not in ("proc", "trap", "func")
+    return "call" if called else None
 
 
 def _follow(
@@ -336,49 +376,57 @@ def _follow(
     elif not after <= end <= following:
         found.account(found.source, start, after)
         found.leave(found.source, start, f"{word} has no end")
-    elif name in _DISPLACED or (name.startswith(_NO_MOTION) and name not in _MOTIONS):
+    elif name in _DISPLACED or _moves_nothing(name):
         found.account(found.source, start, end)
     elif name in _CHECKED:
         found.account(found.source, start, end)
-        off = "off" in plain[after:end].lower()
-        found.unchecked = found.unchecked - {name} | ({name} if off else set())
+        found.check(name, "off" not in plain[after:end].lower())
     elif name in _MOTIONS:
         found.account(found.source, start, end)
-        given = entries(plain, after, end)
-        while given and given[0].text.startswith("\\"):
-            given = given[1:]
-        _move(found, name, start, given, displaced(start))
+        given = dropwhile(_switch, entries(plain, after, end))
+        _move(found, name, start, [*given], displaced(start))
     else:
         found.account(found.source, start, end if re.fullmatch(_KNOWN, name, re.I) else after)
         found.leave(found.source, start, f"{word} is no motion known here")
 
 
+def _switch(entry: Entry) -> bool:
+    """Whether an argument is an optional one."""
+    return entry.text.startswith("\\")
+
+
+def _moves_nothing(name: str) -> bool:
+    """Whether a word that begins as motions do is none."""
+    return name.startswith(_NO_MOTION) and name not in _MOTIONS
+
+
 def _move(found: _Rapid, name: str, start: int, given: Sequence[Entry], displaced: Held) -> None:
     """The points of a motion with its tool and its frame."""
     which, tool_at = _MOTIONS[name]
-    plain = [one for one in given if not one.text.startswith("\\")]
-    if not tool_at < len(plain) <= tool_at + (3 if name.endswith(_MORE) else 1):
+    plain = sum(not _switch(one) for one in given)
+    if not tool_at < plain <= tool_at + (3 if name.endswith(_MORE) else 1):
         found.leave(found.source, start, "the motion has not the arguments of its kind")
         return
     if name in _SEARCH:
         found.change(given[1].text.lower(), found.source, given[1].start)
-    said = given[tool_at].text
     wobj = _WOBJ.search(found.source.plain, given[tool_at].start, given[-1].end)
-    frames = _named_frame(said), _named_frame(wobj[1].strip()) if wobj else "wobj0"
-    checked = ("confj" if name.startswith(_BY_AXES) else "confl") not in found.unchecked
+    frames = _named_frame(given[tool_at].text), _named_frame(wobj[1] if wobj else "wobj0")
+    checked = found.checks("confj" if name.startswith(_BY_AXES) else "confl")
     for k in which:
-        entry = given[k]
-        why: str | None = f"{entry.text} is displaced by the program"
-        if isinstance(displaced, Unsure):
-            why = displaced.why
-        elif not displaced:
-            why = _use(found, entry, frames, checked)
-        if why:
-            found.leave(found.source, entry.start, why)
+        if why := _displaced(given[k], displaced) or _use(found, given[k], frames, checked):
+            found.leave(found.source, given[k].start, why)
+
+
+def _displaced(entry: Entry, displaced: Held) -> str | None:
+    """Why a point is not where it was taught, where the program displaces points."""
+    if isinstance(displaced, Unsure):
+        return displaced.why
+    return f"{entry.text} is displaced by the program" if displaced else None
 
 
 def _named_frame(text: str) -> Held:
     """The name of a tool or a work object."""
+    text = text.strip()
     word = _WORD.fullmatch(text)
     return word[1].lower() if word else Unsure(f"{text} is computed at run time")
 

@@ -34,6 +34,7 @@ AXES = {
     "cylindrical": ("range", "azimuth", "z"),
 }
 """What the three numbers are, by kind of coordinates."""
+KIND_WORDS = {kind: kind for kind in AXES} | {"polar": "spherical", "kartesisch": "cartesian"}
 
 ZEROS = ("zenith", "elevation")
 """Where vertical angles may be zero: straight up, or level."""

@@ -14,7 +14,8 @@ import numpy as np
 from pipeline.base.arrays import Array, Bools, Ints
 
 GROSS_M = 0.03
-"""No robot in use is this far off its own table, and no reflector off its place."""
+"""So far [m] from where its reflector should be nothing is a reading of that reflector; taste: no
+robot in use is this far off its own table, and no reflector off its place."""
 
 
 @dataclass(frozen=True)

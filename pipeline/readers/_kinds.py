@@ -14,8 +14,9 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, listed
 from pipeline.readers._cells import shown
-from pipeline.readers._polar import NEAR
 
+NEAR = 0.01
+"""Movement over distance up to which a place is the same: what a load or a repetition moves."""
 _NOMINAL = {
     "nominal", "nominals", "nom", "soll", "sollwert", "sollwerte", "sollpunkte", "goal", "cad",
     "design", "theoretical", "theoretisch", "nominell", "théorique", "commanded", "planned",

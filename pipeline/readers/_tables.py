@@ -12,6 +12,7 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import _kinds
 from pipeline.readers._cells import above, cells_or_none, is_remark, shown
+from pipeline.readers._circle import within_a_circle
 from pipeline.readers._coordinates import (
     ANGULAR,
     AXES,
@@ -34,7 +35,6 @@ from pipeline.readers._named import (
     one_unit,
     said_units,
 )
-from pipeline.readers._polar import within_a_circle
 from pipeline.readers._reader import (
     EXPANDED,
     RMS,

@@ -1,34 +1,14 @@
-"""What an export leaves open is settled where one answer alone fits the places of reflectors.
-
-Reflectors of one body keep their places to each other, whatever moves it. Moved rigidly onto where
-campaign.toml has them they miss by metres in a wrong unit, by wrong angles or in wrong columns; in
-a mirrored frame only if there are four that do not lie in one plane.
-"""
+"""Reflectors whose places campaign.toml has, by which readings are judged."""
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping
+from dataclasses import dataclass
 
-import numpy as np
-
-from pipeline.base.arrays import Array
-from pipeline.base.errors import InputError
-from pipeline.base.linear import rigid
-from pipeline.base.quantities import plain
-from pipeline.readers import Export, Hints, opened_as_text, read
 from pipeline.readers._faces import GROSS_M as GROSS_M
-from pipeline.readers._names import rounds
-from pipeline.readers._text import until
-from pipeline.readers.offer import proposal
-from pipeline.readers.question import Proposal
 
 BETTER = 3.0
 """How many times nearer an answer, or a correction, must bring the reflectors than any other."""
-_LOOKED_AT = 1000
-"""Lines that tell: some hundred rounds of base reflectors, or thirty poses with their pulls."""
-_PAIR = 2
-"""Reflectors of a body that have a distance."""
 
 
 @dataclass(frozen=True)
@@ -42,143 +22,3 @@ class Body:
 
     table: str
     places: Mapping[str, tuple[float, float, float]]
-
-
-@dataclass(frozen=True)
-class _Way:
-    """One answer to every question.
-
-    Attributes:
-        chosen: Number of the answer to each question.
-        said: What they say.
-        hints: What [tracker] says after each.
-        off: How far reflectors are off then [m]; infinite where the export cannot be read so,
-            NaN where nothing known is in it.
-    """
-
-    chosen: tuple[int, ...]
-    said: tuple[str, ...]
-    hints: tuple[Hints, ...]
-    off: float = np.nan
-
-
-def settled(
-    name: str, data: bytes, hints: Hints, bodies: Sequence[Body]
-) -> tuple[Hints, tuple[str, ...]]:
-    """What [tracker] says with all that known reflectors settle, and by what, in sentences.
-
-    Questions are settled in the order in which they are asked, up to the first that stays open.
-
-    Args:
-        name: File name, for messages.
-        data: Content of the file.
-        hints: What is said of it by now.
-        bodies: What is known.
-    """
-    ways = _judged(name, data, hints, bodies) if bodies else []
-    if not ways:
-        return hints, ()
-    by, out = " and ".join(body.table for body in bodies), list[str]()
-    while (depth := len(out)) < len(ways[0].chosen):
-        best, off, beyond = _nearest(ways, depth)
-        if off >= GROSS_M or beyond < max(GROSS_M, BETTER * off):
-            break
-        ways = [way for way in ways if way.chosen[depth] == best]
-        other = f", and {_length(beyond)} with any other answer" if beyond < np.inf else ""
-        out.append(f"{ways[0].said[depth]}: so reflectors are {_length(off)} off {by}{other}")
-    return ways[0].hints[len(out)], tuple(out)
-
-
-def _judged(name: str, data: bytes, hints: Hints, bodies: Sequence[Body]) -> list[_Way]:
-    """Every answer to all questions with how far reflectors are off then.
-
-    None where nothing is asked, and where one of the answers leaves nothing that is known.
-    """
-    try:
-        sample = until(opened_as_text(name, data, hints), _LOOKED_AT).data
-        if not _asked(name, sample, hints):
-            return []
-    except InputError:  # the reader says it better
-        return []
-    ways = []
-    for way in _ways(_Way((), (), (hints,)), name, sample, bodies):
-        if np.isnan(way.off):
-            return []
-        ways.append(way)
-    return ways
-
-
-def _nearest(ways: Sequence[_Way], depth: int) -> tuple[int, float, float]:
-    """The best answer to a question, how far reflectors are off with it, and with any other [m]."""
-    nearest: dict[int, float] = {}
-    for way in ways:
-        nearest[way.chosen[depth]] = min(way.off, nearest.get(way.chosen[depth], np.inf))
-    best, *others = sorted(nearest, key=nearest.__getitem__)
-    return best, nearest[best], min((nearest[k] for k in others), default=np.inf)
-
-
-def _asked(name: str, data: bytes, hints: Hints) -> bool:
-    """Whether nothing but a question keeps an export from being read."""
-    try:
-        read(name, data, hints)
-    except InputError as wrong:
-        found = proposal(name, data, hints)
-        return bool(found and found.questions and found.questions[0].problem().thing == wrong.thing)
-    return False
-
-
-def _ways(way: _Way, name: str, data: bytes, bodies: Sequence[Body]) -> Iterator[_Way]:
-    """Every answer to every question that is open after some are answered."""
-    try:
-        found = proposal(name, data, way.hints[-1])
-        questions = found.questions if found else ()
-        way = replace(way, hints=(*way.hints[:-1], _said(way.hints[-1], found)))
-        if not questions:
-            yield replace(way, off=_off(read(name, data, way.hints[-1]), bodies))
-            return
-    except InputError:
-        yield replace(way, off=np.inf)
-        return
-    for k, answer in enumerate(questions[0].answers):
-        after = way.hints[-1].model_copy(update=dict(answer.hints))
-        said = f"{questions[0].about} {answer.said}"
-        chosen = _Way((*way.chosen, k), (*way.said, said), (*way.hints, after))
-        yield from _ways(chosen, name, data, bodies)
-
-
-def _said(hints: Hints, found: Proposal | None) -> Hints:
-    """What is said with what a table settles itself, of which its mapping alone says nothing."""
-    opened: set[str] = {question.about for question in found.questions} if found else set()
-    if found is None or hints.mapping is None or not opened <= {*Hints.model_fields}:
-        return hints
-    return found.hints.model_copy(update=dict.fromkeys(opened))
-
-
-def _off(export: Export, bodies: Sequence[Body]) -> float:
-    """How far reflectors read together are off, moved rigidly: of the worst body the median [m]."""
-    if export.target is None or not len(export.line):
-        return np.nan
-    target = np.array(export.target.to_pylist())
-    if export.group is None:
-        group = rounds(export.target.indices.to_numpy())
-    else:
-        group = export.group.indices.to_numpy()
-    off = []
-    for body in bodies:
-        mine = np.isin(target, [*body.places])
-        rows = (np.flatnonzero(mine & (group == one)) for one in np.unique(group[mine]))
-        together = [k for k in rows if len({*target[k]}) >= _PAIR]
-        if together:
-            nominal = np.array([body.places.get(one, (np.nan,) * 3) for one in target])
-            off.append(float(np.median([_away(nominal[k], export.position[k]) for k in together])))
-    return max(off, default=np.nan)
-
-
-def _away(nominal: Array, position: Array) -> float:
-    """The largest distance that is left between points, moved rigidly onto each other [m]."""
-    R, t = rigid(nominal, position)
-    return float(np.linalg.norm(position - nominal @ R.T - t, axis=1).max())
-
-
-def _length(metres: float) -> str:
-    return f"{plain(metres, 3)} m" if metres >= 1.0 else f"{plain(1e3 * metres, 2)} mm"

@@ -19,11 +19,11 @@ import numpy as np
 from pipeline.base.errors import InputError, at
 from pipeline.readers import _named, _tables, _time, plain, table
 from pipeline.readers._cells import cells_or_none, is_number, is_plain, is_remark
-from pipeline.readers._coordinates import AXES, Angles, Meaning, settled
+from pipeline.readers._circle import within_a_circle
+from pipeline.readers._coordinates import AXES, KIND_WORDS, Angles, Meaning, settled
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import DELIMITERS, JOINT, Field, Kind, Layout, Rows
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
-from pipeline.readers._polar import within_a_circle
 from pipeline.readers._reader import (
     Export,
     Hints,
@@ -34,7 +34,6 @@ from pipeline.readers._reader import (
     settled_unit,
     written,
 )
-from pipeline.readers._stated import KIND_WORDS
 from pipeline.readers._text import SAMPLE_LINES, Text
 
 _T = TypeVar("_T")

@@ -5,13 +5,10 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from pipeline.base.errors import InputError
+from pipeline.base.doors import is_there, opened
 from pipeline.readers import mapped
-from pipeline.readers._cells import shown
 from pipeline.readers._reader import Export, Hints, Reader
-from pipeline.readers._sheet import sheet
 from pipeline.readers._text import Text
-from pipeline.readers.proposal import propose
 
 NAME = "table"
 
@@ -21,9 +18,13 @@ def recognise(lines: Sequence[str]) -> bool:
     return bool(lines)
 
 
+_HOLDS, _DESCRIBED = "pipeline.intake.table:holds_one", "pipeline.intake.table:described"
+"""What a table of no dialect is, is for the intake to say."""
+
+
 def holds_one(text: Text) -> bool:
     """Whether there are rows with three numbers in a file."""
-    return sheet(text) is not None
+    return is_there(_HOLDS) and bool(opened(_HOLDS)(text))
 
 
 def read(text: Text, hints: Hints, dialect: str = NAME) -> Export:
@@ -32,19 +33,8 @@ def read(text: Text, hints: Hints, dialect: str = NAME) -> Export:
     Raises:
         InputError: There is no table, or something has to be answered first.
     """
-    found = propose(text, hints)
-    if found is None:
-        raise InputError(
-            "there is no table of points in the file: no rows with three numbers",
-            "describe its columns in [tracker.mapping] of campaign.toml, or export it as CSV with "
-            "the columns group,target,x_mm,y_mm,z_mm,time",
-            line=1,
-        )
-    if found.questions:
-        raise found.questions[0].problem()
-    doubtful = (one for one in found.columns if one.why == "untimed")
-    untimed = next((f'{one.title} ("{shown(one.example)}")' for one in doubtful), None)
-    return replace(mapped.read(text, found.hints, dialect), untimed=untimed)
+    mapped_by, untimed = opened(_DESCRIBED)(text, hints)
+    return replace(mapped.read(text, mapped_by, dialect), untimed=untimed)
 
 
 READER = Reader(NAME, recognise, read, says_unit=False, says_names=False, general=True)

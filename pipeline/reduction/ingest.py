@@ -17,6 +17,7 @@ import pyarrow as pa
 from pipeline import readers, tables
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import columns as covariance_columns
+from pipeline.base.doors import is_there, opened
 from pipeline.base.errors import InputError, listed
 from pipeline.base.patterns import fits, is_glob
 from pipeline.base.threads import MUCH, both
@@ -26,7 +27,7 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.room import turns
 from pipeline.readers import Export, logs
 from pipeline.readers.assignment import assigned
-from pipeline.readers.known import Body, settled
+from pipeline.readers.known import Body
 from pipeline.reduction import _pulls, _shots, _size, limits
 from pipeline.reduction._index import numbered, pull_number
 from pipeline.reduction._shots import Rejection, Shots, Stale
@@ -240,12 +241,17 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
     return exports
 
 
+_SETTLED = "pipeline.intake.known:settled"
+"""Who finds what an export leaves open from the places of known reflectors."""
+
+
 def _export(name: str, data: bytes, tracker: Tracker, bodies: Sequence[Body]) -> Export:
     """An export; what it leaves open is settled by known reflectors where they can."""
     try:
         return readers.read(name, data, tracker)
     except InputError:
-        hints, why = settled(name, data, tracker, bodies)
+        settled = opened(_SETTLED) if is_there(_SETTLED) else None
+        hints, why = settled(name, data, tracker, bodies) if settled else (tracker, ())
         if not why:
             raise
         return replace(readers.read(name, data, hints), settled=why)

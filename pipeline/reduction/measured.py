@@ -126,6 +126,15 @@ class Measured(Locked):
         """Displacements that a shift of the instrument moves: all but rotations, shape (d,)."""
         return np.asarray(~(self.poses & (self.target == 1)))
 
+    @property
+    def tells_noise(self) -> bool:
+        """Whether something other than what a model leaves says how much readings scatter."""
+        return self.noise_stated or self.found_m is not None
+
+    def enough(self, n: int) -> bool:
+        """One coordinate at least, and more than n stiffnesses where they must tell the noise."""
+        return self.delta.size > (0 if self.tells_noise else n)
+
     def scaled(self, factor: float) -> Measured:
         """The same with the standard uncertainties of readings, zeros, directions multiplied."""
         return replace(

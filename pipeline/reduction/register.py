@@ -16,6 +16,7 @@ from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError
 from pipeline.machine.effects.tracker_drift import GROUP_S
+from pipeline.readers.known import GROSS_M
 from pipeline.reduction._index import run
 from pipeline.reduction.growth import Growth, by_temperature, with_reflectors
 from pipeline.reduction.settings import BASE_REFLECTORS, Settings
@@ -35,8 +36,6 @@ _REFLECTOR_M = 1e-2
 """The smallest reflectors are half an inch thick [m]: nearer together no two of them can be."""
 _MISFIT = 1e-4
 """Below this p the base reflectors disagree by more than their stated uncertainties."""
-_GROSS_M = 0.03
-"""So far [m] from where its reflector should be nothing is a reading of that reflector."""
 _FEW = 15
 """Of so many readings every triple is tried."""
 _TRIALS = 500
@@ -163,7 +162,7 @@ def agreed(registration: Registration) -> tuple[Registration, Bools]:
     The start is the triple of reflectors whose rigid motion brings most readings near: the sum of
     the (m + 3) / 2 smallest squared distances is least (least trimmed squares, Rousseeuw, J. Am.
     Stat. Assoc. 79, 1984), so that less than half of them may lie anywhere. What is then nearer
-    than `_GROSS_M` is fitted as in `register`; residuals are those of all readings.
+    than `GROSS_M` is fitted as in `register`; residuals are those of all readings.
 
     Args:
         registration: Where the tracker stands by all readings.
@@ -200,7 +199,7 @@ def agreeing(points: Array, nominal: Array) -> Bools:
     some = slice(None, None, -(-m // _JUDGES))
     away = np.array([_away(points[some], nominal[some], *motion) for motion in motions])
     near = np.sort(away**2, axis=1)[:, : (away.shape[1] + 3) // 2].sum(axis=1)
-    return np.asarray(_away(points, nominal, *motions[int(np.argmin(near))]) < _GROSS_M)
+    return np.asarray(_away(points, nominal, *motions[int(np.argmin(near))]) < GROSS_M)
 
 
 def _away(points: Array, nominal: Array, R: Array, t: Array) -> Array:

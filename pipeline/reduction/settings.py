@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import datetime
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from difflib import get_close_matches
 from typing import Annotated, Literal
 
@@ -12,13 +12,14 @@ import numpy as np
 from pydantic import AfterValidator, Field, field_validator, model_validator
 
 from pipeline.base import toml
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, listed
 from pipeline.base.linear import extent
 from pipeline.base.patterns import is_glob
 from pipeline.base.strict import (
     LEAST_FORCE,
     STANDARD_GRAVITY,
+    AxisValue,
     FileName,
     Force,
     ForceUncertainty,
@@ -39,7 +40,7 @@ from pipeline.base.strict import (
 )
 from pipeline.machine.instrument import InstrumentNoise, Sheet, sheet
 from pipeline.machine.poses import from_log_units
-from pipeline.machine.robot import Robot
+from pipeline.machine.robot import Robot, axes
 from pipeline.machine.surroundings import Surrounded
 from pipeline.readers import Hints
 from pipeline.readers._log_form import LogForm
@@ -241,11 +242,18 @@ class Positions(LogForm):
 
 
 class TestPose(Strict):
-    """Where a good prediction matters most, Eqs. (12), (13); m and degrees, N."""
+    """Where a good prediction matters most, Eqs. (12), (13); N in F_b.
+
+    Attributes:
+        q: Joints of the robot file, m and degrees.
+        axes: The controller's axes as it shows them, mm and degrees; either these or `q`.
+        force_n: Force on the load point.
+    """
 
     __test__ = False
 
-    q: list[JointValue]
+    q: list[JointValue] | None = None
+    axes: list[AxisValue] | None = None
     force_n: tuple[Force, Force, Force]
 
     @field_validator("force_n")
@@ -256,20 +264,51 @@ class TestPose(Strict):
             raise ValueError("the force must be greater than zero")
         return force
 
-    def joint_values(self, robot: Robot) -> Array:
-        """`q` in m and rad, shape (n,).
+    @model_validator(mode="after")
+    def one_of_both(self) -> TestPose:
+        """Joints or axes."""
+        if (self.q is None) == (self.axes is None):
+            raise ValueError(
+                "needs either axes (the controller's, mm and degrees) or q (the joints of the "
+                f"robot file, m and degrees){'' if self.q is None else ', not both'}"
+            )
+        return self
+
+    @property
+    def key(self) -> str:
+        """What the pose is given in."""
+        return "q" if self.axes is None else "axes"
+
+    @property
+    def said(self) -> list[float]:
+        """As it is written."""
+        return (self.q if self.axes is None else self.axes) or []
+
+    def joint_values(self, robot: Robot, file: str = "campaign.toml") -> Array:
+        """The pose in m and rad, shape (n,).
+
+        Args:
+            robot: Whose.
+            file: What states it.
 
         Raises:
-            InputError: It has another number of joints than the robot.
+            InputError: It has another number of values than the robot joints or axes.
         """
-        if len(self.q) != robot.n:
+        names = [joint.name for joint in robot.joints] if self.axes is None else axes_of(robot)
+        if len(self.said) != len(names):
+            kind = "joints" if self.axes is None else "axes"
             raise InputError(
-                f"test_pose.q has {len(self.q)} values, the robot {robot.n} joints",
-                f"give one value per joint: {', '.join(joint.name for joint in robot.joints)}",
-                file="campaign.toml",
-                key=["test_pose", "q"],
+                f"test_pose.{self.key} has {len(self.said)} values, the robot {len(names)} {kind}",
+                f"give one value for each of {', '.join(names)}",
+                file=file,
+                key=["test_pose", self.key],
             )
-        return from_log_units(robot, np.array(self.q))
+        return self._joints(robot, np.array(self.said))
+
+    def _joints(self, robot: Robot, said: Array) -> Array:
+        if self.axes is None:
+            return from_log_units(robot, said)
+        return axes.from_shown(robot, said)
 
     def within_limits(self, robot: Robot) -> None:
         """The robot can stand there.
@@ -278,16 +317,51 @@ class TestPose(Strict):
             InputError: It has another number of joints, or one of them is outside its limits.
         """
         values = self.joint_values(robot)
-        for joint, said, value in zip(robot.joints, self.q, values, strict=True):
-            if not joint.lower - LIMIT_SLACK <= value <= joint.upper + LIMIT_SLACK:
-                unit, one = ("m", 1.0) if joint.prismatic else ("deg", np.rad2deg(1.0))
-                raise InputError(
-                    f"test_pose.q has {joint.name} = {said:g} {unit}, outside its limits "
-                    f"{one * joint.lower:g} to {one * joint.upper:g} {unit}",
-                    "give a pose that the robot can take, in m and degrees",
-                    file="campaign.toml",
-                    key=["test_pose", "q"],
-                )
+        out = np.flatnonzero(beyond(robot, values))
+        if not out.size:
+            return
+        joint, value = robot.joints[out[0]], values[out[0]]
+        unit, one = ("m", 1.0) if joint.prismatic else ("deg", np.rad2deg(1.0))
+        raise InputError(
+            f"test_pose.{self.key} has {joint.name} = {one * value:.7g} {unit}, outside its limits "
+            f"{one * joint.lower:g} to {one * joint.upper:g} {unit}",
+            self._hint(robot) or "give a pose that the robot can take",
+            file="campaign.toml",
+            key=["test_pose", self.key],
+        )
+
+    def _hint(self, robot: Robot) -> str:
+        """What else was probably meant: the controller's axes, or one value with the other sign."""
+        return "; or ".join([*self._as_axes(robot), *self._with_other_sign(robot)])
+
+    def _with_other_sign(self, robot: Robot) -> Iterator[str]:
+        said = np.array(self.said)
+        names = [joint.name for joint in robot.joints] if self.axes is None else axes_of(robot)
+        for k, name in enumerate(names):
+            turned = np.where(np.arange(len(said)) == k, -said, said)
+            if not beyond(robot, self._joints(robot, turned)).any():
+                yield f"is {name} = {-said[k]:g} meant, with the other sign?"
+
+    def _as_axes(self, robot: Robot) -> Iterator[str]:
+        said, names = np.array(self.said), axes_of(robot)
+        if self.axes is not None or len(names) != len(said):
+            return
+        shown = np.where(axes.of(robot).slides, 1e3 * said, said)
+        if not beyond(robot, axes.from_shown(robot, shown)).any():
+            yield (
+                f"are these what the controller shows for {', '.join(names)}? Then write "
+                f"axes = [{', '.join(f'{x:g}' for x in shown)}] (mm and degrees)"
+            )
+
+
+def axes_of(robot: Robot) -> list[str]:
+    """Names of the controller's axes; of the joints where the robot file maps none."""
+    return list(axes.of(robot).names)
+
+
+def beyond(robot: Robot, q: Array) -> Bools:
+    """Joints outside their limits at joint values [m], [rad], shape (n,)."""
+    return np.asarray((q < robot.lower - LIMIT_SLACK) | (q > robot.upper + LIMIT_SLACK))
 
 
 class Tolerance(Strict):

@@ -17,6 +17,8 @@ from pipeline.base.strict import STANDARD_GRAVITY
 from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import SHIPPED, Robot
 from pipeline.machine.robot import load as load_robot
+from pipeline.machine.robot.axes import of as axes_of
+from pipeline.machine.robot.axes import shown
 from pipeline.machine.surroundings import tooled
 from pipeline.readers import READERS, WRITERS, Readings, text_of
 from pipeline.simulate.blunders import Notebook, controller_axes
@@ -100,7 +102,7 @@ def prepared(plan: Plan, robot: Robot) -> dict[str, bytes]:
     files = {
         "campaign.toml": settings,
         "loads.csv": _loads(scene, [""] * len(scene.pulls)),
-        "joints.csv": _joints(scene, in_log_units(robot, scene.stands.q)),
+        "joints.csv": _axes(scene),
     }
     return files | ({} if plan.robot in SHIPPED else {"robot.toml": robot.text.encode()})
 
@@ -233,6 +235,18 @@ def _joints(scene: Scene, logged: Array) -> bytes:
     q = text_of(logged, None if scene.plan.tracker.decimals is None else 6)
     rows = zip(stands.pose, q, stands.approach.astype(int), strict=True)
     return _csv(",".join(head), ((pose, *values, way) for pose, values, way in rows))
+
+
+def _axes(scene: Scene) -> bytes:
+    """The poses as the controller shows its axes, mm and degrees."""
+    robot, stands = scene.cell.robot, scene.stands
+    units = ["mm" if slide else "deg" for slide in axes_of(robot).slides]
+    names = [f"{n}_{u}" for n, u in zip(axes_of(robot).names, units, strict=True)]
+    rows = zip(
+        stands.pose, text_of(shown(robot, stands.q), 6), stands.approach.astype(int), strict=True
+    )
+    head = ",".join(["pose", *names, "approach"])
+    return _csv(head, ((pose, *values, way) for pose, values, way in rows))
 
 
 def _campaign_toml(plan: Plan, robot: str, simulated: bool = True) -> bytes:

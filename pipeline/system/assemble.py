@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -71,6 +72,19 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
     All in metres, but what is in proportion to a noise of the tracker that nobody stated. Last,
     where it counts, what c = B x leaves out: the geometry of the deflected robot, once.
     """
+    return with_readings(inputs(cell, data, values), data)
+
+
+def with_readings(others: Sequence[Block], data: Measured) -> Errors:
+    """The errors of the readings as these measurements weigh them, and those of all else."""
+    d, factors = len(data.pull), covariance.factors
+    tracker = Block("tracker", False, factors(data.loaded_cov), np.arange(d), d)
+    zero = Block("zero", False, factors(data.zero_cov), data.zero, data.zero.max() + 1)
+    return _together([tracker, zero, *others])
+
+
+def inputs(cell: Cell, data: Measured, values: Array) -> list[Block]:
+    """The errors of all but the readings, arguments as for `errors`; no weight changes them."""
     d, m = len(data.pull), len(data.pulls)
     unit = 1.0 if data.noise_stated or data.found_m else _SMALL_M
     modes = _of_force(data, unit)
@@ -79,29 +93,26 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
     pulled = dict(zip(modes, moved, strict=True))
     turn = covariance.factors(data.rotation_cov[None])[0].T
     blocks = [
-        _Block("tracker", False, covariance.factors(data.loaded_cov), np.arange(d), d),
-        _Block("zero", False, covariance.factors(data.zero_cov), data.zero, data.zero.max() + 1),
-        _Block("force_reading", False, pulled.pop("force_reading"), data.pull, m),
-        _Block("direction", False, pulled.pop("direction") / unit, data.pull, m),
+        Block("force_reading", False, pulled.pop("force_reading"), data.pull, m),
+        Block("direction", False, pulled.pop("direction") / unit, data.pull, m),
     ]
     if data.wander is not None and data.wander.any():
         pose = np.unique(data.pulls.pose, return_inverse=True)[1][data.pull]
-        blocks.append(_Block("wander", False, data.wander, pose, int(pose.max()) + 1))
+        blocks.append(Block("wander", False, data.wander, pose, int(pose.max()) + 1))
     scaled = _scaled(cell, data, values)
     if data.day_rel:
         day = data.day[data.pull]
-        blocks.append(_Block("day", True, data.day_rel * scaled, day, int(day.max()) + 1))
+        blocks.append(Block("day", True, data.day_rel * scaled, day, int(day.max()) + 1))
     once = {
         "tracker_scale": data.length_rel * scaled,
         "registration": _turned(cell, data, values, turn),
     } | pulled
-    once["registration"] = _turned(cell, data, values, turn)
     once["payload_center"] = _centers(cell, data, values)
     once["geometry"] = _geometry(cell, data, values)
     if data.bends and cell.equilibrium == "undeformed":
         once["second_order"] = second_order(cell, data, values)[..., None]
-    blocks += [_Block(source, True, part, np.zeros(d, int), 1) for source, part in once.items()]
-    return _together(blocks)
+    blocks += [Block(source, True, part, np.zeros(d, int), 1) for source, part in once.items()]
+    return blocks
 
 
 def _scaled(cell: Cell, data: Measured, values: Array) -> Array:
@@ -142,7 +153,7 @@ def _of_body(data: Measured) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class _Block:
+class Block:
     """Errors of one source: displacement d feels `factor[d]` (3, r) by `owner[d]`."""
 
     source: str
@@ -152,7 +163,7 @@ class _Block:
     owners: int
 
 
-def _together(blocks: list[_Block]) -> Errors:
+def _together(blocks: list[Block]) -> Errors:
     """G of all sources, without the columns that move nothing."""
     ends = np.cumsum([block.owners * block.factor.shape[2] for block in blocks]).tolist()
     firsts = [0, *ends[:-1]]
@@ -171,7 +182,7 @@ def _together(blocks: list[_Block]) -> Errors:
     )
 
 
-def _where(block: _Block, first: int) -> tuple[Ints, Ints]:
+def _where(block: Block, first: int) -> tuple[Ints, Ints]:
     """Row and column of every entry of a block whose columns begin at `first`."""
     d, _, r = block.factor.shape
     row = np.broadcast_to(np.arange(3 * d).reshape(d, 3, 1), (d, 3, r))

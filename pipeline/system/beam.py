@@ -26,7 +26,7 @@ import scipy.sparse
 from scipy import special
 
 from pipeline.base.arrays import Array, Locked
-from pipeline.base.linear import rms
+from pipeline.base.linear import orthonormal, rms
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.restricted import Blocks, lowest
@@ -158,9 +158,10 @@ def _fitted(system: System, X: Array, u: Array, grown: Array) -> tuple[Array, Ar
         grown: (r / r0)^g, shape (d, k).
     """
     stated, found, tried = np.inf, np.zeros(2), list[list[float]]()
+    Q = orthonormal(X)
     for size in grown.T:
         parted = replace(system, errors=_parted(system.errors, u, size))
-        blocks = Blocks.of(parted, X, [("along",), ("across",)])
+        blocks = Blocks.beside(parted, Q, [("along",), ("across",)])
         if not tried:  # as it is stated, both parts alike
             found = np.full(2, blocks.rough)
             if not np.isfinite(blocks.whole(found)):

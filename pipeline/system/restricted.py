@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -52,9 +53,13 @@ class Blocks(Locked):
         The fixed effects are thinned to independent ones once: were their rank counted anew at
         every scale, a direction near the limit would come and go and pass for evidence.
         """
+        return cls.beside(system, linear.orthonormal(X), groups)
+
+    @classmethod
+    def beside(cls, system: System, Q: Array, groups: Sequence[Sequence[str]]) -> Blocks:
+        """The same with orthonormal fixed effects (M, k)."""
         blocks, errors = Rows.of(system.rows.pose), system.errors
         unit = linear.rms(system.c) or 1.0
-        Q = linear.orthonormal(X)
         y = (system.c - Q @ (Q.T @ system.c)) / unit  # they count in no pose's score
         A = errors.G[:, errors.common].toarray() / unit
         source, own = errors.source.astype(str), ~errors.common
@@ -89,7 +94,7 @@ class Blocks(Locked):
             L = self.rows.square(lambda own: np.asarray(np.linalg.cholesky(own)), V)
         except np.linalg.LinAlgError:
             return np.full(len(self.y), np.inf), 0.0
-        both = self.rows.solve(L, np.concatenate([self.X, self.y[..., None]], axis=2))
+        both = self.rows.solve(L, self._both)
         X, y = both[..., :-1], both[..., -1]
         own = 2 * np.log(np.einsum("pii->pi", L)).sum(axis=1) + (y**2).sum(axis=1)
         if not X.shape[2]:
@@ -97,6 +102,10 @@ class Blocks(Locked):
         flat = X.reshape(-1, X.shape[2])
         N, g = flat.T @ flat + np.diag(self.prior), flat.T @ y.ravel()
         return own, float(linear.log_det(N) - g @ linear.solve(N, g))
+
+    @cached_property
+    def _both(self) -> Array:
+        return np.concatenate([self.X, self.y[..., None]], axis=2)
 
     def whole(self, log_scale: Array) -> float:
         """Minus twice the restricted log likelihood, up to a constant."""

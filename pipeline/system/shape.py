@@ -10,6 +10,7 @@ where far more is left to see the noise in.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -17,7 +18,7 @@ import numpy as np
 from pipeline.base.arrays import Array, Locked
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
-from pipeline.system.assemble import errors
+from pipeline.system.assemble import Block, inputs, with_readings
 from pipeline.system.beam import Beam, beam
 from pipeline.system.beyond import Beyond, Readings, columns, estimates, free
 from pipeline.system.family import LIKELY, Family, family, likelihood
@@ -176,27 +177,34 @@ def _seen(
 ) -> tuple[Beam, Told]:
     """Beam and tails; where there are tails, the beam anew in readings so weighed, and they."""
     X, data = _taken_out(seen, accepted, loose), replace(seen.data, bends=False)
-    parts = _beam(seen, X, data)
-    told = _tails(seen, X, data, parts, rounds)
+    flat = replace(seen.model.cell, equilibrium="undeformed")
+    others = inputs(flat, data, seen.model.values)
+    parts = _beam(seen, X, data, others)
+    told = _tails(seen, X, data, others, parts, rounds)
     if told[1].heavy < _HEAVY and np.abs(np.log(told[2])).max() < _STILL:
         return parts, told
     # where most readings are off it is the model, and no part of the noise is smaller for that
-    parts = _beam(seen, X, told[0].scaled(data, told[2] / max(float(np.median(told[2])), 1.0)))
-    return parts, _tails(seen, X, data, parts, rounds)
+    weighed = told[0].scaled(data, told[2] / max(float(np.median(told[2])), 1.0))
+    parts = _beam(seen, X, weighed, others)
+    return parts, _tails(seen, X, data, others, parts, rounds)
 
 
-def _beam(seen: Linearised, X: Array, data: Measured) -> Beam:
+def _beam(seen: Linearised, X: Array, data: Measured, others: Sequence[Block]) -> Beam:
     """Both parts of the noise beside these columns, the readings of `data` weighed as they are."""
-    flat = replace(seen.model.cell, equilibrium="undeformed")
-    own = errors(flat, data, seen.model.values)
-    return beam(data, replace(seen.system, errors=own), X)
+    return beam(data, replace(seen.system, errors=with_readings(others, data)), X)
 
 
-def _tails(seen: Linearised, X: Array, stated: Measured, parts: Beam, rounds: int) -> Told:
+def _tails(
+    seen: Linearised,
+    X: Array,
+    stated: Measured,
+    others: Sequence[Block],
+    parts: Beam,
+    rounds: int,
+) -> Told:
     """The tails of the readings of `stated`, along and across the beam, beside these columns."""
     data = parts.on(stated)
-    values, flat = seen.model.values, replace(seen.model.cell, equilibrium="undeformed")
-    beyond = Beyond.of(seen, X, errors(flat, data, values))
+    beyond = Beyond.of(seen, X, with_readings(others, data))
     readings, found = Readings.of(data, beyond.white), Family.stated(data.paper)
     variance = np.ones(readings.loaded + len(readings.zero))
     if beyond.base.dof < _FEWEST:
@@ -208,7 +216,7 @@ def _tails(seen: Linearised, X: Array, stated: Measured, parts: Beam, rounds: in
         found = replace(told, p_value=first.p_value, profile=first.profile, widest=parts.widest)
         before, variance = variance, np.ones(len(variance))
         variance[good] = mean
-        beyond = Beyond.of(seen, X, errors(flat, readings.scaled(data, variance), values))
+        beyond = Beyond.of(seen, X, with_readings(others, readings.scaled(data, variance)))
         readings = Readings.of(data, beyond.white)
         if np.abs(np.log(variance / before)).max() < _STILL:
             break

@@ -35,9 +35,6 @@ beside a large one may be its shadow."""
 _MOST = 0.5
 """Part of a base's degrees of freedom that suspects may take [1]; beyond it nothing is the rule."""
 
-_SETTLED = 2.0
-"""Variance over the least from which the rows may scatter less beside more suspects [1]."""
-
 _PART = 0.01
 """Part of the suspects that is at work beforehand [1]: the largest but one of `family.MISTAKES`."""
 
@@ -83,13 +80,20 @@ class Suspects(Locked):
         wider = base.more(self.rows(base, held)) if len(held) else base
         return wider, wider.beside(self.D).rows(self.blocks)
 
-    def rivals(self, held: Held, one: int) -> Ints:
-        """Who would do nearly as well in the place of one that is held, beside all others."""
-        found = self.beside(held.given, held.which[held.which != one])[1]
-        told = found.drop / held.variance
-        told = np.where(found.rank > 0, told - cost(told, found.rank), -np.inf)
-        near = np.flatnonzero(told > told[one] - DECIDES)
-        return np.setdiff1d(near, held.which)
+    def rivals(self, held: Held) -> list[Ints]:
+        """For each that is held who would do nearly as well in its place, beside all others.
+
+        And who is nobody beside it: else both may be at work.
+        """
+        left = self.beside(held.given, held.which)[1].drop < DECIDES * held.variance
+        out = []
+        for one in held.which:
+            found = self.beside(held.given, held.which[held.which != one])[1]
+            told = found.drop / held.variance
+            told = np.where(found.rank > 0, told - cost(told, found.rank), -np.inf)
+            near = np.flatnonzero(left & (told > told[one] - DECIDES))
+            out.append(np.setdiff1d(near, held.which))
+        return out
 
 
 @dataclass(frozen=True, eq=False)
@@ -166,8 +170,8 @@ def together(base: Base, suspects: Suspects, least: float) -> Held:
         least: Variance below which the rows do not scatter.
     """
     wide = _end(base, suspects, least, np.inf)
-    if wide.variance < _SETTLED * least:
-        return wide
+    if not len(_joining(suspects.beside(base, wide.which)[1], suspects.blocks, least)):
+        return wide  # nobody stands out of the stated scatter either
     return min((wide, _end(base, suspects, least, least)), key=lambda one: one.loss(least))
 
 
@@ -276,23 +280,26 @@ def _likeliest(base: Base, suspects: Suspects, among: Ints, held: Ints, variance
     k = suspects.D.shape[3]
     found = base.beside_all(suspects.rows(base, among))
 
-    def loss(places: tuple[int, ...]) -> float:
-        at = (np.array(places)[:, None] * k + np.arange(k)).ravel()
-        N, g = found.N[np.ix_(at, at)], found.g[at]
+    def losses(places: Ints) -> Array:
+        at = (places[:, :, None] * k + np.arange(k)).reshape(len(places), -1)
+        N, g, m = found.N[at[:, :, None], at[:, None, :]], found.g[at], places.shape[1]
         cov, rank = linear.left(N, found.whole[at])
-        drop = float(g @ cov @ g) / variance
-        return float(len(places) * cost(drop / len(places), rank / len(places))) - drop
+        drop = np.einsum("ni,nij,nj->n", g, cov, g) / variance
+        return np.asarray(m * cost(drop / m, rank / m) - drop)
 
-    mine = tuple(np.searchsorted(among, held).tolist())
-    sets = min(_sets(len(among), mine), key=loss)
-    return held if loss(sets) > loss(mine) - _SAME else among[list(sets)]
+    mine = np.searchsorted(among, held)
+    tried = [(losses(sets), sets) for sets in _sets(len(among), mine)]
+    loss, sets = min(tried, key=lambda one: float(one[0].min()))
+    least = int(np.argmin(loss))
+    return held if loss[least] > losses(mine[None])[0] - _SAME else among[sets[least]]
 
 
-def _sets(n: int, held: tuple[int, ...]) -> list[tuple[int, ...]]:
-    """Sets of n suspects that may stand in the place of those that are held."""
+def _sets(n: int, held: Ints) -> list[Ints]:
+    """Sets of n suspects that may stand in the place of those that are held, by their size."""
     sizes = range(1, len(held) + 1)
     if sum(comb(n, m) for m in sizes) <= _SETS:
-        return [one for m in sizes for one in combinations(range(n), m)]
-    fewer = [tuple(a for a in held if a != one) for one in held]
-    free = sorted(set(range(n)) - set(held))
-    return [held, *filter(None, fewer), *((*rest, one) for rest in fewer for one in free)]
+        return [np.array(list(combinations(range(n), m))) for m in sizes]
+    fewer = [np.delete(held, place) for place in range(len(held))]
+    free = np.setdiff1d(np.arange(n), held)
+    swapped = [np.append(rest, one) for rest in fewer for one in free]
+    return [np.array(sets) for sets in (fewer, swapped) if len(sets) and sets[0].size]

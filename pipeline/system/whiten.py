@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -27,15 +28,20 @@ class Whitener(Locked):
         blocks: Rows by pose, s of the largest.
         inverse: Inverse Cholesky factor of each block, padded with ones, shape (p, s, s).
         common: The common errors after whitening by pose, A, shape (M, r).
-        axes: Orthonormal columns that span A, shape (M, r).
-        shrink: 1 - 1/sqrt(1 + S^2) along each of them, shape (r,).
     """
 
     blocks: Blocks
     inverse: Array
     common: Array
-    axes: Array
-    shrink: Array
+
+    @cached_property
+    def _along(self) -> tuple[Array, Array]:
+        """U, orthonormal columns that span A, (M, r), and 1 - 1 / sqrt(1 + S^2) along each, (r,).
+
+        Few ask for them: rows with priors need no square root of the whole.
+        """
+        axes, size, _ = np.linalg.svd(self.common, full_matrices=False)
+        return axes, 1 - 1 / np.sqrt(1 + size**2)
 
     def by_pose(self, rows: Array) -> Array:
         """Whiten within each pose only; `rows` has shape (M,) or (M, any)."""
@@ -43,14 +49,13 @@ class Whitener(Locked):
 
     def __call__(self, rows: Array) -> Array:
         """Whiten fully."""
-        white = self.by_pose(rows)
-        along = (self.axes.T @ white).T * self.shrink
-        return white - (self.axes @ along.T)
+        white, (axes, shrink) = self.by_pose(rows), self._along
+        return white - axes @ ((axes.T @ white).T * shrink).T
 
     def back(self, rows: Array) -> Array:
         """Apply the transpose of the whitening, so that V^-1 is first this object, then `back`."""
-        along = (self.axes.T @ rows).T * self.shrink
-        inner = rows - self.axes @ along.T
+        axes, shrink = self._along
+        inner = rows - axes @ ((axes.T @ rows).T * shrink).T
         return _each(np.swapaxes(self.inverse, 1, 2), self.blocks, inner)
 
     @property
@@ -106,5 +111,4 @@ def whitener(errors: Errors, pose: Ints) -> Whitener:
     V[which, at, at] = 1.0
     inverse = blocks.square(linear.whitening, V)
     common = _each(inverse, blocks, errors.G[:, errors.common].toarray())
-    axes, size, _ = np.linalg.svd(common, full_matrices=False)
-    return Whitener(blocks, inverse, common, axes, 1 - 1 / np.sqrt(1 + size**2))
+    return Whitener(blocks, inverse, common)

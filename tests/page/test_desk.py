@@ -89,6 +89,7 @@ def test_an_archive_is_its_files(desk):
         (archive(**{"a.csv": b"\0" * 3_000_000}), "more than 1 MB"),
         (archive(**{f"{k}.csv": b"\0" * 600_000 for k in "ab"}), "more than 1 MB"),
     ],
+    ids=["no archive", "cut", "names alike", "many", "one too large", "two too large"],
 )
 def test_an_archive_that_is_none_leaves_nothing(desk, monkeypatch, data, why):
     """Damaged, ambiguous, or growing beyond all bounds as it is unpacked."""

@@ -157,3 +157,16 @@ def test_what_was_filled_in_is_carried_over():
     assert both["robot"] == "ur10"
     assert both["tool"]["load_point"] == [1.0, 2.0, 3.0]
     assert both["tracker"]["files"] == ["c.csv"]
+
+
+def test_a_question_is_confirmed_by_taking_it_away():
+    """With what it says below; what is proposed stays, and no other line can go so."""
+    asked = (
+        "# columns = ?   # a guess: correct columns below, then remove this line\n#    and go on\n"
+    )
+    text = TEXT.replace("# unit = ?", f"{asked}# unit = ?")
+    line = of("columns", text).line
+
+    assert entries.confirmed(text, line) == TEXT
+    with pytest.raises(UsageError, match="no question"):
+        entries.confirmed(text, of("unit", text).line)

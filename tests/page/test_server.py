@@ -245,6 +245,7 @@ def test_a_campaign_of_the_terminal_opens(client, tmp_path):
      ("POST", "/c/hall/fill", b'{"line": "x"}'), ("POST", "/c/hall/fill", b"{}"),
      ("POST", "/c/hall/text", b'{"text": "a = ", "seen": ""}'), ("GET", "/c/other/files", b""),
      ("POST", "/c/hall/fill", b"x" * (2**20 + 1)), ("PUT", "/c/hall/file/a.zip", b"PK\x03\x04 no")],
+    ids=range(9),
 )  # fmt: skip
 def test_what_cannot_be_taken_is_a_sentence(demo, method, way, body):
     """Never an internal error."""

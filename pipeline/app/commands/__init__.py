@@ -14,7 +14,7 @@ class Command(NamedTuple):
 
 COMMANDS = {
     "init": Command(
-        "pipeline.app.commands.campaigns:init",
+        "pipeline.intake.command:init",
         "Set up a campaign: write its campaign.toml.",
     ),
     "check": Command(
@@ -22,7 +22,7 @@ COMMANDS = {
         "Check a campaign: what would be used, and what looks wrong.",
     ),
     "inspect": Command(
-        "pipeline.app.commands.campaigns:inspect",
+        "pipeline.intake.command:inspect",
         "Describe a tracker export or a log, and what is wrong with it.",
     ),
     "run": Command(

@@ -55,6 +55,20 @@ def of(robot: Robot) -> Axes:
     return Axes(robot.controller, slides, robot.controller_matrix, robot.controller_offset)
 
 
+def shown(robot: Robot, q: Array) -> Array:
+    """Axes as a controller shows them, mm and degrees, at joint values [m] or [rad], (..., k)."""
+    mapped = of(robot)
+    values = mapped.values(np.atleast_2d(q)).reshape(*np.shape(q)[:-1], len(mapped.names))
+    return np.asarray(np.where(mapped.slides, 1e3 * values, np.rad2deg(values)))
+
+
+def from_shown(robot: Robot, values: Array) -> Array:
+    """The inverse of `shown`, to m and rad, (..., n)."""
+    mapped = of(robot)
+    si = np.where(mapped.slides, 1e-3 * np.asarray(values), np.deg2rad(values))
+    return mapped.joints(np.atleast_2d(si)).reshape(*np.shape(values)[:-1], robot.n)
+
+
 def joints(robot: Robot) -> Axes:
     """The joints of the robot as axes."""
     names = tuple(joint.name for joint in robot.joints)

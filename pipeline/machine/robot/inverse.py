@@ -17,7 +17,7 @@ from pipeline.machine.robot.axes import Axes
 from pipeline.machine.robot.configuration import Configuration, configure, velocity
 from pipeline.machine.robot.mdh import Robot
 
-_ARM_M = 0.3
+ARM_M = 0.3
 """Turning the flange by an angle counts as moving a point this far from it."""
 _REACHED_M = 1e-7
 """[m]: errors below it are a hundredth of what a program's last digit says."""
@@ -165,7 +165,7 @@ class Arm(Locked):
         at = configure(self.robot, q[None])
         off, turn = np.split(_off(at, flange)[0], 2)
         away = f"{1e3 * np.linalg.norm(off):.0f} mm"
-        turned = f"{np.rad2deg(np.linalg.norm(turn) / _ARM_M):.1f} deg"
+        turned = f"{np.rad2deg(np.linalg.norm(turn) / ARM_M):.1f} deg"
         return (
             f"the robot cannot reach it: the nearest it comes is {away} and {turned} away",
             "correct the target, or the frames in which it is given",
@@ -212,10 +212,10 @@ def _several(count: int) -> tuple[str, str]:
 
 
 def _off(at: Configuration, flange: Array) -> Array:
-    """How far flanges are from a pose: place, and turn times `_ARM_M` [m], F_b, shape (m, 6)."""
+    """How far flanges are from a pose: place, and turn times `ARM_M` [m], F_b, shape (m, 6)."""
     turn = flange[:3, :3] @ np.swapaxes(at.flange_axes, 1, 2)
     away = flange[:3, 3] - at.flange_origin
-    return np.hstack([away, _ARM_M * _vector(turn)])
+    return np.hstack([away, ARM_M * _vector(turn)])
 
 
 def _vector(turn: Array) -> Array:
@@ -233,4 +233,4 @@ def _vector(turn: Array) -> Array:
 def _jacobian(at: Configuration) -> Array:
     """Derivative of place and turn of the flange by the joints, shape (m, 6, n)."""
     moved = velocity(at.twists, at.flange_origin[:, None])[:, 0]
-    return np.swapaxes(np.concatenate([moved, _ARM_M * at.twists[..., :3]], axis=-1), 1, 2)
+    return np.swapaxes(np.concatenate([moved, ARM_M * at.twists[..., :3]], axis=-1), 1, 2)

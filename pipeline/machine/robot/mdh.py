@@ -355,6 +355,7 @@ def parse(text: str, file: str) -> Robot:
     if len(set(names)) < len(names):
         raise InputError(f"joint names {listed(names)} are not unique", "rename one", file=file)
     axes, matrix, offset = _controller(content.controller, len(names), file)
+    _one_meaning_each(names, axes, matrix, offset, file, toml.line_of(text, ["controller", "axes"]))
     return Robot(
         name=content.name,
         description=content.description,
@@ -390,6 +391,37 @@ def _controller(
         )
     offset = np.deg2rad(controller.offset_deg or [0.0] * n)
     return tuple(controller.axes), matrix, offset
+
+
+def _one_meaning_each(
+    names: list[str],
+    axes: tuple[str, ...],
+    matrix: Array,
+    offset: Array,
+    file: str,
+    line: int | None,
+) -> None:
+    """A joint and an axis of one name are one and the same.
+
+    Raises:
+        InputError: They are not: a column of that name could be read either way.
+    """
+    for k, axis in enumerate(axes):
+        for j, name in enumerate(names):
+            alone = np.eye(len(names))[j], np.eye(len(axes))[k]
+            same = np.array_equal(matrix[:, k], alone[0]) and np.array_equal(matrix[j], alone[1])
+            if name.lower() == axis.lower() and not (same and offset[j] == 0):
+                terms = [f"{c:+g} {other}" for c, other in zip(matrix[j], axes, strict=True) if c]
+                turn = f" {np.rad2deg(offset[j]):+g} deg" if offset[j] else ""
+                raise InputError(
+                    f"{name} is a joint, and {axis} an axis of the controller that is not that "
+                    f"joint: joint {name} = {' '.join(terms)}{turn}, so that a column {axis} of "
+                    "a log could be read either way",
+                    f"call the joints otherwise, such as theta{j + 1}, and leave the controller's "
+                    "axes their names",
+                    file=file,
+                    line=line,
+                )
 
 
 def load(name: str, folder: Path | None = None) -> Robot:

@@ -120,6 +120,11 @@ if (fields) {
     const said = place ? all.map((one) => one.value) : input.value;
     waiting = waiting.then(() => fill(line, said, unit, all));
   });
+  for (const button of fields.querySelectorAll("[data-confirm]"))
+    button.addEventListener("click", async () => {
+      const said = await ask("POST", fields.dataset.fill, JSON.stringify({ line: Number(button.dataset.confirm), confirm: true, seen: fields.dataset.seen }));
+      if (!said.problem) location.reload();
+    });
   // rows of a spreadsheet: cells of the first row from the one pasted into, further rows below it
   fields.addEventListener("paste", (event) => {
     const input = event.target, text = event.clipboardData.getData("text");

@@ -18,13 +18,14 @@ import pyarrow as pa
 from pipeline import readers
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
+from pipeline.intake._separators import LOOKED_AT, separators
+from pipeline.intake.offer import Offer, offer
+from pipeline.intake.which_logs import Logs, propose_logs, unsure
 from pipeline.readers import Columns, Export, Hints, logs
 from pipeline.readers._log_form import LogForm
-from pipeline.readers._names import LOOKED_AT, separators, split
+from pipeline.readers._names import split
 from pipeline.readers._text import is_workbook
-from pipeline.readers.offer import Offer, offer
 from pipeline.reduction._group_names import STATES, Group, states_of, ways_to_read
-from pipeline.reduction.which_logs import Logs, propose_logs, unsure
 
 _UNIT = Hints(unit="mm")
 _SHOWN = 8

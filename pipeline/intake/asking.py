@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 import typer
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
-    from pipeline.readers.offer import Offer
+    from pipeline.intake.offer import Offer
 
 _Answer = TypeVar("_Answer")
 
@@ -31,7 +31,7 @@ def ask(found: Offer, say: Callable[[str], None]) -> dict[str, Any]:
         found: What a file seems to be.
         say: Shows a line.
     """
-    from pipeline.readers.inspect import rows_in_words
+    from pipeline.intake.inspect import rows_in_words
 
     question = found.question
     assert question is not None

@@ -16,10 +16,17 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers import _kinds, _roles
-from pipeline.readers._beside import Role, Table
+from pipeline.intake import _roles
+from pipeline.intake._beside import Role, Table
+from pipeline.intake._contents import contents, mark_of
+from pipeline.intake._polar import Polar
+from pipeline.intake._roles import Reading
+from pipeline.intake._sheet import Sheet, cells_of, sheet
+from pipeline.intake._stated import Stated
+from pipeline.intake.question import About, Answer, Column, Proposal, Question
+from pipeline.readers import _kinds
 from pipeline.readers._cells import is_number, is_turn
-from pipeline.readers._contents import contents, mark_of
+from pipeline.readers._circle import FULL
 from pipeline.readers._coordinates import (
     ANGULAR,
     AXES,
@@ -41,15 +48,10 @@ from pipeline.readers._named import (
     is_unit_title,
     known_units,
 )
-from pipeline.readers._polar import FULL, Polar
 from pipeline.readers._reader import Columns, Hints, settled_unit
-from pipeline.readers._roles import Reading
-from pipeline.readers._sheet import Sheet, cells_of, sheet
-from pipeline.readers._stated import Stated
 from pipeline.readers._text import Text
 from pipeline.readers._time import ISO
 from pipeline.readers._titles import horizontal, titled
-from pipeline.readers.question import About, Answer, Column, Proposal, Question
 
 _COORDINATES = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
 _PACKED = re.compile(r"\bd+\.?m+\.?s+\b", re.IGNORECASE)

@@ -21,8 +21,8 @@ from pipeline.machine.robot import SHIPPED, Robot, load
 from pipeline.store.campaign import Campaign, unfit
 
 if TYPE_CHECKING:  # it brings the readers
-    from pipeline.reduction.proposal import Proposal
-    from pipeline.reduction.which_logs import Logs
+    from pipeline.intake.files import Proposal
+    from pipeline.intake.which_logs import Logs
 
 NAME = "a plain folder name that begins with no dot"
 
@@ -78,7 +78,7 @@ def write(folder: Path, said: Proposal, known: Known) -> list[str]:
     """
     from pipeline.reduction.settings import unfilled
 
-    template = (resources.files("pipeline.app") / "campaign.toml.jinja").read_text("utf-8")
+    template = (resources.files(__package__) / "campaign.toml.jinja").read_text("utf-8")
     text = jinja2.Template(template, keep_trailing_newline=True).render(_words(folder, said, known))
     if said.nothing and known.robot is not None:
         joints = load(known.robot, folder).joints
@@ -107,7 +107,7 @@ def _words(folder: Path, said: Proposal, known: Known) -> dict[str, object]:
 
 
 def _of_files(said: Proposal) -> dict[str, object]:
-    from pipeline.readers.offer import mapping_lines
+    from pipeline.intake.offer import mapping_lines
 
     blind = bool(said.loads or said.joints or said.refused)
     mapping = said.offer.hints.mapping if said.offer else None

@@ -10,11 +10,11 @@ import pyarrow as pa
 
 from pipeline.base.errors import InputError, at
 from pipeline.base.shown import in_toml
+from pipeline.intake.proposal import propose
+from pipeline.intake.question import Answer, Column, Proposal, Question
 from pipeline.readers import Columns, Export, Hints, Text, opened_as_text, read, recognise, table
+from pipeline.readers._circle import FULL
 from pipeline.readers._coordinates import AXES, SENSES, USUAL_UNITS, ZEROS
-from pipeline.readers._polar import FULL
-from pipeline.readers.proposal import propose
-from pipeline.readers.question import Answer, Column, Proposal, Question
 
 _FIRST = 5
 """Rows of a preview."""

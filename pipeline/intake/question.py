@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from typing import Any, Literal
 
 from pipeline.base.errors import InputError, listed
-from pipeline.readers._beside import Why
+from pipeline.intake._beside import Why
 from pipeline.readers._reader import Hints
 
 About = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertical", "horizontal",

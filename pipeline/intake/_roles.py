@@ -15,15 +15,15 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers import _polar
-from pipeline.readers._beside import Role, Table, Why, roles_beside, roles_of_words, tells_apart
+from pipeline.intake import _polar
+from pipeline.intake._beside import Role, Table, Why, roles_beside, roles_of_words, tells_apart
+from pipeline.intake._contents import Content
+from pipeline.intake._polar import Polar
+from pipeline.intake._sheet import Sheet, cells_of
 from pipeline.readers._cells import is_number
-from pipeline.readers._contents import Content
 from pipeline.readers._coordinates import AXES, VERTICALS, ZEROS
 from pipeline.readers._layout import JOINT
 from pipeline.readers._named import COVARIANCE
-from pipeline.readers._polar import Polar
-from pipeline.readers._sheet import Sheet, cells_of
 from pipeline.readers._titles import (
     Triple,
     is_quantity,

@@ -6,11 +6,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pipeline.base.errors import InputError
-from pipeline.readers._coordinates import AXES
+from pipeline.intake._sheet import Sheet
+from pipeline.readers._coordinates import KIND_WORDS
 from pipeline.readers._named import ANGLE_WORDS, UNIT_LINE, UNIT_WORDS, WORD, said_units
-from pipeline.readers._sheet import Sheet
-
-KIND_WORDS = {kind: kind for kind in AXES} | {"polar": "spherical", "kartesisch": "cartesian"}
 
 
 @dataclass(frozen=True)

@@ -11,10 +11,10 @@ import numpy as np
 import pyarrow as pa
 
 from pipeline.base.arrays import Array
+from pipeline.intake._sheet import Sheet
 from pipeline.readers import _time
 from pipeline.readers._cells import bare_number, is_number
 from pipeline.readers._delimited import decimal_mark
-from pipeline.readers._sheet import Sheet
 
 _MOST = 0.8
 """Share of the filled cells that make a column what it is; the others are damaged."""

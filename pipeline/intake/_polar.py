@@ -12,10 +12,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Bools, Ints
-from pipeline.base.errors import InputError
+from pipeline.base.arrays import Array, Bools
 from pipeline.base.tails import chi2_beyond
-from pipeline.readers._cells import shown
+from pipeline.readers._circle import FACE, FULL, circles
 from pipeline.readers._coordinates import (
     PACKED,
     USUAL_UNITS,
@@ -24,19 +23,14 @@ from pipeline.readers._coordinates import (
     cartesian,
     may_be_packed,
     metres,
-    plain_angles,
 )
+from pipeline.readers._kinds import NEAR
 
-FULL = {"gon": 400.0, "deg": 360.0, "rad": 2.0 * np.pi, PACKED: 360.0}
-"""A full circle in each unit of angles."""
 _NEAREST_M, _FARTHEST_M = 0.05, 2000.0
 """Between which an instrument with two angles measures [m]: a T-Mac's cover and a total station."""
 _OVERHEAD = 30.0 / 360.0
 """Within which all readings do not lie from the zenith [full circles]: no instrument looks steeper
 than some 75 degrees upwards without a special eyepiece, and none stands under all that it reads."""
-_FACE = 1e-3
-"""How well the faces of an instrument agree, in full circles and of a distance: far worse than any
-instrument out of adjustment (a degree would be 3e-3), far better than chance."""
 _RIGID = 1e-3
 """Change of a distance over the movement of its ends that bending may cause: a millimetre in a
 metre; a tool and its targets keep theirs a hundred times better."""
@@ -45,8 +39,6 @@ _SOFTER = 10.0
 _BY_CHANCE, _UNUSUAL = 1e-3, 0.05
 """Chance that targets move so much along the beam, where all directions are alike, below which it
 is no beam: for usual orders of the columns, and for those that hardly any program writes."""
-NEAR = 0.01
-"""Movement over distance up to which a place is the same: what a load or a repetition moves."""
 _DIGITS = 20.0
 """Last digits by which a target has to move across the beam for its direction to be known."""
 _MOVED = 0.01
@@ -111,61 +103,12 @@ def _is_distance(values: Array, unit: str | None) -> bool:
 
 
 def _is_azimuth(values: Array, angle: str) -> bool:
-    return bool(np.all(np.abs(_circles(values, angle)) <= 1.0))
-
-
-def _circles(values: Array, angle: str) -> Array:
-    """Angles in full circles."""
-    return plain_angles(values, angle) / FULL[angle]
-
-
-_MINORITY = 0.5
-"""Part of the rows: where as many hold no angle at all, the columns are no angles."""
-
-
-def within_a_circle(
-    titles: Sequence[str], numbers: Sequence[Array], line: Ints, meaning: Meaning
-) -> dict[int, str]:
-    """Rows with an angle that is none in any unit, and why; the others are of the stated unit.
-
-    No instrument counts beyond a full circle; _FACE is left for what rounding adds.
-
-    Args:
-        titles: Of the three columns.
-        numbers: What they hold in its unit, each shape (n,).
-        line: Line of each row, shape (n,).
-        meaning: Which of them are angles, and their unit.
-
-    Returns:
-        Reasons by row from 0, of a minority of the rows.
-
-    Raises:
-        InputError: An angle is beyond the circle of its unit, and within that of another one.
-    """
-    angle, out = str(meaning.angle), {}
-    for k in meaning.angular:
-        turns = np.abs(_circles(numbers[k], angle))
-        none = np.abs(numbers[k]) > (1.0 + _FACE) * max(FULL.values())
-        few = none.mean() < _MINORITY if len(none) else False
-        for row in np.flatnonzero(turns > 1.0 + _FACE).tolist():
-            said = (
-                f'column "{shown(titles[k])}" holds {numbers[k][row]:.10g}, more than the '
-                f"{FULL[angle]:.4g} {angle} of a full circle"
-            )
-            if not (none[row] and few):
-                raise InputError(
-                    said,
-                    "correct its unit in the title, or angle in [tracker] of campaign.toml, or "
-                    "the row",
-                    line=int(line[row]),
-                )
-            out[row] = f"{said}; correct or remove the row"
-    return out
+    return bool(np.all(np.abs(circles(values, angle)) <= 1.0))
 
 
 def _is_vertical(values: Array, angle: str, vertical: str) -> bool:
     """Whether these may be vertical angles, in the second face too."""
-    turns = _circles(values, angle)
+    turns = circles(values, angle)
     if vertical == "zenith":
         return bool(np.all((turns >= 0.0) & (turns <= 1.0)) and np.any(turns > _OVERHEAD))
     return bool(np.all((turns >= -1 / 4) & (turns <= 3 / 4)))
@@ -204,11 +147,11 @@ def _again(keys: Sequence[object]) -> Iterator[tuple[int, int]]:
 def _faces(one: Array, other: Array, way: Polar) -> Bools:
     """Which pairs are a reading in each face, shape (pairs,)."""
     d, *angles = way.order
-    (a, v), (other_a, other_v) = (_circles(side[:, angles].T, way.angle) for side in (one, other))
-    turned = np.abs((other_a - a) % 1.0 - 1 / 2) < _FACE
+    (a, v), (other_a, other_v) = (circles(side[:, angles].T, way.angle) for side in (one, other))
+    turned = np.abs((other_a - a) % 1.0 - 1 / 2) < FACE
     both = 1.0 if way.vertical == "zenith" else 1 / 2
-    plunged = np.abs((v + other_v - both + 1 / 2) % 1.0 - 1 / 2) < _FACE
-    same = np.abs(one[:, d] - other[:, d]) <= _FACE * np.abs(one[:, d])
+    plunged = np.abs((v + other_v - both + 1 / 2) % 1.0 - 1 / 2) < FACE
+    same = np.abs(one[:, d] - other[:, d]) <= FACE * np.abs(one[:, d])
     return np.asarray(turned & plunged & same)
 
 
@@ -360,7 +303,7 @@ def _along(numbers: Array, names: Sequence[str], way: Polar) -> Iterator[float]:
     _, a, v = way.order
     position = as_polar(numbers, way, "m")
     last = max(_last_digit(numbers[:, a]), _last_digit(numbers[:, v]))
-    digit = 2 * np.pi * float(_circles(np.array([last]), way.angle)[0])
+    digit = 2 * np.pi * float(circles(np.array([last]), way.angle)[0])
     for j, k in _again(names) if any(names) else ():
         moved, far = position[k] - position[j], _length(position[k])
         if _DIGITS * digit * far < _length(moved) < NEAR * far:

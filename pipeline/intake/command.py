@@ -1,0 +1,358 @@
+"""Commands for files that are new: what they are, and the campaign.toml for them."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import re
+import sys
+from collections.abc import Iterator, Mapping, Sequence
+from functools import partial
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from typer import Argument, Option
+
+from pipeline.app.commands._shared import (
+    AsJson,
+    Root,
+    fitted,
+    show,
+)
+from pipeline.base.doors import opened as behind
+from pipeline.base.errors import UsageError, listed
+
+if TYPE_CHECKING:  # they bring the numerical libraries, which take a second
+    from pipeline.intake.blank import Known
+    from pipeline.intake.files import Proposal
+
+_USUAL = "kr500_rail"
+"""The robot of a campaign that has no files yet, where nobody names another."""
+
+_OPEN = "Enter leaves it open"
+
+
+def init(
+    name: Annotated[
+        str | None, Argument(metavar="NAME", help="Name of the campaign and of its folder.")
+    ] = None,
+    robot: Annotated[str | None, Option(help="Name of a built-in robot, or a robot file.")] = None,
+    plan: Annotated[
+        Path | None, Option(help="Take poses, load steps and tool from this plan file.")
+    ] = None,
+    root: Root = Path(),
+) -> None:
+    """Set up a campaign: write campaign.toml for the files in its folder, or for none yet.
+
+    On a terminal it asks for whatever the files do not say.
+    """
+    from pipeline.intake import blank
+
+    ask = sys.stdin.isatty()
+    if name is None and not ask:
+        raise UsageError("the campaign has no name: write `pipeline init NAME`")
+    if name is None:
+        name = str(typer.prompt(f"Name of the campaign ({blank.NAME})", err=True))
+    folder = blank.vacant(root, name)
+    if plan is None:
+        _propose(root, folder, robot, ask)
+    elif robot is not None:
+        raise UsageError("the plan names its robot: leave out --robot, or --plan")
+    elif folder.exists():
+        raise UsageError(f"{folder} is there already: choose another name")
+    else:
+        behind("pipeline.simulate.command:prepare")(folder, plan)
+        typer.echo(folder)
+
+
+def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
+    """A campaign.toml for what lies in the folder, with what is known or asked."""
+    from pipeline.intake import blank
+    from pipeline.intake.files import propose
+
+    if robot is not None:
+        blank.known(root, folder.name, robot)
+    files = blank.there(root, folder)
+    said = _settled(files) if ask else propose(files)
+    for line in _seen(said):
+        _tell(line)
+    if robot is None:
+        robot = _robot(root, folder, said, ask)
+    known = _asked(said, robot) if ask else blank.Known(robot=robot)
+    left = blank.write(folder, said, known)
+    typer.echo(folder)
+    if said.nothing:
+        _tell("No exports or logs lie there yet. To have campaign.toml written for files of other "
+              f"programs, copy them there, remove it, and type `pipeline init {folder.name}` "
+              "again.")  # fmt: skip
+    todo = f"Still open in campaign.toml: {listed(left, most=40)}; fill it in, then" if left else ""
+    _tell(f"{todo or 'Next'}: pipeline check {folder.name}")
+
+
+def _settled(files: Mapping[str, bytes]) -> Proposal:
+    """What the files say, once all that they leave open of exports and names is asked."""
+    from pipeline.intake import asking
+    from pipeline.intake.files import propose
+    from pipeline.readers import Hints
+
+    hints, tell = Hints(), partial(typer.echo, err=True)
+    said = propose(files, hints)
+    while said.offer and said.offer.question:
+        hints = hints.model_copy(update=asking.ask(said.offer, tell))
+        said = propose(files, hints)
+    if len(said.names) > 1:
+        question = "How do names hold group and target?"
+        named = asking.numbered(question, said.names, said.names, tell)
+        hints = hints.model_copy(update={"names": named})
+        said = propose(files, hints)
+    if said.either:
+        words = tuple(one.states[0] for one in said.either)
+        said = propose(files, hints, _one_of("Word of the unloaded state in group names", words))
+    return said
+
+
+def _tell(words: str) -> None:
+    """One line beside the answer, on a terminal or not."""
+    typer.secho(fitted(words, sys.stderr), err=True, dim=sys.stderr.isatty())
+
+
+def _robot(root: Path, folder: Path, said: Proposal, ask: bool) -> str | None:
+    """The only robot that fits, or the one that is typed; None where it stays open."""
+    from pipeline.intake import blank
+
+    fitting = said.robots
+    if len(fitting) == 1:
+        return fitting[0]
+    usual = None if said.exports or said.joints else _USUAL
+    if not ask:
+        return usual
+    for line in blank.described(folder, fitting):
+        _tell(line)
+    which = "which of these" if fitting else "one of these, or a robot file"
+    if usual:
+        typed = str(typer.prompt(f"Robot, {which}", usual, err=True))
+    elif not (typed := _answer(f"Robot, {which}")):
+        return None
+    blank.known(root, folder.name, typed)
+    return typed
+
+
+def _asked(said: Proposal, robot: str | None) -> Known:
+    """What only a person knows, one question at a time; an empty answer leaves it open."""
+    from pipeline.intake.blank import Known, log_columns
+    from pipeline.machine.instrument import sheet
+    from pipeline.readers._coordinates import USUAL_UNITS
+    from pipeline.readers.logs import FORCE, LENGTH, MASS
+
+    unit = None
+    if said.reach is not None:
+        unit = _one_of(f"Unit of lengths, the numbers reach {said.reach:.0f}", USUAL_UNITS)
+    columns = _columns(log_columns(said, robot))
+    tracker = _instrument()
+    sigma_m = None
+    if tracker is None or sheet(tracker) is None:
+        sigma_m = _size(
+            "Standard uncertainty of one tracker reading per axis [mm]", LENGTH, "mm",
+            "Enter: it is found from repeats and misfit",
+        )  # fmt: skip
+    sigma_n = mass_sigma_kg = None
+    if "force" in said.unsure:
+        # step / sqrt(12), GUM F.2.2.1
+        _tell("Of the scale, its certificate says it; the last digit alone makes 0.29 of a step.")
+        sigma_n = _size("Standard uncertainty of one scale reading [N]", FORCE, "n")
+    if "mass" in said.unsure:
+        mass_sigma_kg = _size("Standard uncertainty of one weight [kg]", MASS, "kg")
+    warm = (
+        _number("Temperature of rail and base [degC]", "Enter: not known") if said.exports else None
+    )
+    frames = [("the flange frame", ["load_point", *said.measured]), ("F_b", said.base)]
+    asked = [(name, frame) for frame, names in frames for name in names if said.measured]
+    if asked:
+        _tell("Places are in metres, or as 120 35 -40 mm or 4.7 1.4 -1.6 in.")
+    places = {name: _place(f"{name} in {frame}, x y z [m]", LENGTH) for name, frame in asked}
+    return Known(
+        robot=robot,
+        unit=unit,
+        instrument=tracker,
+        sigma_m=sigma_m,
+        sigma_n=sigma_n,
+        mass_sigma_kg=mass_sigma_kg,
+        temperature_c=warm,
+        places={name: at for name, at in places.items() if at is not None},
+        columns=columns,
+    )
+
+
+def _instrument() -> str | None:
+    """The type of tracker, None where it stays open; one in no list is asked once more."""
+    from pipeline.machine.instrument import near, sheet
+
+    typed = _answer("Tracker, as Leica AT960", "Enter: any other; its noise is asked instead")
+    if not typed or sheet(typed) is not None:
+        return typed or None
+    like = near(typed)
+    _tell(
+        f'The data sheet of "{typed}" is not known{f"; like it: {listed(like)}" if like else ""}.'
+    )
+    again = _answer("Tracker", "Enter: it is written as typed") if like else ""
+    return again or typed
+
+
+def _columns(said: Mapping[str, str]) -> dict[str, str]:
+    """Our names for titles that state no unit, which those with the same units have in common.
+
+    Args:
+        said: All our names by title, with bars between them.
+    """
+    titles: dict[tuple[str, ...], list[str]] = {}
+    for title, ours in said.items():
+        if "|" in ours:
+            units = tuple(name.rpartition("_")[2] for name in ours.split("|"))
+            titles.setdefault(units, []).append(title)
+    out = {}
+    for units, alike in titles.items():
+        if unit := _one_of(f"Unit of {listed(alike)}", units):
+            names = {title: said[title].split("|")[units.index(unit)] for title in alike}
+            out.update(names)
+    return out
+
+
+def _answer(question: str, otherwise: str = _OPEN) -> str:
+    """What is typed, without blanks around it; empty where it stays open."""
+    asked = f"{question} ({otherwise})"
+    return str(typer.prompt(asked, "", err=True, show_default=False)).strip()
+
+
+def _one_of(question: str, words: tuple[str, ...]) -> str | None:
+    """One of some words, asked until it is one."""
+    while answer := _answer(f"{question}: {', '.join(words)}"):
+        if answer in words:
+            return answer
+        typer.echo(f'"{answer}" is none of {", ".join(words)}.', err=True)
+    return None
+
+
+def _size(
+    question: str, units: Mapping[str, float], usual: str, otherwise: str = _OPEN
+) -> float | None:
+    """A number above zero in SI, asked until it is one; a decimal comma is as good as a point."""
+    while answer := _answer(question, otherwise):
+        with contextlib.suppress(ValueError):
+            (size,) = _in_si(answer, units, usual)
+            if size > 0:
+                return size
+        typer.echo(f'"{answer}" is no number above zero.', err=True)
+    return None
+
+
+def _in_si(answer: str, units: Mapping[str, float], usual: str) -> list[float]:
+    """Numbers with blanks or semicolons between them and perhaps a unit behind, in SI.
+
+    Raises:
+        ValueError: They are no numbers, or the unit is none of these.
+    """
+    cells, unit = re.fullmatch(r"(.*?)\s*([^\W\d_]*)", answer, re.DOTALL).groups()  # type: ignore[union-attr]
+    if (unit or usual).lower() not in units:
+        raise ValueError(unit)
+    factor = units[(unit or usual).lower()]
+    values = [float(one.replace(",", ".")) for one in re.split(r"[;\s]+|,\s+", cells)]
+    if not all(map(math.isfinite, values)):
+        raise ValueError(answer)
+    return [float(f"{value * factor:.12g}") for value in values]  # 0.6, not 0.6000000000000001
+
+
+def _number(question: str, otherwise: str) -> float | None:
+    """A number, asked until it is one."""
+    while answer := _answer(question, otherwise):
+        with contextlib.suppress(ValueError):
+            if math.isfinite(number := float(answer.replace(",", "."))):
+                return number
+        typer.echo(f'"{answer}" is no number.', err=True)
+    return None
+
+
+def _seen(said: Proposal) -> Iterator[str]:
+    """What the files are taken for, before anything is asked."""
+    logs = {"loads": said.loads, "joints": said.joints}
+    files = {"exports": said.exports} | {what: [one] for what, one in logs.items() if one}
+    names = {"measured targets": said.measured, "chain": said.chain, "base": said.base}
+    for what, found in (files | names).items():
+        if found:
+            yield f"{what}: {listed(found, most=40)}"
+    if said.measured and not said.base:
+        yield "base: no reflector is known; without [base_frame] readings are taken to be in F_b"
+    for name, why in said.refused.items():
+        yield f"{name} is not used: {why}."
+
+
+def _place(question: str, units: Mapping[str, float]) -> tuple[float, float, float] | None:
+    """Three coordinates [m], asked until they are."""
+    while answer := _answer(question):
+        with contextlib.suppress(ValueError):
+            x, y, z = _in_si(answer, units, "m")
+            return x, y, z
+        typer.echo(f'"{answer}" is no three numbers: write 0.2 0.05 0.12, or 200 50 120 mm.',
+                   err=True)  # fmt: skip
+    return None
+
+
+def inspect(
+    file: Annotated[
+        Path, Argument(metavar="FILE", help="A tracker export, a load log or a joint log.")
+    ],
+    unit: Annotated[
+        str | None, Option(help="Unit of length if the file does not state it: mm, m or in.")
+    ] = None,
+    decimal: Annotated[
+        str | None, Option(help="Decimal mark if the file does not show it: . or ,")
+    ] = None,
+    angles: Annotated[
+        str | None, Option(help="Unit of angles if not stated: deg, rad, gon or dms (D.MMSS).")
+    ] = None,
+    vertical: Annotated[
+        str | None, Option(help="Vertical angle if not stated: zenith or elevation.")
+    ] = None,
+    horizontal: Annotated[
+        str | None,
+        Option(help="Sense of horizontal angles if not stated: clockwise or counter-clockwise."),
+    ] = None,
+    coordinates: Annotated[
+        str | None, Option(help="Coordinates if not stated: cartesian, spherical or cylindrical.")
+    ] = None,
+    mapping: Annotated[
+        Path | None, Option(metavar="TOML", help="Try the [tracker.mapping] in this file.")
+    ] = None,
+    as_json: AsJson = False,
+    csv: Annotated[bool, Option("--csv", help="Print the readings as CSV, in SI units.")] = False,
+) -> None:
+    """Describe a file: its format, unit, coordinates and times, and what is wrong with it.
+
+    For a table in an unknown format it says what each column seems to be, for a log whether it
+    holds loads or joint values, and what to write into campaign.toml. On a terminal it asks for
+    whatever the file leaves open.
+    """
+    from pipeline.intake import asking, look
+    from pipeline.readers._coordinates import USUAL_UNITS
+
+    said = {
+        "unit": _known("unit", unit, USUAL_UNITS),
+        "decimal": _known("decimal mark", decimal, (".", ",")),
+        "angle": _known("unit of angles", angles, ("deg", "rad", "gon", "dms")),
+        "vertical": _known("vertical angle", vertical, ("zenith", "elevation")),
+        "horizontal": _known("sense of angles", horizontal, ("clockwise", "counter-clockwise")),
+        "coordinates": _known("kind", coordinates, ("cartesian", "spherical", "cylindrical")),
+    }
+    answers = sys.stdin.isatty() and sys.stderr.isatty() and not as_json
+    ask = partial(asking.ask, say=partial(typer.echo, err=True)) if answers else None
+    outcome = look.inspect(file, said, csv, mapping, ask)
+    show(outcome, as_json)
+    raise typer.Exit(outcome.exit_code)
+
+
+def _known(what: str, word: str | None, known: Sequence[str]) -> str | None:
+    """A word of the command line that has to be one of a few."""
+    if word is None or word in known:
+        return word
+    others = f"{', '.join(known[:-1])} or {known[-1]}"
+    raise UsageError(f'there is no {what} "{word}": use {others}')

@@ -1,0 +1,36 @@
+"""A table of no dialect: what [tracker] would say of it, or what has to be answered first."""
+
+from __future__ import annotations
+
+from pipeline.base.errors import InputError
+from pipeline.intake._sheet import sheet
+from pipeline.intake.proposal import propose
+from pipeline.readers._cells import shown
+from pipeline.readers._reader import Hints
+from pipeline.readers._text import Text
+
+
+def holds_one(text: Text) -> bool:
+    """Whether there are rows with three numbers in a file."""
+    return sheet(text) is not None
+
+
+def described(text: Text, hints: Hints) -> tuple[Hints, str | None]:
+    """All of [tracker] that its reading needs, and a column that should hold times and does not.
+
+    Raises:
+        InputError: There is no table, or something has to be answered first.
+    """
+    found = propose(text, hints)
+    if found is None:
+        raise InputError(
+            "there is no table of points in the file: no rows with three numbers",
+            "describe its columns in [tracker.mapping] of campaign.toml, or export it as CSV with "
+            "the columns group,target,x_mm,y_mm,z_mm,time",
+            line=1,
+        )
+    if found.questions:
+        raise found.questions[0].problem()
+    doubtful = (one for one in found.columns if one.why == "untimed")
+    untimed = next((f'{one.title} ("{shown(one.example)}")' for one in doubtful), None)
+    return found.hints, untimed
