@@ -44,6 +44,7 @@ class HeavyRobot:
     def __init__(self, robot, off, truth):
         self.robot, self.truth = robot, truth
         self.model, self.own, self.small = pin.Model(), [], []
+        self.model.gravity.linear = np.array([0.0, 0.0, -9.80665])
         parent = 0
         for j, joint in enumerate(robot.joints):
             placed = pin.SE3(robot.placement[j]) * pin.exp6(off[j])

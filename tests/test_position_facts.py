@@ -71,7 +71,7 @@ def studied(readings, sigma=None):
         Stage(step, found, {k: distances(found, part) for k, part in parts.items()})
         for step, found in steps
     )
-    return Study(stages, (), (), (), (), every)
+    return Study(stages, (), (), every=every)
 
 
 @pytest.fixture(scope="module")

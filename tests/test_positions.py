@@ -10,6 +10,9 @@ from test_geometry import made, stands
 
 from pipeline.app.commands.predict import Of, predicted
 from pipeline.base.errors import InputError, UsageError
+from pipeline.machine.cell import Tool, paper_cell
+from pipeline.machine.robot import configure, load
+from pipeline.prediction.model import Hypothesis, Model, dumps
 from pipeline.report.model import compose
 from pipeline.run import run
 from pipeline.store.campaign import find
@@ -142,6 +145,39 @@ def test_only_a_finished_campaign_of_positions_predicts(hall, tmp_path):
 
     with pytest.raises(UsageError, match="pipeline run other"):
         predicted(root, "other", tmp_path / "a.csv")
+
+
+def test_a_campaign_of_pulls_predicts_where_its_targets_are_under_a_force(tmp_path):
+    """Unloaded by the table; moved as the joints turn by C J' f, the derivatives by differences."""
+    folder = tmp_path / "data" / "raw" / "pulled"
+    folder.mkdir(parents=True)
+    (folder / "campaign.toml").write_text('format = 1\nrobot = "ur10"\n')
+    robot, point = load("ur10"), np.array([0.05, -0.02, 0.12])
+    tool = Tool(point, np.array(["P1"], dtype=object), point[None])
+    x, std = np.array([2e-6, 3e-6, 4e-6, 0.0, 0.0, 0.0]), np.full(6, 1e-8)
+    one = Hypothesis(1.0, paper_cell(robot, tool), x, np.diag(std**2))
+    said = {"model": "joint_springs", "data": "as_given", "reason": "adequate"}
+    model = Model("pulled", "adequate", said, (one,), np.ones(6, dtype=bool))
+    reports = find(tmp_path, "pulled").reports
+    reports.mkdir(parents=True)
+    (reports / "model.toml").write_text(dumps(model))
+    q, f = np.array([0.3, -1.0, 0.8, 0.2, -0.4, 0.1]), np.array([100.0, -200.0, -300.0])
+    head = ",".join([*JOINTS, "fx_n", "fy_n", "fz_n"])
+    row = ",".join(f"{v:.9f}" for v in [*np.rad2deg(q), *f])
+    (tmp_path / "asked.csv").write_text(f"{head}\n{row}\n")
+
+    told = pd.read_csv(io.StringIO(predicted(tmp_path, "pulled", tmp_path / "asked.csv")))
+
+    def at(q):
+        return configure(robot, q[None]).points(point[None])[0, 0]
+
+    J = np.stack([(at(q + e) - at(q - e)) / 2e-6 for e in 1e-6 * np.eye(6)], axis=1)
+    due = at(q) + J @ (x * (J.T @ f))
+    spread = np.sqrt((J**2) @ (std * (J.T @ f)) ** 2)
+    assert np.allclose(told[["x_m", "y_m", "z_m"]].to_numpy()[0], due, atol=2e-8)
+    assert np.all(told[["std_x_m", "std_y_m", "std_z_m"]].to_numpy()[0] >= 0.99 * spread)
+    with pytest.raises(UsageError, match="only its recommended model"):
+        predicted(tmp_path, "pulled", tmp_path / "asked.csv", Of.NOMINAL)
 
 
 def test_positions_beside_a_tracker_are_two_ways_in(tmp_path):

@@ -324,7 +324,7 @@ def mistake_entry(one: Mistake, gain: contract.Gain | None) -> contract.Cause:
     size = contract.Amplitude(name="size", value=one.size or 0.0, std=None, unit=one.size_unit)
     return contract.Cause(
         name=one.name,
-        where=one.where,
+        where=int(one.where) if one.where.isdigit() else one.where,
         probability=1 - (one.p_value or 0.0),
         parameters=() if one.size is None else (size,),
         p_value=one.p_value,

@@ -19,7 +19,12 @@ from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
 from pipeline.diagnosis.positions import UNLISTED
 from pipeline.faults.mistake import Mistake
-from pipeline.faults.position_readings import accused, exchanged_beside, outliers
+from pipeline.faults.position_readings import (
+    accused,
+    exchanged_beside,
+    outliers,
+    wrong_entries,
+)
 from pipeline.faults.position_rows import Sheet, position_rows
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.laws import Law
@@ -71,7 +76,7 @@ def stood(name: str, raw: Raw, keep: Keep, step: Step) -> Stood:
     keep("10_positions", read.table, tables.positions(raw.robot))
     off = outliers(found, read.table)
     rejected = keep("13_rejected", _rejected(read, off), tables.REJECTED)
-    mistakes = (*wrong, *late, *accused(off, found))
+    mistakes = (*wrong, *late, *wrong_entries(found), *accused(off, found))
     said = Positions.of(name, raw, found, mistakes, rejected)
     given = positions.answer(said)
     shown = {

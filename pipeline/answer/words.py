@@ -622,6 +622,11 @@ _CORRECT: Mapping[str, str] = {
         f"{_AGAIN}"
     ),
     "tool_point": f"Measure that point of the effector again and correct campaign.toml{_AGAIN}",
+    **dict.fromkeys(
+        ("mounted_turned", "joint_offset", "link_length", "link_offset"),
+        "Check that entry against the data sheet or the controller and correct the robot file"
+        f"{_AGAIN}",
+    ),
 }
 
 

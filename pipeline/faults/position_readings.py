@@ -8,8 +8,9 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.quantities import plain
-from pipeline.faults.mistake import Mistake, outlying
+from pipeline.faults.mistake import Mistake, length, outlying
 from pipeline.faults.position_rows import Rows, Sheet, in_order, laid
+from pipeline.geometry.mistaken import TableMistake
 from pipeline.geometry.study import Bad, Study
 
 USUAL = 1e-3
@@ -73,3 +74,33 @@ def _outlier(one: Bad, row: int, line: int) -> Mistake:
 
 def _without(rows: pd.DataFrame, row: int) -> pd.DataFrame:
     return rows.drop(index=rows.index[row])
+
+
+def wrong_entries(found: Study) -> list[Mistake]:
+    """Entries of the robot file that are wrong by a step."""
+    return [_entry(one) for one in found.mistakes]
+
+
+def _entry(one: TableMistake) -> Mistake:
+    row = "" if one.joint is None else f" of joint {one.joint}"
+    if one.entry and one.said is not None and one.value is not None:
+        what = f"the robot file has {one.entry} = {plain(one.said, 4)}{row}, and "
+        what += f"{plain(one.value, 4)} is right"
+    else:
+        what = f"the robot file is wrong in {one.entry or one.where}{row}"
+    return Mistake(
+        name=one.name,
+        where=str(one.where),
+        evidence=f"{what}: the targets are {length(one.before)} from where it places them, and "
+        f"{length(one.after)} with it corrected",
+        correction="recomputed with the entry of the robot file corrected",
+        before=1e3 * one.before,
+        after=1e3 * one.after,
+        unit="mm",
+        correct=_as_it_is,
+    )
+
+
+def _as_it_is(rows: Rows) -> Rows:
+    """The table of positions is right; the robot file is not."""
+    return rows

@@ -26,9 +26,11 @@ from pipeline.geometry.identify import Identified
 from pipeline.geometry.laws import Law
 from pipeline.geometry.mechanism import Mechanism, layout
 from pipeline.geometry.worth import NO_GAIN, Gain, Judge
+from pipeline.geometry.yielding import carried_by
 from pipeline.machine.effects._anatomy import arm, rail, turning
-from pipeline.machine.robot import Robot
+from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.rating import relative
+from pipeline.machine.robot.weight import by_moments
 from pipeline.system import alarms
 
 
@@ -103,7 +105,7 @@ def _listed(robot: Robot, q: Array, tau: Array) -> Iterator[Listed]:
             yield Listed("joint_lost_motion", Law(joint, "step", "torque", joint, 0.0))
         for order in _WAVES:
             name = "compensator" if joint == shoulder and order < _WAVES[-1] else ""
-            if name or order * np.ptp(q[:, joint - 1]) > 2 * np.pi:
+            if name or order * np.ptp(q[:, joint - 1]) > np.pi:
                 yield Listed(name, Law(joint, "periodic", "angle", joint, order))
 
 
@@ -192,6 +194,44 @@ def _of_bed(found: Identified) -> Iterator[_Group]:
         places.append(part)
     if places:
         yield _Group(Cause("rail_shape", None, "", tuple(amounts)), np.concatenate(places))
+
+
+def weight(found: Identified) -> Cause:
+    """The weight of an arm of which nobody states masses: what of it the readings show.
+
+    A joint sags by its compliance times the moment of what it carries. Their product is known, M
+    the largest difference of that moment between two poses if the joint is as stiff as its file
+    says. Mass and stiffness are told apart (form `masses`) where payloads have told the
+    compliances, else form is `moments`.
+    """
+    mechanism, where = found.mechanism, layout(found.mechanism)
+    cov, x = found.solution.cov, found.solution.x
+    at = np.r_[where.compliance, where.moments]
+    c, std = x[where.compliance], np.sqrt(np.diag(cov)[where.compliance])
+    tau, amounts, apart = found.linear.inputs.tau, [], []
+    here = configure(mechanism.robot, found.readings.q)
+    joints = np.arange(1, mechanism.table.n + 1)
+    slopes = carried_by(here.twists, joints, by_moments(here, found.weights.gravity))
+    most = np.ptp(tau, axis=0)
+    for j, joint in enumerate(mechanism.table.joints):
+        row = slopes[:, j]
+        if most[j] < _LOADED * most.max() or joint.prismatic:
+            continue
+        low, high = int(tau[:, j].argmin()), int(tau[:, j].argmax())
+        slope = np.zeros(len(at))
+        slope[j] = most[j]
+        slope[mechanism.table.n :] = c[j] * (row[high] - row[low])
+        nominal = mechanism.table.nominal_compliance[j]
+        value, spread = c[j] * most[j], float(np.sqrt(slope @ cov[np.ix_(at, at)] @ slope))
+        if spread < abs(value):
+            amounts.append(Amount(f"M_{joint.name}", "N m", value / nominal, spread / nominal))
+            apart.append(std[j] < _APART * abs(c[j]))
+    form = "masses" if apart and all(apart) else "moments"
+    return Cause("gravity_sag", None, form, tuple(amounts))
+
+
+_APART = 0.2
+"""Relative uncertainty of a compliance below which mass and stiffness are told apart."""
 
 
 # --- which are there ------------------------------------------------------------------------------

@@ -260,14 +260,46 @@ def values(N: Array, b: Array, P: Array, mean: Array) -> Array:
 
 
 def solved(rows: Rows, mechanism: Mechanism, known: Prior) -> Solution:
-    """The parameters from all rows."""
-    return solve(
-        rows.N,
-        rows.b,
-        float(np.sum(rows.y**2)),
-        precision(mechanism, known),
-        padded(known.mean, len(rows.b)),
-    )
+    """The parameters from all rows; a factor that nobody knows stays where it is."""
+    N, b, square = rows.N, rows.b, float(np.sum(rows.y**2))
+    if mechanism.unknown:
+        x0, v = mechanism.at(layout(mechanism)), _factor(mechanism, None)
+        weighed = v[: len(known.std)] / known.std**2
+        d = padded(weighed / (weighed @ v[: len(known.std)]) / _DAMPED, len(v))
+        N, b, square = N + np.outer(d, d), b + d * (d @ x0), square + float(d @ x0) ** 2
+    mean = padded(known.mean, len(b))
+    return solve(N, b, square, precision(mechanism, known), mean)
+
+
+_DAMPED = 0.02
+"""How far springs and weights of unknown masses may part by a common factor in one step [1]."""
+
+
+def _factor(mechanism: Mechanism, x: Array | None) -> Array:
+    """What springs softer by a factor under masses lighter by it move: nothing, to first order."""
+    where = layout(mechanism)
+    x = mechanism.at(where) if x is None else x
+    v = np.zeros(len(x))
+    for part, sign in ((where.compliance, 1.0), (where.yields, 1.0), (where.moments, -1.0)):
+        v[part] = sign * x[part]
+    return v
+
+
+def by_a_factor(rows: Rows, mechanism: Mechanism, found: Solution) -> Solution:
+    """The solution with what springs and weights of unknown masses have in common left open.
+
+    Springs that are softer by a factor under masses that are lighter by it move nothing. Priors of
+    many links together would know that factor; nobody does. Along v, which has the compliances and
+    minus the moments, the readings say v'X'X v, where payloads are known; the rest is `_FACTOR`.
+    """
+    about, end = _factor(mechanism, None), _factor(mechanism, found.x)
+    var = 1 / (float(about @ rows.N @ about) + _FACTOR**-2)
+    return replace(found, cov=found.cov + var * np.outer(end, end))
+
+
+_FACTOR = 1.1
+"""Natural log of how much heavier an arm is than usual for its payload, standard deviation: a
+factor of three, as between arms of long and of short reach."""
 
 
 def padded(head: Array, size: int) -> Array:

@@ -16,6 +16,7 @@ from pipeline.geometry.estimate import (
     Rows,
     Solution,
     again,
+    by_a_factor,
     larger,
     padded,
     prior,
@@ -42,8 +43,9 @@ noise; where a torque is about zero, steps of its sign come and go."""
 _STILL = 2e-3
 """How far a compliance may come from the last linearisation, over its nominal size."""
 
-_STEPS, _LATER = 4, 2
-"""Steps of scatter and sizes before the second linearisation, and between later ones."""
+_STEPS = (4, 2, 2)
+"""Steps of scatter and sizes before the first linearisation is left, the second, and later ones; an
+estimate that begins where another one ended is beyond the first."""
 
 _SIZE = {True: 1e-4, False: 2e-4}
 """Of a curve before any data: sliding [m], turning [rad]."""
@@ -99,6 +101,11 @@ class Identified(Locked):
     wanted: Wanted
 
     @property
+    def likely(self) -> float:
+        """Log of the likelihood of the readings, whatever the parameters are."""
+        return self.solution.evidence + float(linear.log_det(self.rows.W).sum())
+
+    @property
     def left(self) -> Array:
         """Readings minus mechanism [m], [rad], shape (m, 6 t), F_b."""
         e = self.rows.y - self.rows.along(self.solution.x)
@@ -126,11 +133,13 @@ def identify(
         known: Priors of an earlier estimate, to begin with.
     """
     mechanism = _equipped(begun, readings, wanted)
+    shapes = [[(c.screw, c.length) for c in one.curves] for one in (begun, mechanism)]
+    warm = known is not None and shapes[0] == shapes[1]
     before = prior(mechanism, stated, weights.payloads)
     known = _only(_scaled(before, mechanism, known), mechanism, wanted)
     here = linearised(readings, mechanism, weights)
     for turn in range(_MOST):
-        for _ in range(_STEPS if turn == 0 else _LATER if turn < _SETTLED else 0):
+        for _ in range(_steps(turn, warm)):
             whitened = rows(here, mechanism, scatter)
             found = solved(whitened, mechanism, known)
             scatter = again(whitened, here, found, scatter)
@@ -147,7 +156,16 @@ def identify(
         if turn + 1 == _MOST or (still and turn + 1 >= _FEWEST):
             break
         mechanism, here = moved, then
+    if mechanism.unknown:
+        found = by_a_factor(whitened, mechanism, found)
     return Identified(moved, readings, weights, known, scatter, here, whitened, found, wanted)
+
+
+def _steps(turn: int, warm: bool) -> int:
+    """How often scatter and sizes are estimated anew before a linearisation is left."""
+    if turn >= _SETTLED:
+        return 0
+    return _STEPS[min(turn + warm, len(_STEPS) - 1)]
 
 
 def _scaled(new: Prior, mechanism: Mechanism, earlier: Prior | None) -> Prior:
@@ -188,14 +206,15 @@ def _equipped(begun: Mechanism, readings: Readings, wanted: Wanted) -> Mechanism
     if wanted.yields != bool(elements):
         elements = yielding(begun.table) if wanted.yields else ()
     kept = len(elements) == len(begun.elements)
-    moments = begun.moments
+    moments, compliance = begun.moments, begun.compliance
     if wanted.moments and not begun.unknown:
-        moments = usual(begun.table)[0]
+        moments, compliance = usual(begun.table)[0], begun.table.nominal_compliance
     return replace(
         begun,
         elements=elements,
         yields=begun.yields if kept else np.zeros(len(sizes(elements))),
         moments=moments,
+        compliance=compliance,
         unknown=wanted.moments,
         laws=wanted.laws,
         amplitudes=amplitudes,
@@ -227,7 +246,7 @@ def likeliest(found: Identified, choices: Sequence[Wanted]) -> Wanted:
         if found.mechanism.curves or wanted.bed is not None:
             here = linearised(found.readings, mechanism, found.weights)
         known = found.known
-        for _ in range(_STEPS):
+        for _ in range(_STEPS[0]):
             whitened = rows(here, mechanism, scatter)
             solution = solved(whitened, mechanism, known)
             scatter = again(whitened, here, solution, scatter)

@@ -179,7 +179,7 @@ class Mechanism(Locked):
         at = here.points(self.tool[:, :3, 3])
         turn = np.einsum("mij,tjk->mtik", here.flange_axes, self.tool[:, :3, :3])
         at, turn = carried_on(screws, carrier, amounts, at, turn)
-        return Stand(inputs, tau, held, here, yields, bed, at, turn)
+        return Stand(inputs, tau, held, bare, here, yields, bed, at, turn)
 
     def turned(self, loaded: Inputs, inputs: Inputs) -> Array:
         """How far each joint stands from its encoder [m] or [rad], shape (m, n).
@@ -352,6 +352,7 @@ class Stand(NamedTuple):
         inputs: What laws are of.
         tau: Torque of weight and force on the joints, shape (m, n).
         held: Wrench of all that each joint carries, shape (m, n, 6).
+        bare: Frames where the controller has the joints; the weight is taken there.
         here: Frames, without what yields beside the joints.
         yields: Virtual joints.
         bed: Screws by which the bed is not straight, shape (m, 6, 6); None where it is.
@@ -362,6 +363,7 @@ class Stand(NamedTuple):
     inputs: Inputs
     tau: Array
     held: Array
+    bare: Configuration
     here: Configuration
     yields: Virtual
     bed: Array | None
@@ -425,9 +427,9 @@ def derivatives(mechanism: Mechanism, stand: Stand, weights: Weights) -> tuple[A
     each = yielding * stand.yields.under(stand.held)[:, None]
     D[..., where.yields] = each @ np.eye(len(mechanism.yields))[stand.yields.parameter]
     if mechanism.unknown:
-        unit = by_moments(here, weights.gravity)
+        unit = by_moments(stand.bare, weights.gravity)
         joints = np.arange(1, mechanism.table.n + 1)
-        own = mechanism.compliance[:, None] * carried_by(here.twists, joints, unit)
+        own = mechanism.compliance[:, None] * carried_by(stand.bare.twists, joints, unit)
         more = mechanism.yields[stand.yields.parameter][:, None] * stand.yields.by_moments(unit)
         D[..., where.moments] = Z @ own + yielding @ more
     if mechanism.laws:

@@ -87,10 +87,12 @@ class Data:
         self, begun: Mechanism, wanted: Wanted, earlier: Identified | None = None
     ) -> Identified:
         """An estimate, with the priors of an earlier one; scales of what that had beside."""
-        known = None if earlier is None else earlier.known
-        if earlier is not None and known is not None and earlier.wanted.yields != wanted.yields:
-            known = replace(known, groups=())
-        return identify(begun, self.readings, self.weights, wanted, self.noise, self.stated, known)
+        known, noise = None, self.noise
+        if earlier is not None:
+            known, noise = earlier.known, earlier.scatter
+            if earlier.wanted.yields != wanted.yields:
+                known = replace(known, groups=())
+        return identify(begun, self.readings, self.weights, wanted, noise, self.stated, known)
 
     def again(self, found: Identified) -> Identified:
         """The same model from these readings."""

@@ -27,6 +27,9 @@ _NOISE = (3e-5, 5e-5)
 _AWAY = 2e-5
 """Where to begin again with what was as good as zero [m] or [rad]: there the slope is zero, too."""
 
+_UPHILL = 15
+"""Steps uphill that are enough before the products are made anew."""
+
 _LEAST, _MOST = -36.0, -4.0
 """Logarithms of variances between 1e-8 and 0.1 [m] or [rad]."""
 
@@ -78,7 +81,12 @@ class Scatter(Locked):
             return f / m, slope[free] / m
 
         found = optimize.minimize(
-            short, start[free], jac=True, method="L-BFGS-B", bounds=[(_LEAST, _MOST)] * free.sum()
+            short,
+            start[free],
+            jac=True,
+            method="L-BFGS-B",
+            bounds=[(_LEAST, _MOST)] * free.sum(),
+            options={"maxiter": _UPHILL},
         )
         whole = start.copy()
         whole[free] = found.x

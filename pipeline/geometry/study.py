@@ -14,20 +14,24 @@ from typing import NamedTuple
 import numpy as np
 from scipy.spatial.transform import Rotation
 
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.base.bootstrap import interval
 from pipeline.geometry import blunders, curves, leftout, search
 from pipeline.geometry.begin import begin
-from pipeline.geometry.causes import Cause, Listed, listed
+from pipeline.geometry.causes import Cause, Listed, listed, weight
 from pipeline.geometry.identify import Identified, Wanted, likeliest
 from pipeline.geometry.mechanism import Mechanism, Weights, linearised
+from pipeline.geometry.mistaken import TableMistake, corrected, far_off
 from pipeline.geometry.named import Data, NamedLaw, with_laws
 from pipeline.geometry.readings import Readings
 from pipeline.geometry.scatter import start
-from pipeline.geometry.worth import Parting, distances, partings
+from pipeline.geometry.worth import Gain, Judge, Parting, distances, partings
 from pipeline.geometry.yielding import usual
 from pipeline.machine.effects._anatomy import rail
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.weight import weighs
+from pipeline.system import alarms
 
 _ROUNDS = 10
 """Estimates without the readings that are off; each but the last changes which these are."""
@@ -101,6 +105,8 @@ class Study(Locked):
         stages: From the nominal table to the whole model.
         laws: That nobody listed, the largest first.
         causes: Of the catalogue, the largest first.
+        mistakes: Entries of the robot file that are wrong by a step; all else is of the file with
+            them put right.
         bad: Readings that were left out, with their distance from the model [m].
         moved: When the instrument moved; what was read afterwards is a series of its own.
         every: All readings, those included.
@@ -111,6 +117,7 @@ class Study(Locked):
     bad: tuple[Bad, ...]
     moved: tuple[Moved, ...] = ()
     causes: tuple[Cause, ...] = ()
+    mistakes: tuple[TableMistake, ...] = ()
     every: Data | None = None
 
     @property
@@ -139,15 +146,14 @@ def study(
         stated: Roughness of lengths [m] and angles [rad] in the robot file, NaN where not stated.
         rng: Draws copies and intervals.
     """
+    robot, mistakes = corrected(robot, readings, weights, tool)
     every = Data(readings, weights, stated, start(robot, sigma_m))
     begun = begin(robot, readings, tool)
     gross = _gross(every, begun)
     data = every.without(gross)
     base, names = _base(data, begun)
-    every, of, chances = _apart(every, data, base, rng)
-    if chances:
-        data = every.without(gross)
-        base, begun = data.again(_with_frames(base, of)), _framed(begun, of)
+    every, data, base, of, chances = _apart(every, data, base, rng)
+    begun = _framed(begun, of)
     data, base, late = _without_blunders(every, data, base, gross)
     parts = partings(data.readings, rng, rail(robot))
     whole = with_laws(data, base, names, parts, rng)
@@ -167,7 +173,28 @@ def study(
     )
     bad = tuple(_listed(every.readings, late))
     moved = tuple(_moves(whole.found, chances))
-    return Study(stages, whole.laws, bad, moved, whole.causes, every)
+    nominal_m, whole_m = (stages[k].mean(Parting.BETWEEN) for k in (0, -1))
+    mistakes = (*mistakes, *far_off(whole.found, nominal_m, whole_m))
+    sag = () if weighs(robot) else tuple(_sag(stages, rng))
+    return Study(stages, whole.laws, bad, moved, (*sag, *whole.causes), mistakes, every)
+
+
+def _sag(stages: Sequence[Stage], rng: np.random.Generator) -> Iterator[Cause]:
+    """What a weight that nobody states is worth, where the readings show it."""
+    of = {stage.step: stage for stage in stages}
+    before, after = of[Step.LETTERS], of[Step.SPRINGS]
+    if after.found is before.found:
+        return
+    gains = []
+    for parting in (Parting.BETWEEN, next(reversed(after.errors))):
+        pair = [stage.errors[parting] for stage in (before, after)]
+        seen = np.isfinite(pair[0])
+        block = np.broadcast_to(search.blocks(after.found.readings)[:, None], seen.shape)[seen]
+        one, two = (errors[seen] for errors in pair)
+        gains.append(Gain(linear.rms(one), linear.rms(two), interval(one, two, block, rng)[1]))
+    p = float(np.exp(min(before.found.likely - after.found.likely, 0.0)))
+    if p < alarms.SUSPECT and gains[0].sure:
+        yield replace(weight(stages[-1].found), p=p, gain=gains[0], carried=gains[1])
 
 
 def _heavy(data: Data, robot: Robot) -> bool:
@@ -209,28 +236,36 @@ def _plain(data: Data, begun: Mechanism) -> Iterator[Identified]:
 
 def _apart(
     every: Data, data: Data, found: Identified, rng: np.random.Generator
-) -> tuple[Data, list[int], dict[str, float]]:
-    """All readings with another series wherever the instrument moved, by some of them.
+) -> tuple[Data, Data, Identified, list[int], dict[str, float]]:
+    """All readings and some of them, with another series wherever the instrument moved.
+
+    Rail, joints and time are in the estimate already and compete; a move counts only where stations
+    or joint angles that were left out are then nearer for certain.
 
     Returns:
-        All readings, what series each of them was before, and by what chance each began, by name.
+        All readings, some of them, the estimate from these, what series each was before, and by
+        what chance each began, by name.
     """
     of = list(range(len(data.readings.names)))
     chances: dict[str, float] = {}
+    on_rail = rail(found.mechanism.table)
     for _ in range(_MOST_MOVES):
-        moved = search.moved(
-            found, search.flips(data.readings, rng, rail=rail(found.mechanism.table))
-        )
+        signs = search.flips(data.readings, rng, rail=on_rail)
+        moved = search.moved(found, signs)
         if moved is None:
             break
+        then = replace(data, readings=data.readings.apart(moved.pose))
+        new = int(then.readings.series[moved.pose])
+        order = np.insert(np.arange(len(of)), new, new - 1).tolist()
+        trial = then.again(_with_frames(found, order))
+        if not Judge(partings(data.readings, rng, on_rail), rng).better(trial, found):
+            break
         first = _place(every.readings, data.readings, moved.pose)
-        data = replace(data, readings=data.readings.apart(moved.pose))
         every = replace(every, readings=every.readings.apart(first))
-        new = int(data.readings.series[moved.pose])
+        data, found = then, trial
         of.insert(new, of[new - 1])
         chances[str(data.readings.names[new])] = moved.p
-        found = data.again(_with_frames(found, np.insert(np.arange(len(of) - 1), new, new - 1)))
-    return every, of, chances
+    return every, data, found, of, chances
 
 
 def _place(every: Readings, some: Readings, pose: int) -> int:

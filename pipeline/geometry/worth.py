@@ -115,10 +115,18 @@ class Judge:
 
     def as_good(self, one: Identified, other: Identified) -> bool:
         """The first predicts what was left out as well as the second, within chance."""
-        errors = [leftout.errors(found, self._parts[self.far()]) for found in (other, one)]
+        return self._less(one, other, self.far())[1] >= 0
+
+    def better(self, one: Identified, other: Identified) -> bool:
+        """The first predicts stations or joint angles that were left out better for certain."""
+        return self._less(one, other, self.far(once=True))[0] > 0
+
+    def _less(self, one: Identified, other: Identified, parting: Parting) -> tuple[float, float]:
+        """By what part the error of the first is smaller, interval."""
+        errors = [leftout.errors(found, self._parts[parting]) for found in (other, one)]
         seen = np.tile(np.arange(6) < 3, errors[0].shape[1] // 6) & one.readings.read
         block = np.broadcast_to(search.blocks(one.readings)[:, None], seen.shape)[seen]
-        return interval(errors[0][seen], errors[1][seen], block, self._rng)[1][1] >= 0
+        return interval(errors[0][seen], errors[1][seen], block, self._rng)[1]
 
     def _gain(self, found: Identified, parting: Parting, without: slice | Ints) -> Gain:
         if self._made[0] is not found:

@@ -4,25 +4,28 @@ from __future__ import annotations
 
 import csv
 import io
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 
 import numpy as np
 from scipy.spatial.transform import Rotation
 
-from pipeline.base.arrays import Array, Ints
+from pipeline.base.arrays import Array, Bools, Ints, Strings
 from pipeline.base.errors import InputError, listed
-from pipeline.prediction.standing import Predicted, Standing
+from pipeline.machine.robot import Robot, configure
+from pipeline.prediction.model import Model
+from pipeline.prediction.standing import Predicted
 from pipeline.readers import positions
 from pipeline.readers.logs import FORCE, joint_values
 
 
-def asked(name: str, data: bytes, model: Standing) -> tuple[Array, Array, Ints, Array]:
+def asked(
+    name: str, data: bytes, robot: Robot, payloads: Sequence[str]
+) -> tuple[Array, Array, Ints, Array]:
     """Joint values (m, n), force [N] (m, 3), payload (m,) and temperature [degC] (m,).
 
     Raises:
         InputError: A row cannot be read, or names a payload that the campaign does not know.
     """
-    robot = model.mechanism.table
     log = positions.asked(name, data, robot, FORCE)
     for _, line, reason in log.rejected:
         thing, _, way_out = reason.partition("; ")
@@ -31,12 +34,12 @@ def asked(name: str, data: bytes, model: Standing) -> tuple[Array, Array, Ints, 
     nothing = np.zeros(m)
     force = [np.nan_to_num(log.number.get(f"f{axis}", nothing)) for axis in positions.AXES]
     words = log.word.get("payload", np.full(m, "", dtype=object))
-    number = {"": 0, **{one: k for k, one in enumerate(model.payloads, 1)}}
+    number = {"": 0, **{one: k for k, one in enumerate(payloads, 1)}}
     for word, line in zip(words, log.line, strict=True):
         if word not in number:
             raise InputError(
                 f'payload "{word}" is not known',
-                f"the campaign knows {listed(model.payloads) or 'none'}",
+                f"the campaign knows {listed(payloads) or 'none'}",
                 file=name,
                 line=int(line),
             )
@@ -48,7 +51,28 @@ def asked(name: str, data: bytes, model: Standing) -> tuple[Array, Array, Ints, 
     )
 
 
-def as_csv(model: Standing, found: Predicted) -> str:
+def under_pulls(model: Model, q: Array, force: Array) -> Predicted:
+    """Where targets are under a force at the load point, by the model of a campaign of pulls.
+
+    The uncertainty is that of the deflection: where the robot stands unloaded is taken from the
+    table that the model holds.
+
+    Args:
+        model: Of a campaign of pulls.
+        q: Joint values [m] or [rad], shape (m, n).
+        force: Force on the robot [N], F_b, shape (m, 3).
+    """
+    here, points = configure(model.robot, q), model.tool.points
+    each = [model.deflection(*row) for row in zip(q, force, strict=True)]
+    moved, std = (np.stack([one[k] for one in each]) for k in (0, 1))
+    cov = np.zeros((*moved.shape[:2], 6, 6))
+    axis = np.arange(3)
+    cov[..., axis, axis] = std**2
+    turn = np.repeat(here.flange_axes[:, None], len(points), axis=1)
+    return Predicted(here.points(points) + moved, turn, cov)
+
+
+def as_csv(targets: Strings, six: Bools, found: Predicted) -> str:
     """`row,target,x_m,y_m,z_m,std_x_m,...` with orientation where a target has one."""
     m, t = found.at.shape[:2]
     std = found.std.reshape(m * t, 6)
@@ -56,12 +80,12 @@ def as_csv(model: Standing, found: Predicted) -> str:
         **_columns("{}_m", found.at.reshape(m * t, 3)),
         **_columns("std_{}_m", std[:, :3]),
     }
-    if model.six.any():
+    if six.any():
         turned = Rotation.from_matrix(found.turn.reshape(-1, 3, 3)).as_euler("XYZ")
-        known = np.tile(model.six, m)[:, None]
+        known = np.tile(six, m)[:, None]
         table |= _columns("r{}_rad", np.where(known, turned, np.nan))
         table |= _columns("std_r{}_rad", np.where(known, std[:, 3:], np.nan))
-    names = [_quoted(str(name)) for name in model.targets]
+    names = [_quoted(str(name)) for name in targets]
     lines = _written(np.column_stack(list(table.values())))
     rows = (f"{k // t + 1},{names[k % t]}{line}" for k, line in enumerate(lines))
     return "\n".join([",".join(["row", "target", *table]), *rows, ""])

@@ -1,4 +1,4 @@
-"""`pipeline predict`: where the targets of a campaign of positions stand at other joint values."""
+"""`pipeline predict`: where the targets of a campaign stand at other joint values."""
 
 from __future__ import annotations
 
@@ -53,22 +53,30 @@ def predicted(root: Path, name: str, file: Path, model: Of = Of.RECOMMENDED) -> 
         UsageError: The campaign has no such model yet, or the file is not there.
         InputError: The file cannot be read, or a row of it is not as it should be.
     """
+    import numpy as np
+
     from pipeline.prediction import standing
-    from pipeline.prediction.asked import as_csv, asked
+    from pipeline.prediction.asked import as_csv, asked, under_pulls
+    from pipeline.prediction.model import Model
     from pipeline.store import campaign as campaigns
 
-    kept = campaigns.find(root, name).reports / "positions.npz"
-    if not kept.is_file():
-        raise UsageError(
-            f"{name} has no model of positions: only campaigns with [positions] have one, once "
-            f"`pipeline run {name}` is done"
-        )
-    missing = InputError("there is no such file", "run the campaign again", file=str(kept))
-    one = standing.loads(files.read(kept, str(kept), standing.LARGEST, missing), str(kept))
-    chosen = {Of.NOMINAL: one.nominal, Of.JOINT_SPRINGS: one.springs}.get(model, lambda: one)()
+    reports = campaigns.find(root, name).reports
+    kept, pulled = reports / "positions.npz", reports / "model.toml"
+    if not (kept.is_file() or pulled.is_file()):
+        raise UsageError(f"{name} has no model yet: it has one once `pipeline run {name}` is done")
     try:
         data = file.read_bytes()
     except OSError as problem:
         raise UsageError(f"{file} cannot be read ({problem.strerror}): check the path") from problem
-    rows = asked(file.name, data, chosen)
-    return as_csv(chosen, standing.predict(chosen, *rows))
+    if kept.is_file():
+        missing = InputError("there is no such file", "run the campaign again", file=str(kept))
+        one = standing.loads(files.read(kept, str(kept), standing.LARGEST, missing), str(kept))
+        chosen = {Of.NOMINAL: one.nominal, Of.JOINT_SPRINGS: one.springs}.get(model, lambda: one)()
+        rows = asked(file.name, data, chosen.mechanism.table, chosen.payloads)
+        return as_csv(chosen.targets, chosen.six, standing.predict(chosen, *rows))
+    if model is not Of.RECOMMENDED:
+        raise UsageError(f"{name} is a campaign of pulls: only its recommended model is kept")
+    held = Model.load(pulled)
+    q, force, *_ = asked(file.name, data, held.robot, ())
+    targets = held.tool.targets
+    return as_csv(targets, np.zeros(len(targets), dtype=bool), under_pulls(held, q, force))

@@ -73,6 +73,11 @@ def letters(robot: Robot) -> tuple[Letter, ...]:
     return tuple(one for one in _all(file) if not _moves_the_base(one))
 
 
+def all_letters(robot: Robot) -> tuple[Letter, ...]:
+    """Every letter of a robot's table, with those that only say where F_b is."""
+    return tuple(_all(_file(robot)))
+
+
 def _file(robot: Robot) -> RobotFile:
     return RobotFile.model_validate(toml.loads(robot.text, robot.name))
 

@@ -7,6 +7,7 @@ from dataclasses import replace
 
 from pipeline.base import toml
 from pipeline.machine.robot.mdh import Robot, RobotFile, placements
+from pipeline.machine.robot.steps import Fixed
 
 _LENGTHS = {"a_m": "a", "d_m": "d", "r_m": "r"}
 _VISIBLE_M = 0.01
@@ -34,6 +35,36 @@ def variants(robot: Robot) -> Iterator[tuple[str, Robot]]:
     yield name, _as(robot, other)
 
 
+def turned(robot: Robot, joint: int, degrees: float, key: str = "theta_deg") -> Robot:
+    """The robot with an angle of one row further by some degrees: zero (theta) or twist (alpha)."""
+    file, j = _file(robot), joint - 1
+    return _with_row(robot, file, j, {key: getattr(file.joint[j], key) + degrees})
+
+
+def counted_back(robot: Robot, joint: int) -> Robot:
+    """The robot with one joint moving the other way, Rz(-q) Tz(-r) = Rx(pi) Rz(q) Tz(r) Rx(-pi)."""
+    file, j = _file(robot), joint - 1
+    rows, row = list(file.joint), file.joint[j]
+    said: dict[str, object] = {"theta_deg": -row.theta_deg, "alpha_deg": row.alpha_deg + 180.0}
+    key = "r_m" if file.convention == "khalil" else "d_m"
+    said[key] = -(getattr(row, key) or 0.0)
+    rows[j] = row.model_copy(update=said)
+    base, flange = file.base or Fixed(), file.flange or Fixed()
+    if file.convention == "standard" and j:
+        before = rows[j - 1]
+        rows[j - 1] = before.model_copy(update={"alpha_deg": before.alpha_deg + 180.0})
+    elif file.convention == "standard":
+        roll, pitch, yaw = base.rpy_deg
+        base = base.model_copy(update={"rpy_deg": (roll + 180.0, pitch, yaw)})
+    elif joint < len(rows):
+        behind = rows[j + 1]
+        rows[j + 1] = behind.model_copy(update={"alpha_deg": behind.alpha_deg - 180.0})
+    else:
+        (x, y, z), (roll, pitch, yaw) = flange.xyz_m, flange.rpy_deg
+        flange = Fixed(xyz_m=(x, -y, -z), rpy_deg=(roll + 180.0, -pitch, -yaw))
+    return _as(robot, file.model_copy(update={"joint": rows, "base": base, "flange": flange}))
+
+
 def misread(robot: Robot) -> tuple[str, str]:
     """The robot's file with its letters under the other convention, and what they are in truth."""
     file = _file(robot)
@@ -49,7 +80,9 @@ def _with_row(robot: Robot, file: RobotFile, j: int, change: dict[str, float]) -
 
 def _as(robot: Robot, file: RobotFile) -> Robot:
     placement, flange = placements(file)
-    told = {"convention": file.convention}
+    told: dict[str, object] = {"convention": file.convention}
+    ends = {"base": file.base, "flange": file.flange}
+    told |= {name: end.model_dump() for name, end in ends.items() if end is not None}
     rows = {"joint": [row.model_dump(exclude_none=True) for row in file.joint]}
     text = toml.dumps(toml.loads(robot.text, robot.name) | told | rows)
     return replace(robot, placement=placement, flange=flange, text=text)

@@ -1,0 +1,177 @@
+"""Entries of a table that are wrong by a step: a turned mount, a sense, a zero, another variant.
+
+A robot stands millimetres from its table; a mount turned by 90 deg moves it by metres, and no
+estimate that is linear finds its way back. Each of the few steps is tried with tool and frames
+fitted anew (`begin`), the best is taken up if it leaves a third or less, and the next one is looked
+for beside it.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.base.arrays import Array
+from pipeline.geometry import leftout
+from pipeline.geometry.begin import begin
+from pipeline.geometry.estimate import ROUGH
+from pipeline.geometry.identify import Identified
+from pipeline.geometry.mechanism import Weights, linearised
+from pipeline.geometry.readings import Readings
+from pipeline.machine.effects._anatomy import rail, turning
+from pipeline.machine.robot import SHIPPED, Robot, load
+from pipeline.machine.robot.letters import Letter, all_letters, nominal
+from pipeline.machine.robot.variants import alike, counted_back, differing, turned, variants
+
+GROSS_M = 0.01
+"""Median distance of the targets from the nominal robot [m] below which no step is looked for: one
+as delivered is off by 1 mm and 1 mrad, three metres of it and its sag by some millimetres."""
+
+_BETTER = 3.0
+"""How many times less a step has to leave."""
+
+_ALIKE = 1.1
+"""Steps that leave as much are twins: an arm that is turned by 180 deg, a rail counted back."""
+
+_ENOUGH = 80
+"""Poses that are enough to tell."""
+
+_MOST = 3
+"""Steps in one table."""
+
+
+@dataclass(frozen=True)
+class TableMistake:
+    """An entry of the robot file that is wrong by a step.
+
+    Attributes:
+        name: `mounted_turned`, `joint_offset`, `sign_or_convention`, `link_length`, `link_offset`.
+        where: `carriage`, `arm`, `flange`, a joint from 1, or which sign, `d_5`, `standard_dh`.
+        entry: Word of the robot file, `theta_deg`, in the row of `joint`; empty for a convention.
+        joint: Row of the table, from 1; None for a convention.
+        said: What the file has [m] or [deg]; None where it is a sense.
+        value: What it should be.
+        before: Median distance of the targets from the nominal robot [m].
+        after: The same with the entry corrected.
+    """
+
+    name: str
+    where: str | int
+    entry: str
+    joint: int | None
+    said: float | None
+    value: float | None
+    before: float
+    after: float
+
+
+class _Step(NamedTuple):
+    name: str
+    where: str | int
+    robot: Robot
+
+
+def steps(robot: Robot) -> Iterator[_Step]:
+    """Every robot that a single wrong entry would describe, of twins the likelier first."""
+    joints, quarters = turning(robot), (90.0, 180.0, -90.0)
+    mounts = {joints[-1]: "flange"} | ({joints[0]: "arm"} if rail(robot) else {})
+    for joint in sorted(joints, key=lambda one: one not in mounts):
+        name = "mounted_turned" if joint in mounts else "joint_offset"
+        for degrees in quarters:
+            yield _Step(name, mounts.get(joint, joint), turned(robot, joint, degrees))
+    if rail(robot):
+        for degrees in quarters:
+            there = turned(robot, joints[0], degrees, "alpha_deg")
+            yield _Step("mounted_turned", "carriage", there)
+    for joint in range(1, robot.n + 1):
+        yield _Step("sign_or_convention", joint, counted_back(robot, joint))
+    for name in SHIPPED:
+        other = load(name)
+        if name != robot.name and alike(robot, other) and differing(robot, other):
+            letter = _apart(robot, other)
+            if letter is not None:
+                yield _Step(letter[0].name, letter[0].joint, other)
+    for where, there in variants(robot):
+        yield _Step("sign_or_convention", where, there)
+
+
+def _apart(robot: Robot, other: Robot) -> tuple[Letter, float, float] | None:
+    """The one entry in which two tables differ, and what each has, in its unit of the file."""
+    every = all_letters(robot)
+    one, two = nominal(robot, every), nominal(other, every)
+    differ = np.flatnonzero(np.abs(two - one) > 1e-9)
+    if len(differ) != 1:
+        return None
+    letter = every[int(differ[0])]
+    said, value = (float(v[differ[0]]) for v in (one, two))
+    if letter.turns:
+        said, value = (180.0 - (180.0 - float(np.rad2deg(v))) % 360.0 for v in (said, value))
+    return letter, said, value
+
+
+def corrected(
+    robot: Robot, readings: Readings, weights: Weights, tool: dict[str, Array]
+) -> tuple[Robot, tuple[TableMistake, ...]]:
+    """The robot with the entries that are wrong by a step put right, and what they are.
+
+    Args:
+        robot: As its file has it.
+        readings: All series.
+        weights: What pulls at the arm.
+        tool: Nominal points of targets, flange frame [m], where they are known.
+    """
+    some = np.arange(0, len(readings), max(len(readings) // _ENOUGH, 1))
+    few, part = readings.part(some), weights.part(some)
+    found: list[TableMistake] = []
+    left = _off(robot, few, part, tool)
+    while left > GROSS_M and len(found) < _MOST:
+        tried = list(steps(robot))
+        after = [_off(one.robot, few, part, tool) for one in tried]
+        best = int(np.argmax(np.array(after) <= _ALIKE * min(after)))
+        if _BETTER * after[best] > left:
+            break
+        found.append(_mistake(robot, tried[best], left, after[best]))
+        robot, left = tried[best].robot, after[best]
+    return robot, tuple(found)
+
+
+def _mistake(robot: Robot, step: _Step, before: float, after: float) -> TableMistake:
+    apart = _apart(robot, step.robot)
+    if apart is None:
+        return TableMistake(step.name, step.where, "", None, None, None, before, after)
+    letter, said, value = apart
+    return TableMistake(step.name, step.where, letter.key, letter.joint, said, value, before, after)
+
+
+def _off(robot: Robot, readings: Readings, weights: Weights, tool: dict[str, Array]) -> float:
+    """Median distance of the targets from a nominal robot, tool and frames fitted [m]."""
+    rows = linearised(readings, begin(robot, readings, tool), weights)
+    return float(np.nanmedian(leftout.distances(rows.y, rows.read)))
+
+
+def far_off(found: Identified, before: float, after: float) -> Iterator[TableMistake]:
+    """Entries that the estimate finds far off, where all others of the table are as delivered.
+
+    Args:
+        found: The whole model.
+        before: Mean distance of left-out targets from the nominal table [m].
+        after: The same of the whole model.
+    """
+    mechanism, known = found.mechanism, found.known
+    std = np.sqrt(np.diag(found.solution.cov))
+    said = nominal(mechanism.table, mechanism.letters)
+    for k, letter in enumerate(mechanism.letters):
+        off = mechanism.values[k]
+        if not known.free[k] or abs(off) < _FAR * max(std[k], ROUGH[letter.turns]):
+            continue
+        pair = np.array([said[k], said[k] + off])
+        one, two = (np.rad2deg(pair) if letter.turns else pair).tolist()
+        yield TableMistake(letter.name, letter.joint, letter.key, letter.joint, one, two,
+                           before, after)  # fmt: skip
+
+
+_FAR = 10.0
+"""How many times farther off an entry is than tables are as delivered, and than it is uncertain."""
