@@ -145,3 +145,15 @@ def test_a_wrong_name_of_a_target_is_named_with_its_line(right, toml, true):
     assert one.name == "label_swap"
     assert one.at == tuple(f"p.csv:{32 + k}" for k in true)
     assert put_right["target"].tolist() == rows["was"].tolist()
+
+
+def test_rows_off_by_one_beside_two_exchanged_ones_are_all_put_right(right):
+    """What is left out moves no other row of the same look."""
+    q = right[JOINTS].to_numpy(copy=True)
+    q[5:13] = right[JOINTS].to_numpy()[4:12]
+    q[[30, 31]] = q[[31, 30]]
+
+    _, put_right = screened(with_joints(right, q))
+
+    assert len(put_right) >= 59
+    assert np.allclose(joints(put_right), right[JOINTS].to_numpy()[put_right["line"] - 2])

@@ -154,3 +154,25 @@ def test_a_state_stored_under_another_name_is_the_copy(files, source, copy):
 
     assert {one.where.partition("/")[0] for one in found} == {copy}
     assert {one.where.partition("/")[2] for one in found} >= {"P1", "P2", "P3"}
+
+
+@pytest.mark.parametrize("digits", [1, 2])
+def test_an_anchor_that_stands_still_repeats_itself_by_chance(files, digits):
+    """The chain's far end is read in many poses at one place: equal digits are no copies there."""
+    rows = list(csv.reader(io.StringIO(files["tracker.csv"].decode())))
+    rng, at = np.random.default_rng(8), {(row[0], row[1]): row for row in rows}
+    ends = [key for key in at if key[1] == "Pl2"]
+    place = np.array([float(x) for x in at[ends[0]][2:5]])
+    new = {key: place + rng.normal(0, 0.01, 3) for key in ends}
+    for key, row in at.items():
+        if key in new:
+            row[2:5] = [f"{x:.{digits}f}" for x in new[key]]
+        elif key[0] != rows[0][0]:
+            row[2:5] = [f"{float(x):.{digits}f}" for x in row[2:5]]
+    text = io.StringIO(newline="")
+    csv.writer(text).writerows(rows)
+    changed = {**files, "tracker.csv": text.getvalue().encode()}
+
+    found = repeated(asked(ingested(in_memory(changed), conformed, plain, plausible=False)))
+
+    assert not [one.where for one in found if one.where.endswith("/Pl2")]

@@ -130,7 +130,8 @@ def within_a_day(answers: Sequence[Answer]) -> list[str]:
     for one in answers:
         if one.measured:
             days.setdefault(_day(one), []).append(one)
-    found = [trend for own in days.values() for trend in trends(own)]
+    several = [own for own in days.values() if len(own) > 1]
+    found = [trend for own in several for trend in trends(own, among=len(several))]
     return list(dict.fromkeys(trend.name for trend in found if trend.sure))
 
 
@@ -242,10 +243,11 @@ class _Point:
     std: float
 
 
-def trends(answers: Sequence[Answer]) -> list[Trend]:
+def trends(answers: Sequence[Answer], among: int = 1) -> list[Trend]:
     """Whether the campaigns of one robot, in order, agree on each stiffness.
 
-    Those count that are trusted, and of the kind of the last of them.
+    Those count that are trusted, and of the kind of the last of them. The chance of a difference
+    is multiplied by the number of stiffnesses, and of such lists `among` which it is asked.
 
     This is for campaigns that are too few, or undated, for `pipeline.fleet.wear`.
     """
@@ -254,7 +256,7 @@ def trends(answers: Sequence[Answer]) -> list[Trend]:
     counted = [one for one in counted if alike(one, counted[-1])]
     series = {name: list(_series(counted, name)) for name in names}
     tested = sum(len(points) > 1 for points in series.values())
-    return [_trend(name, points, max(tested, 1)) for name, points in series.items()]
+    return [_trend(name, points, among * max(tested, 1)) for name, points in series.items()]
 
 
 def _series(answers: Sequence[Answer], name: str) -> Iterator[_Point]:

@@ -36,7 +36,8 @@ def opened(door: str) -> Any:
 
 def is_there(door: str) -> bool:
     """Whether this installation has the outbuilding of a door; nothing of it is imported."""
-    return find_spec(_folder(door)) is not None
+    found = find_spec(_folder(door))
+    return found is not None and found.origin is not None  # not what an old folder has left behind
 
 
 def _folder(door: str) -> str:

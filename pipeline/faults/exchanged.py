@@ -122,13 +122,13 @@ def misplaced(case: Case) -> frozenset[int]:
     return frozenset(most.index[most].tolist())
 
 
-def elsewhere(case: Case, groups: Sequence[str]) -> list[bool]:
-    """Whether each of some groups is elsewhere than the robot's table has its pose."""
+def elsewhere(case: Case) -> frozenset[str]:
+    """Groups that are elsewhere than the robot's table has their pose; none if nothing tells."""
     laid = _lay(case)
     if laid is None:
-        return [False] * len(groups)
-    away = dict(zip(laid.name, laid.own > (STANDS_OUT * laid.usual) ** 2, strict=True))
-    return [bool(away.get(name, False)) for name in groups]
+        return frozenset()
+    away = laid.own > (STANDS_OUT * laid.usual) ** 2
+    return frozenset(str(name) for name, far in zip(laid.name, away, strict=True) if far)
 
 
 # --- where the groups are -------------------------------------------------------------------------

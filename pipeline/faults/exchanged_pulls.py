@@ -194,22 +194,19 @@ def _straight(moved: Moved, x: Array, due: Array) -> Bools:
     return np.asarray(square <= _APART**2 * (moved.noise**2 + part * whole))
 
 
-def copied(asked: Screening, pulls: tuple[tuple[int, int], tuple[int, int]]) -> int | None:
-    """Which of two pulls, (pose, repeat) each, that moved alike has a force that does not do so.
+def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
+    """Whether the force of each pull, (pose, repeat), does not move the robot as it did.
 
-    None where the other one's does not either, or both do.
+    Nothing where there are too few pulls, or too many, to say so.
     """
     moved = Moved.of(asked)
     if not FEWEST <= len(moved.force) <= MOST:
-        return None
+        return {}
     of = asked.reduced.data.pulls
-    keys = list(zip(of.pose[moved.pull].tolist(), of.repeat[moved.pull].tolist(), strict=True))
-    if not set(pulls) <= set(keys):
-        return None
-    fit = _fit(moved, np.arange(len(keys)))
-    least = float(special.chdtri(1, alarms.EXCHANGED / len(keys) ** 2))
-    wrong = [bool(fit.cost[keys.index(key), keys.index(key)] > least) for key in pulls]
-    return wrong.index(True) if sum(wrong) == 1 else None
+    keys = zip(of.pose[moved.pull].tolist(), of.repeat[moved.pull].tolist(), strict=True)
+    fit = _fit(moved, np.arange(len(moved.force)))
+    least = float(special.chdtri(1, alarms.EXCHANGED / len(moved.force) ** 2))
+    return dict(zip(keys, (np.diag(fit.cost) > least).tolist(), strict=True))
 
 
 # --- rows of the loads ----------------------------------------------------------------------------

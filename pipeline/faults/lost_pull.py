@@ -22,7 +22,7 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
 from pipeline.system.beside import Base, Beside
-from pipeline.system.together import DECIDES
+from pipeline.system.odds import DECIDES
 
 _FEWEST = 3
 """Fewer targets have no shape but one distance, which does not say which of two is wrong."""

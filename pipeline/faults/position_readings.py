@@ -31,9 +31,7 @@ def exchanged_beside(sheet: Sheet, found: Study) -> tuple[list[Mistake], Sheet]:
         return [], sheet
     seen = laid(every.readings, found.final.mechanism, every.weights)
     mistakes = list(in_order(sheet, seen))
-    for one in mistakes:
-        sheet = sheet.of(one.correct)
-    return mistakes, sheet
+    return mistakes, sheet.without(mistakes)
 
 
 def outliers(found: Study, rows: Rows) -> list[Mistake]:
@@ -51,7 +49,10 @@ def accused(off: list[Mistake], found: Study) -> list[Mistake]:
 
 def _row(one: Bad, rows: Rows) -> int:
     """Where the row of a reading stands in the table: its pose's first row, or one behind it."""
-    mine = (rows["file"] == one.file) & (rows["pose"] == one.pose) & (rows["target"] == one.target)
+    mine = rows["file"] == one.file
+    first = rows.loc[mine & (rows["line"] == one.line), "series"]
+    mine &= (rows["pose"] == one.pose) & (rows["target"] == one.target)
+    mine &= rows["series"].isin(first)  # as it is called in the file
     return int(np.argmax((mine & (rows["line"] >= one.line)).to_numpy()))
 
 

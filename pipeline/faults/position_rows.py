@@ -22,7 +22,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said
 from pipeline.faults.conventions import LOGGED, UNITS
 from pipeline.faults.exchanged import told
-from pipeline.faults.mistake import Mistake, length
+from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.geometry.begin import begin
 from pipeline.geometry.mechanism import Mechanism, Weights, placed
 from pipeline.geometry.positioned import by_pose, weights_of
@@ -115,21 +115,21 @@ class Sheet:
         """The same with rows put right."""
         return Sheet(self.robot, self.settings, correct(self.rows))
 
+    def without(self, mistakes: Sequence[Mistake]) -> Sheet:
+        """The same with several mistakes put right, by the labels that its rows have had so far."""
+        out = self
+        for one in mistakes:
+            out = out.of(one.correct)
+        return out.of(lambda rows: rows.reset_index(drop=True))
+
     def at(self, units: Sequence[int] | Ints) -> tuple[str, ...]:
         """Where the rows of some units stand: `file:line`."""
-        mine = self.rows[np.isin(self.unit, units)]
-        return tuple(
-            f"{file}:{line}" for file, line in zip(mine["file"], mine["line"], strict=True)
-        )
+        return lines_of(self.rows[np.isin(self.unit, units)])
 
     def called(self, unit: int) -> str:
         """`pose07`, with as many digits as the largest number of all poses has."""
         pose = self.rows["pose"].to_numpy(int)
         return f"pose{pose[int(np.argmax(self.unit == unit))]:0{max(len(str(pose.max())), 2)}d}"
-
-
-def _at(rows: Rows) -> tuple[str, ...]:
-    return tuple(f"{file}:{line}" for file, line in zip(rows["file"], rows["line"], strict=True))
 
 
 @dataclass(frozen=True, eq=False)
@@ -204,8 +204,7 @@ def position_rows(sheet: Sheet) -> tuple[list[Mistake], Sheet]:
     found: list[Mistake] = []
     for look in (_units, _order, _names, _since):
         new = list(look(sheet))
-        for one in new:
-            sheet = sheet.of(one.correct)
+        sheet = sheet.without(new)
         found += new
     return found, sheet
 
@@ -357,7 +356,7 @@ def _of_ring(sheet: Sheet, away: Ints, ring: Ring, cost: Array) -> Mistake:
     units = [int(away[k]) for k in ring.members]
     names = [sheet.called(unit) for unit in units]
     file = str(sheet.rows["file"].iloc[int(np.argmax(sheet.unit == units[0]))])
-    own = [np.flatnonzero(sheet.unit == unit) for unit in units]
+    own = [sheet.rows.index[sheet.unit == unit] for unit in units]
     return told(
         ring,
         where=ring.where(names),
@@ -369,15 +368,14 @@ def _of_ring(sheet: Sheet, away: Ints, ring: Ring, cost: Array) -> Mistake:
     )
 
 
-def _moved(rows: Rows, robot: Robot, own: Sequence[Ints], ended: bool) -> Rows:
+def _moved(rows: Rows, robot: Robot, own: Sequence[pd.Index], ended: bool) -> Rows:
     """Joint values of each unit of a ring in the one that follows; the first has none if ended."""
     every = [joint.name for joint in robot.joints]
-    q = rows[every].to_numpy(float, copy=True)
-    first = [q[mine[0]].copy() for mine in own]
+    out = rows.copy()
+    first = [rows.loc[mine[0], every].to_numpy(float) for mine in own]
     for values, mine in zip(first, (*own[1:], own[0]), strict=True):
-        q[mine] = values
-    out = rows.assign(**dict(zip(every, q.T, strict=True)))
-    return out.drop(index=out.index[own[0]]).reset_index(drop=True) if ended else out
+        out.loc[mine, every] = values
+    return out.drop(index=own[0]) if ended else out
 
 
 def _by_most(sheet: Sheet) -> Laid:
@@ -489,23 +487,31 @@ def _in_pose(
         return
     true = {int(mine[i]): str(names[best[i]]) for i in np.flatnonzero(moved)}
     said_ = [f"{names[named[i]]} is {names[best[i]]}" for i in np.flatnonzero(moved)]
-    at = _at(sheet.rows.iloc[sorted(true)])
+    at = lines_of(sheet.rows.iloc[sorted(true)])
     before = np.sqrt(np.nanmax(cost[np.flatnonzero(moved), named[moved]]))
     rest = float(np.sqrt(cost[np.flatnonzero(moved), best[moved]].max()))
     pose = sheet.called(int(sheet.unit[mine[0]]))
-    size = length(float(before)) if np.isfinite(before) else "no place"
     yield Mistake(
         name="label_swap",
         where=f"{pose}/" + "/".join(sorted({str(names[named[i]]) for i in np.flatnonzero(moved)})),
         evidence=f"in {pose} a target carries the name of another one ({lines(at)}): "
-        f"{', '.join(said_)}; as named it is {size} from where the robot places it, "
-        f"and {length(rest)} under the other name",
+        f"{', '.join(said_)}; {_off(before, rest)}",
         correction=f"recomputed with the names of {pose} put right",
         before=1e3 * float(before) if np.isfinite(before) else 1e3 * GROSS_M,
         after=1e3 * rest,
         unit="mm",
         correct=partial(_called_right, true=true),
         at=at,
+    )
+
+
+def _off(named_m: float, other_m: float) -> str:
+    """How far a target is from where the robot places it, by its name and by the other one."""
+    if not np.isfinite(named_m):
+        return f"[tool] has no target of that name; by the other it is {length(other_m)} off"
+    return (
+        f"as named it is {length(float(named_m))} from where the robot places it, and "
+        f"{length(other_m)} under the other name"
     )
 
 

@@ -11,8 +11,8 @@ than the robot's table has it, else the later one.
 from __future__ import annotations
 
 from collections.abc import Iterator
-from functools import partial
-from itertools import combinations
+from dataclasses import dataclass
+from functools import cached_property, partial
 
 import numpy as np
 import pandas as pd
@@ -20,7 +20,7 @@ import pandas as pd
 from pipeline.base import covariance
 from pipeline.base.arrays import Array
 from pipeline.faults.exchanged import elsewhere
-from pipeline.faults.exchanged_pulls import copied
+from pipeline.faults.exchanged_pulls import odd_forces
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, as_it_is, left_out, outlying
 from pipeline.reduction.case import Case
@@ -61,7 +61,8 @@ def repeated(asked: Screening) -> list[Mistake]:
     Or of a base reflector in another round. Two readings with noise s agree in all digits of
     width h along an axis with chance h / (sqrt(4 pi) s) at most, which is multiplied over axes and
     over all targets that repeat the same group. That is said where it is below `alarms.READING`
-    after counting all pairs of groups of a pose; in two poses no chance makes them equal.
+    after counting all pairs of groups of a pose, or of two poses. What stands still while the
+    robot moves, as an anchor, is as likely to be read alike then.
     """
     case = asked.case
     rows = case.readings
@@ -76,30 +77,30 @@ def repeated(asked: Screening) -> list[Mistake]:
     likely = np.prod(np.minimum(h / (np.sqrt(4 * np.pi) * _known(std, rows)), 1.0), axis=1)
     chance = pd.Series(likely, rows.index)
     pairs = rows.groupby("at")["group"].nunique()
-    count = float((pairs * (pairs - 1) / 2).sum())
+    within = float((pairs * (pairs - 1) / 2).sum())
+    across = float(pairs.sum() * (pairs.sum() - 1) / 2) - within
+    copy = _Copy(asked)
     found: dict[int, Mistake] = {}
     for names, same in _twice(rows[equal]):
         here = rows.loc[same[0]].iloc[0], rows.loc[same[1]].iloc[0]
-        p: float | None = None
-        if here[0]["at"] == here[1]["at"]:
-            p = count * float(np.prod(chance[same[1]].to_numpy(float)))
-        elif _stand_alike(case, here):
+        alike = here[0]["at"] == here[1]["at"]
+        if not alike and _stand_alike(case, here):
             continue
-        if p is None or p < alarms.READING:
-            copy = _copy(asked, names, here)
-            for k in same[copy]:
-                found.setdefault(
-                    k, _repeats(rows.loc[[k]].iloc[0], names[1 - copy], names[copy], p)
-                )
+        p = (within if alike else across) * float(np.prod(chance[same[1]].to_numpy(float)))
+        if p < alarms.READING:
+            which = copy.of(names, here)
+            for k in same[which]:
+                row = rows.loc[[k]].iloc[0]
+                found.setdefault(k, _repeats(row, names[1 - which], names[which], p))
     return [found[k] for k in sorted(found)]
 
 
 def _twice(rows: pd.DataFrame) -> Iterator[tuple[tuple[str, str], tuple[list[int], list[int]]]]:
-    """Pairs of groups that share readings, the earlier one first, and their rows."""
+    """Groups that share readings with an earlier one, the first that has them, and their rows."""
     shared: dict[tuple[str, str], tuple[list[int], list[int]]] = {}
     for _, here in rows.groupby(["target", *XYZ], observed=True, sort=False):
-        each = zip(here["group"].astype(str), here.index, strict=True)
-        for (one, k), (other, n) in combinations(each, 2):
+        (one, k), *others = zip(here["group"].astype(str), here.index, strict=True)
+        for other, n in others:
             first, second = shared.setdefault((one, other), ([], []))
             first.append(k)
             second.append(n)
@@ -115,15 +116,28 @@ def _stand_alike(case: Case, here: tuple[pd.Series, pd.Series]) -> bool:
     )
 
 
-def _copy(asked: Screening, names: tuple[str, str], here: tuple[pd.Series, pd.Series]) -> int:
-    """Which of two groups that share readings was not measured: 0, or 1 where nothing tells."""
-    if here[0]["at"] != here[1]["at"]:
-        away = elsewhere(asked.case, names)
-        return 0 if away == [True, False] else 1
-    if any(one["state"] != "loaded" for one in here):
-        return 1
-    first, second = ((int(one["pose"]), int(one["repeat"])) for one in here)
-    return 0 if copied(asked, (first, second)) == 0 else 1
+@dataclass(eq=False)
+class _Copy:
+    """Which of two groups that share readings was not measured."""
+
+    asked: Screening
+
+    @cached_property
+    def _away(self) -> frozenset[str]:
+        return elsewhere(self.asked.case)
+
+    @cached_property
+    def _odd(self) -> dict[tuple[int, int], bool]:
+        return odd_forces(self.asked)
+
+    def of(self, names: tuple[str, str], here: tuple[pd.Series, pd.Series]) -> int:
+        """0 or 1; 1, the later one, where nothing tells."""
+        if here[0]["at"] != here[1]["at"]:
+            return 0 if [name in self._away for name in names] == [True, False] else 1
+        if any(one["state"] != "loaded" for one in here):
+            return 1
+        odd = [self._odd.get((int(one["pose"]), int(one["repeat"]))) for one in here]
+        return 0 if odd == [True, False] else 1
 
 
 def _without_noise(rows: pd.DataFrame) -> bool:
@@ -146,7 +160,7 @@ def _known(std: Array, rows: pd.DataFrame) -> Array:
     return np.where(np.isfinite(std), std, max(usual, STILL_M))
 
 
-def _repeats(row: pd.Series, of: str, copy: str, p: float | None) -> Mistake:
+def _repeats(row: pd.Series, of: str, copy: str, p: float) -> Mistake:
     where = f"{copy}/{row['target']}"
     line = f"{row['file']}:{row['line']}"
     return outlying(

@@ -22,6 +22,7 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.system import alarms
 from pipeline.system.beside import Base, Beside
 from pipeline.system.blocks import Blocks
+from pipeline.system.odds import DECIDES
 
 _TOLD = 0.37
 """Part of the degrees of freedom that a median of squares tells of a variance [1]: the efficiency
@@ -43,9 +44,6 @@ _EFOLDS = 10.0
 
 _SETS = 600
 """Sets of suspects of one block that are compared at most; more take too long."""
-
-DECIDES = 2 * np.log(100)
-"""Minus twice a log likelihood by which a suspect must beat any other [1]: odds of 100."""
 
 _SAME = 1e-6
 """Minus twice a log likelihood that is no difference [1]."""
