@@ -20,6 +20,7 @@ from pipeline.geometry.scatter import start
 from pipeline.geometry.study import Stage, Step, Study, _without_blunders
 from pipeline.geometry.worth import distances, partings
 from pipeline.machine.robot import load
+from pipeline.machine.robot.letters import changed, letters
 from pipeline.store.campaign import in_memory
 
 ROBOT = load("ur10")
@@ -55,16 +56,16 @@ def nothing(every):
     return np.zeros(every.readings.at.shape[:2], dtype=bool)
 
 
-def estimated(every):
-    begun = begin(ROBOT, every.readings, {})
+def estimated(every, robot=ROBOT):
+    begun = begin(robot, every.readings, {})
     nominal = every.identify(begun, Wanted(False, False))
     return nominal, every.identify(nominal.mechanism, Wanted(springs=False))
 
 
-def studied(readings, sigma=None):
+def studied(readings, sigma=None, robot=ROBOT):
     """Nominal and identified table, without the search for laws."""
     every = data(readings, sigma)
-    nominal, table = estimated(every)
+    nominal, table = estimated(every, robot)
     parts = partings(readings, np.random.default_rng(0), rail=False)
     steps = ((Step.TABLE, nominal), (Step.LETTERS, table), (Step.SPRINGS, table))
     stages = tuple(
@@ -85,6 +86,19 @@ def test_a_clean_campaign_keeps_the_bounds(clean):
     assert not got.faulty
     assert got.left < 1e-4
     assert verdict(facts_of(clean, ROBOT)) == "adequate"
+
+
+def test_an_entry_of_the_table_that_is_off_by_far_is_named_with_its_size():
+    """The upper arm is 140 mm shorter than in the file: explained, and not refuted."""
+    every = letters(ROBOT)
+    off = [0.14 * ((one.name, one.joint) == ("link_length", 3)) for one in every]
+    short = changed(ROBOT, every, np.array(off))
+    facts = facts_of(studied(read(), 2e-5, short), ROBOT)
+
+    (one,) = facts.moved
+    assert (one.effect.name, one.effect.where) == ("link_length", 3)
+    assert one.amplitudes[0].value == pytest.approx(-0.14, abs=2e-3)
+    assert verdict(facts) == "explained"
 
 
 @pytest.mark.parametrize("targets", [1, 3])

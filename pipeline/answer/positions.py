@@ -448,7 +448,7 @@ _NOT_JUDGED = (
 
 def _wrong(said: Positions) -> Iterator[str]:
     found, facts, left_out = said.found, said.facts, len(said.rejected)
-    if not said.row.reason.holds_for_its_readings:
+    if facts.moved or not said.row.reason.holds_for_its_readings:
         yield wrong(facts, 0)
     elif facts.causes:
         yield from _named(facts.causes)
@@ -530,7 +530,7 @@ def _diagnosis(said: Positions, first_line: str) -> contract.Diagnosis:
     first, last = found.stages[0], found.stages[-1]
     causes = (
         *(mistake_entry(one, None) for one in facts.mistakes),
-        *(cause_entry(one) for one in facts.causes),
+        *(cause_entry(one) for one in (*facts.moved, *facts.causes)),
     )
     none = contract.PosesPulls(poses=None, pulls=None)
     return contract.Diagnosis(

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
 from pipeline.base.linear import least_squares, rms
 from pipeline.base.quantities import plain
 from pipeline.diagnosis.bounds import UNSTATED_M, Bounds
-from pipeline.diagnosis.facts import Amplitude, Cause, Facts, Gain, Standing
+from pipeline.diagnosis.facts import Amplitude, Cause, Facts, Gain, Off, Standing
 from pipeline.faults.mistake import Mistake
 from pipeline.geometry.causes import Cause as Listed
 from pipeline.geometry.mechanism import placed
@@ -42,15 +44,56 @@ def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> 
         *(_listed(one, robot) for one in found.causes),
         *(_cause(law, robot) for law in found.laws),
     )
+    moved = tuple(_entries(found, robot))
     table_m = float(np.sqrt(max(first**2 - last**2, 0.0)))
     return Facts(
         detected=bool(causes),
         explains=True,
         causes=causes,
-        unloaded=Standing(table_m, last, {}),
+        unloaded=Standing(table_m, last, {}, causes=tuple(map(_off, moved))),
+        moved=moved,
         mistakes=mistakes,
         bounds=bounds_of(found),
     )
+
+
+# --- entries of the table ------------------------------------------------------------------------
+
+
+_WRONG = 0.01
+"""Length [m] or angle [rad] by which no entry of a table is off as delivered [1]: Nubiola and Bonev
+found 2 mm and mrad at most (`geometry.estimate.ROUGH`)."""
+
+
+def _entries(found: Study, robot: Robot) -> Iterator[Cause]:
+    """Entries that are off by far more than the rest of the table."""
+    final = found.final
+    std = np.sqrt(np.diag(final.solution.cov))
+    for k, letter in enumerate(final.mechanism.letters):
+        off = float(final.mechanism.values[k])
+        if not final.known.free[k] or abs(off) < _WRONG:
+            continue
+        parameter = Parameter(letter.name, "rad" if letter.turns else "m", _WRONG)
+        effect = Effect(
+            name=letter.name,
+            where=letter.joint,
+            noun=f"wrong {letter.name.replace('_', ' ')}",
+            place="joint",
+            parameters=(parameter,),
+            signature="the targets stand elsewhere than the robot file places them",
+            needs="the data sheet of the robot",
+            source="geometry.estimate.ROUGH",
+            axis=alone(robot)[letter.joint - 1],
+        )
+        size = Amplitude.symmetric(parameter, off, float(std[k]), _QUANTILE)
+        yield Cause(effect, 1.0, (size,), 0.0)
+
+
+def _off(one: Cause) -> Off:
+    """The same as what the unloaded positions call for, which then explains them."""
+    size = one.amplitudes[0]
+    values = np.array([size.value]), np.array([size.std])
+    return Off(one.effect, *values, one.p_value, one.probability, (), ())
 
 
 # --- causes of the catalogue ----------------------------------------------------------------------
