@@ -248,15 +248,30 @@ def solve(
         mean: Of the parameters before any data.
     """
     P, log = prior_of
-    whole, right = linear.cholesky(N + P), b + P @ mean
+    whole, right = _factored(N + P), b + P @ mean
     x = whole.solve(right)
     chi2 = square + mean @ P @ mean - x @ right
     return Solution(x, whole.solve(np.eye(len(b))), float(-0.5 * (chi2 + whole.log_det - log)))
 
 
+def _factored(A: Array) -> linear.Cholesky:
+    """The factor of a precision, where rounding spoils it with each parameter known better by that.
+
+    So it is where readings contradict the robot.
+    """
+    try:
+        return linear.cholesky(A)
+    except np.linalg.LinAlgError:
+        return linear.cholesky(A + np.diag(_ROUNDING * np.diag(A)))
+
+
+_ROUNDING = 1e-9
+"""Part of a precision that sums of thousands of squares of metres in microns may lose."""
+
+
 def values(N: Array, b: Array, P: Array, mean: Array) -> Array:
     """The parameters alone."""
-    return linear.cholesky(N + P).solve(b + P @ mean)
+    return _factored(N + P).solve(b + P @ mean)
 
 
 def solved(rows: Rows, mechanism: Mechanism, known: Prior) -> Solution:

@@ -17,8 +17,6 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.geometry import leftout
 from pipeline.geometry.begin import begin
-from pipeline.geometry.estimate import ROUGH
-from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import Weights, linearised
 from pipeline.geometry.readings import Readings
 from pipeline.machine.effects._anatomy import rail, turning
@@ -150,28 +148,3 @@ def _off(robot: Robot, readings: Readings, weights: Weights, tool: dict[str, Arr
     """Median distance of the targets from a nominal robot, tool and frames fitted [m]."""
     rows = linearised(readings, begin(robot, readings, tool), weights)
     return float(np.nanmedian(leftout.distances(rows.y, rows.read)))
-
-
-def far_off(found: Identified, before: float, after: float) -> Iterator[TableMistake]:
-    """Entries that the estimate finds far off, where all others of the table are as delivered.
-
-    Args:
-        found: The whole model.
-        before: Mean distance of left-out targets from the nominal table [m].
-        after: The same of the whole model.
-    """
-    mechanism, known = found.mechanism, found.known
-    std = np.sqrt(np.diag(found.solution.cov))
-    said = nominal(mechanism.table, mechanism.letters)
-    for k, letter in enumerate(mechanism.letters):
-        off = mechanism.values[k]
-        if not known.free[k] or abs(off) < _FAR * max(std[k], ROUGH[letter.turns]):
-            continue
-        pair = np.array([said[k], said[k] + off])
-        one, two = (np.rad2deg(pair) if letter.turns else pair).tolist()
-        yield TableMistake(letter.name, letter.joint, letter.key, letter.joint, one, two,
-                           before, after)  # fmt: skip
-
-
-_FAR = 10.0
-"""How many times farther off an entry is than tables are as delivered, and than it is uncertain."""

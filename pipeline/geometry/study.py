@@ -22,7 +22,7 @@ from pipeline.geometry.begin import begin
 from pipeline.geometry.causes import Cause, Listed, listed, weight
 from pipeline.geometry.identify import Identified, Wanted, likeliest
 from pipeline.geometry.mechanism import Mechanism, Weights, linearised
-from pipeline.geometry.mistaken import TableMistake, corrected, far_off
+from pipeline.geometry.mistaken import TableMistake, corrected
 from pipeline.geometry.named import Data, NamedLaw, with_laws
 from pipeline.geometry.readings import Readings
 from pipeline.geometry.scatter import start
@@ -173,8 +173,6 @@ def study(
     )
     bad = tuple(_listed(every.readings, late))
     moved = tuple(_moves(whole.found, chances))
-    nominal_m, whole_m = (stages[k].mean(Parting.BETWEEN) for k in (0, -1))
-    mistakes = (*mistakes, *far_off(whole.found, nominal_m, whole_m))
     sag = () if weighs(robot) else tuple(_sag(stages, rng))
     return Study(stages, whole.laws, bad, moved, (*sag, *whole.causes), mistakes, every)
 
