@@ -72,7 +72,7 @@ def test_every_run_brings_the_page_over_all_campaigns_up_to_date(project):
         assert f'href="{name}/index.html"' in page
         assert (project / "reports" / name / "index.html").is_file()
         assert day in page
-    assert ">kr500_rail, serial number 4711</h2>" in page
+    assert ">kr500_rail (simulated), serial number 4711</h2>" in page
     assert read(find(project, "spring")).robot_unit.serial == "4711"
 
 

@@ -197,7 +197,7 @@ def record_crash(problem: Exception) -> str:
         files.write(path, text)
     except CannotWrite as worse:
         return f"internal error ({_brief(problem)}); its details could not be kept ({worse})."
-    safe = "in which no name or value of yours stands"
+    safe = "which contains no names or values of your data"
     return f"internal error ({_brief(problem)}); please report it with {path}, {safe}."
 
 
