@@ -39,8 +39,8 @@ def of_positions(name: str, raw: Raw) -> Outcome:
         todo = f"pipeline check {name}"
         notes.append(
             f"the targets are {plain(1e3 * off_m, 3)} mm from where the robot file "
-            "places them, farther than on any real robot: check the units and signs of the joint values "
-            "and the robot file"
+            "places them, farther than on any real robot: check the units and signs of the joint "
+            "values and the robot file"
         )
     used = {"poses": len(readings), "targets": len(readings.targets), "rejected": len(rejected)}
     off = f"{plain(1e3 * off_m, 2)}"
