@@ -41,7 +41,7 @@ from pipeline.base.shown import printable
 from pipeline.machine.robot import SHIPPED, load
 from pipeline.page import drawing, entries
 from pipeline.page.desk import MOST_BYTES, TOML, Desk, campaigns, named
-from pipeline.page.jobs import Runs, Said, command, stage
+from pipeline.page.jobs import Live, Runs, Said, command, stage
 
 HERE = "127.0.0.1"
 
@@ -427,6 +427,46 @@ async def progress(state: State, request: Request) -> Response:
     )  # fmt: skip
 
 
+async def live_page(state: State, request: Request) -> Response:
+    """The campaign while it is measured."""
+    desk = state.desk(request)
+    live = state.runs.live.get(desk.name)
+    running = live is not None and live.running
+    return await _page(request, state, "live", desk, running=running, shown=_live(desk, live))
+
+
+async def live_now(state: State, request: Request) -> Response:
+    """What was told last, how many updates there were, and how many are suspected."""
+    desk = state.desk(request)
+    live = state.runs.live.get(desk.name)
+    told = live.updates if live else []
+    suspects = len(told[-1].get("suspects", [])) if told else 0
+    return _told(
+        html=_live(desk, live), told=len(told), suspects=suspects,
+        running=live is not None and live.running,
+    )  # fmt: skip
+
+
+def _live(desk: Desk, live: Live | None) -> str:
+    last = live.updates[-1] if live and live.updates else None
+    return _PAGES.get_template("_live.html.jinja").render(
+        campaign=desk.name, last=last, words=live.words if live else None,
+        curves=drawing.curves(live.updates) if live else "",
+    )  # fmt: skip
+
+
+async def look_on(state: State, request: Request) -> Response:
+    """Judge the campaign from now on."""
+    await state.runs.look_on(state.root, state.desk(request).name)
+    return _told()
+
+
+async def look_away(state: State, request: Request) -> Response:
+    """No longer."""
+    state.runs.look_away(state.desk(request).name)
+    return _told()
+
+
 async def answer_page(state: State, request: Request) -> Response:
     """The first sentences, the report, downloads, and a program to correct."""
     desk = state.desk(request)
@@ -530,6 +570,10 @@ _ROUTES: tuple[tuple[str, str, Handler], ...] = (
     ("POST", "/c/{name}/run", run),
     ("POST", "/c/{name}/cancel", cancel),
     ("GET", "/c/{name}/progress", progress),
+    ("GET", "/c/{name}/live", live_page),
+    ("GET", "/c/{name}/live/now", live_now),
+    ("POST", "/c/{name}/live", look_on),
+    ("POST", "/c/{name}/live/stop", look_away),
     ("GET", "/c/{name}/answer", answer_page),
     ("GET", "/c/{name}/report/{path:path}", report),
     ("POST", "/c/{name}/correct/{file}", correct),
