@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NamedTuple
 
@@ -119,7 +120,7 @@ def _ruler(scale: float) -> str:
 
 # --- while it is measured -------------------------------------------------------------------------
 
-_PER_CENT = (1, 3, 10, 30, 100)
+_PER_CENT = (0.1, 1, 10, 100)
 """Lines of the scale."""
 
 _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555")
@@ -150,12 +151,25 @@ def curves(updates: Sequence[Mapping[str, Any]]) -> str:
     for poses in range(1, most + 1):
         x = _across(poses, most)
         out.append(f'<text x="{x}" y="{_HIGH - 8}" text-anchor="middle">{poses}</text>')
+    labels = _spread([points[-1][1] for points in known.values()])
     for k, (name, points) in enumerate(known.items()):
         path, colour = " ".join(f"{x},{y}" for x, y in points), _COLOURS[k % len(_COLOURS)]
         out.append(f'<polyline fill="none" stroke="{colour}" stroke-width="2" points="{path}"/>')
-        x, y = points[-1]
-        out.append(f'<text x="{x + 4:.1f}" y="{y + 4:.1f}" fill="{colour}">{escape(name)}</text>')
+        x, y = points[-1][0] + 6, labels[k] + 4
+        out.append(f'<text x="{x:.1f}" y="{y:.1f}">{escape(name)}</text>')
     return "".join([*out, "</svg>"])
+
+
+def _spread(heights: Sequence[float]) -> Array:
+    """Heights of labels, so far apart that each can be read, from the lowest up."""
+    out = np.array(heights, dtype=float)
+    for before, here in pairwise(np.argsort(-out)):
+        out[here] = min(out[here], out[before] - _LETTER)
+    return out
+
+
+_LETTER = 14.0
+"""Height of a line of letters, in pixels."""
 
 
 def _across(poses: int, most: int) -> float:

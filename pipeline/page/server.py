@@ -12,7 +12,7 @@ import tempfile
 import time
 import tomllib
 import traceback
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import zip_longest
 from pathlib import Path
@@ -37,6 +37,7 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from pipeline.base.errors import CannotWrite, InputError, UsageError
+from pipeline.base.quantities import common_prefix, plain, prefixed
 from pipeline.base.shown import printable
 from pipeline.machine.robot import SHIPPED, load
 from pipeline.page import drawing, entries
@@ -197,6 +198,12 @@ class State:
             return await command(*words)
 
 
+def _stiffness(one: Mapping[str, Any]) -> str:
+    """`3.80 MN·m/rad`, of an update."""
+    factor, letter = common_prefix([one["value"]])
+    return f"{plain(one['value'] / factor, 4)} {prefixed(one['unit'], letter)}"
+
+
 _PAGES = jinja2.Environment(
     loader=jinja2.PackageLoader("pipeline.page"),
     autoescape=True,
@@ -206,6 +213,7 @@ _PAGES = jinja2.Environment(
 )
 _PAGES.filters["path"] = lambda text: quote(str(text), safe="")
 _PAGES.filters["shown"] = lambda text: printable(str(text), 400)
+_PAGES.filters["stiffness"] = _stiffness
 
 Handler = Callable[[State, Request], Awaitable[Response]]
 
