@@ -60,6 +60,7 @@ class Reading:
         tools: Frames by name, each (4, 4).
         bases: Likewise.
         steady: Names of points that no motion needs: frames.
+        framed: Names of points that also serve as a tool or a frame.
     """
 
     sources: Sequence[Source]
@@ -74,6 +75,7 @@ class Reading:
     tools: dict[str, Array] = field(default_factory=dict)
     bases: dict[str, Array] = field(default_factory=dict)
     steady: set[str] = field(default_factory=set)
+    framed: set[str] = field(default_factory=set)
     _known: dict[str, bytearray] = field(default_factory=dict)
 
     def account(self, source: Source, start: int, end: int) -> None:
@@ -88,7 +90,21 @@ class Reading:
 
     def change(self, name: str, source: Source, at: int) -> None:
         """Note that the program itself gives a point or a frame another value."""
-        self.changed.setdefault(name, f"is changed at run time on line {source.line(at)}")
+        self.unsettle(name, f"is changed at run time on line {source.line(at)}")
+
+    def unsettle(self, name: str, why: str) -> None:
+        """Note why a name does not mean what is taught; an element that is computed may be any."""
+        self.changed.setdefault(name if constant(name) else array(name), why)
+
+    def unsettled(self, name: str) -> str | None:
+        """Why a name, or the array that it is an element of, does not mean what is taught."""
+        return self.changed.get(name) or self.changed.get(array(name))
+
+    def enclose(self, name: str, source: Source, start: int, end: int) -> None:
+        """Note coordinates in a value of another kind: who gets it may move to them."""
+        if self.lexicon.literal.search(source.plain, start, end):
+            why = f"{name} has coordinates in a value that is no point"
+            self.points.setdefault(name, []).append(Left(source.file, source.line(start), why))
 
     def leave(self, source: Source, at: int, why: str) -> None:
         """Note what is not corrected."""
@@ -119,6 +135,20 @@ class Reading:
         return self.uses[-1].target.place if self.uses else None
 
 
+_CONSTANT = re.compile(r"(?:(?:\d+|#\w+)(?:,(?:\d+|#\w+))*\])?")
+"""The index of an element that the text names."""
+
+
+def array(name: str) -> str:
+    """The array of an element; other names as they are."""
+    return name.partition("[")[0]
+
+
+def constant(name: str) -> bool:
+    """Whether a name is no element whose index is computed."""
+    return _CONSTANT.fullmatch(name.partition("[")[2]) is not None
+
+
 def finished(found: Reading, file: str, text: str, notation: Notation) -> Program:
     """The program, with all that the language did not account for among what is left."""
     for source in found.sources:
@@ -126,8 +156,9 @@ def finished(found: Reading, file: str, text: str, notation: Notation) -> Progra
         _overlooked(found, source)
     changed = {
         one.place: why
-        for name, why in found.changed.items()
-        for one in found.points.get(name, ())
+        for name, several in found.points.items()
+        if (why := found.unsettled(name) or (_FRAMED if name in found.framed else None))
+        for one in several
         if isinstance(one, Target)
     }
     targets, left = gathered([*_steady(found)], changed)
@@ -140,14 +171,18 @@ def finished(found: Reading, file: str, text: str, notation: Notation) -> Progra
     )
 
 
+_FRAMED = "is a frame of other points, which would move with it"
+
+
 def _steady(found: Reading) -> Iterator[Use]:
     """Motions whose tool and frame are as declared; the others are left."""
     for use in found.uses:
-        moved = next((one for one in (use.tool, use.base) if one in found.changed), None)
+        frames = (use.tool, use.base)
+        moved = next((one for one in frames if found.unsettled(one)), None)
         if moved is None:
             yield use
         else:
-            why = f"{use.target.name} stands in {moved}, which {found.changed[moved]}"
+            why = f"{use.target.name} stands in {moved}, which {found.unsettled(moved)}"
             found.left.append(Left(use.target.file, use.target.line, why))
 
 
@@ -163,7 +198,8 @@ def _overlooked(found: Reading, source: Source) -> None:
 
 def _hand_over(found: Reading, source: Source) -> None:
     """Points, frames and coordinates that other routines get: they may be changed or moved to."""
-    known, names = found._mask(source), {*found.points, *found.tools, *found.bases} - {""}
+    names = {*found.points, *found.tools, *found.bases}
+    known, names = found._mask(source), (names | {array(name) for name in names}) - {""}
     for at, name, to in _mentions(source, found.lexicon, names):
         if known[at]:
             continue
@@ -177,7 +213,7 @@ def _hand_over(found: Reading, source: Source) -> None:
             found.change(name, source, at)
         else:
             why = f"is handed to {to} on line {source.line(at)}, which may change it or move there"
-            found.changed.setdefault(name, why)
+            found.unsettle(name, why)
 
 
 _TOKEN = re.compile(
@@ -258,11 +294,11 @@ class _Statement:
 def _spare(found: Reading) -> Iterator[Left]:
     """Points that no motion names: they count where something else does."""
     for name, several in found.points.items():
-        if name in found.named or name in found.steady:
+        if name in found.named | found.steady | found.framed:
             continue
+        why = found.unsettled(name)
+        counts = why is not None or not found.read.isdisjoint((name, array(name)))
         for one in several:
-            why = found.changed.get(name, "is taught, and no motion here goes to it")
             word = one.name if isinstance(one, Target) else name
-            yield Left(
-                one.file, one.line, f"{word} {why}", name in found.changed or name in found.read
-            )
+            said = why or "is taught, and no motion here goes to it"
+            yield Left(one.file, one.line, f"{word} {said}", counts)

@@ -16,7 +16,8 @@ LARGEST = 2**26
 """Bytes of a program; milling programs of 100 000 points have a tenth of it."""
 
 _MARK = "\xef\xbb\xbf"
-"""Byte order mark of UTF-8, as letters: editors put it before the first word."""
+"""Byte order mark of UTF-8, as letters: editors put it before the first word of a file, which may
+then be copied behind another."""
 _PLAIN = re.compile(rf"\s*({NUMBER})\s*")
 
 
@@ -36,8 +37,11 @@ class Source:
 
     @cached_property
     def plain(self) -> str:
-        """The text with blanks for comments and strings; every letter stands where it stood."""
-        begun = self.text.removeprefix(_MARK).rjust(len(self.text))
+        """The text with blanks for comments and strings; every letter stands where it stood.
+
+        Lines end with a line feed, also those of a carriage return alone.
+        """
+        begun = re.sub(r"\r(?!\n)", "\n", self.text).replace(_MARK, " " * len(_MARK))
         return self.silent.sub(lambda found: re.sub(r"[^\r\n]", " ", found[0]), begun)
 
     @cached_property
