@@ -55,6 +55,7 @@ class Reading:
         named: Points that motions name.
         read: Points that something else is computed from.
         uses: The motions.
+        last: The place of the point that the last motion went to.
         left: What is not corrected.
         following: Motions by a distance, and the place of the point before them.
         tools: Frames by name, each (4, 4).
@@ -70,12 +71,14 @@ class Reading:
     named: set[str] = field(default_factory=set)
     read: set[str] = field(default_factory=set)
     uses: list[Use] = field(default_factory=list)
+    last: tuple[str, int] | None = None
     left: list[Left] = field(default_factory=list)
     following: list[tuple[Left, tuple[str, int] | None]] = field(default_factory=list)
     tools: dict[str, Array] = field(default_factory=dict)
     bases: dict[str, Array] = field(default_factory=dict)
     steady: set[str] = field(default_factory=set)
     framed: set[str] = field(default_factory=set)
+    _met: set[tuple[str, int, str, str]] = field(default_factory=set)
     _known: dict[str, bytearray] = field(default_factory=dict)
 
     def account(self, source: Source, start: int, end: int) -> None:
@@ -126,13 +129,16 @@ class Reading:
         if why := unfit or unsure:
             return why
         for one in targets:
-            self.uses.append(Use(one, str(tool), str(base) if posed else ""))
+            self.note(Use(one, str(tool), str(base) if posed else ""))
         return None
 
-    @property
-    def last(self) -> tuple[str, int] | None:
-        """The place of the point that the last motion went to."""
-        return self.uses[-1].target.place if self.uses else None
+    def note(self, use: Use) -> None:
+        """Note a motion, of those that are alike the first."""
+        self.last = use.target.place
+        alike = (*use.target.place, use.tool, use.base)
+        if alike not in self._met:
+            self._met.add(alike)
+            self.uses.append(use)
 
 
 _CONSTANT = re.compile(r"(?:(?:\d+|#\w+)(?:,(?:\d+|#\w+))*\])?")

@@ -28,7 +28,7 @@ class Source:
     Attributes:
         file: Its name.
         text: Its letters, one for each byte.
-        silent: What comments and strings look like.
+        silent: What comments and strings look like, each within a line.
     """
 
     file: str
@@ -42,7 +42,7 @@ class Source:
         Lines end with a line feed, also those of a carriage return alone.
         """
         begun = re.sub(r"\r(?!\n)", "\n", self.text).replace(_MARK, " " * len(_MARK))
-        return self.silent.sub(lambda found: re.sub(r"[^\r\n]", " ", found[0]), begun)
+        return self.silent.sub(lambda found: " " * len(found[0]), begun)
 
     @cached_property
     def closing(self) -> dict[int, int]:

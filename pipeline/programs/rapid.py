@@ -207,9 +207,10 @@ def _define(found: _Rapid) -> None:
     for one in _ASSIGNED.finditer(plain):
         if one.start(1) not in declared and one.start() >= behind:
             behind = _assign(found, one)
-    for one in _BY_NAME.finditer(plain):
+    if by_name := _BY_NAME.search(plain):
+        why = f"may be set by {by_name[0]} on line {found.source.line(by_name.start())}"
         for name in found.points:
-            found.unsettle(name, f"may be set by {one[0]} on line {found.source.line(one.start())}")
+            found.unsettle(name, why)
 
 
 def _literal(found: _Rapid, start: int) -> Entry | None:

@@ -54,7 +54,7 @@ _COMPUTED = re.compile(
 )
 _SELECTED = re.compile(
     r"(?<!\w)\$?(?:MNU)?(UFRAME|UTOOL|FRAME|TOOL)(_?NUM)?\s*"
-    r"(?:\[([^=;\r\n]*)\])?(?:\.\s*\$?\w+)?\s*=\s*([^;\r\n]*)",
+    r"(?:\[((?:[^=;\[\]\r\n]|\[[^=;\[\]\r\n]*\])*)\])?(?:\.\s*\$?\w+)?\s*=\s*([^;\r\n]*)",
     re.IGNORECASE,
 )
 _CURRENT = "f"
@@ -190,7 +190,7 @@ def _note(found: _Tp, points: Sequence[Target | Left], source: Source, line: int
         if why:
             found.left.append(Left(source.file, line, f"{point.name}: {why}"))
         else:
-            found.uses.append(Use(point, point.tool, point.base))
+            found.note(Use(point, point.tool, point.base))
 
 
 def _unsteady(found: _Tp, point: Target) -> str | None:
