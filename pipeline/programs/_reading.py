@@ -259,6 +259,7 @@ class _Statement:
         head: Its first word.
         before: The word just before.
         assigned: Whether it assigns.
+        optional: Whether the name of an optional argument is just before.
     """
 
     lexicon: Lexicon
@@ -266,6 +267,7 @@ class _Statement:
     head: str = ""
     before: str = ""
     assigned: bool = False
+    optional: bool = False
 
     def follow(self, token: re.Match[str]) -> None:
         """Go on behind a token."""
@@ -273,9 +275,10 @@ class _Statement:
         if sign == self.lexicon.end and not (self.calls and self.lexicon.cased):
             self.calls, self.head, self.assigned = [], "", False
         elif sign == ":=":
-            self.assigned = True
+            self.assigned |= not self.optional
         elif sign:
             self._bracket(sign)
+        self.optional = bool(token["switch"])
         self.head = "" if word.lower() in _STARTS else self.head or word
         self.before = word
 

@@ -47,10 +47,13 @@ _OF_FORM = ("frames", "ptp_params", "cp_params")
 _NO_FRAME = re.compile(r"(?:vel|acc)_(?:ptp|cp)|(?:ptp|cp)_dat|out_a?sync|group")
 """What BAS leaves tool and base alone for."""
 _SETTING = re.compile(
-    r"(\$(?:TOOL|BASE|IPO_MODE|ROBROOT|WORLD)|FDAT_ACT)\s*(?:\.[\w\s.]*)?=(?!=)|\b(BAS)\s*\(",
+    r"(\$(?:TOOL|BASE|IPO_MODE|ROBROOT|WORLD)|FDAT_ACT)\s*(?:\.[\w\s.]*)?=(?!=)|\b(BAS)\s*\("
+    r"|\w\s*+\([^()]*?(\$TOOL|\$BASE|FDAT_ACT)\b",
     re.IGNORECASE,
 )
-"""What sets a tool or a frame, wherever it stands."""
+"""What sets a tool or a frame, wherever it stands; a routine may that gets it."""
+_LENT = re.compile(r"\w\s*+\([^()\n]*?\b((?:TOOL|BASE)_DATA)\b", re.IGNORECASE)
+"""Frames that a routine gets."""
 _DECLARATION = re.compile(
     r"\s*(?:(?:GLOBAL|DECL|CONST)\s+)*(?:DECL\s+\w+|(?:E[36])?(?:POS|AXIS)|FRAME)\s+\w[^=]*$", re.I
 )
@@ -232,6 +235,8 @@ def _all(found: _Krl) -> None:
 def _define(found: _Krl, source: Source) -> None:
     """Points, frames and the data of inline forms, wherever they are declared."""
     depth = 0
+    for lent in _LENT.finditer(source.plain):
+        found.change(lent[1].lower(), source, lent.start(1))
     for start, line in source.lines:
         kind = _block(line)
         depth += (kind in ("open", "loop")) - (kind == "close")
@@ -412,7 +417,7 @@ def _settings(
     elif assigned and assigned[2].lower() == "fdat_act":
         yield from _form(found, _key(assigned[3]), at)
     elif (setting := _SETTING.search(line)) and not _MOTION.match(line):
-        yield from _unsure((setting[1] or setting[2]).upper(), at)
+        yield from _unsure(setting[setting.lastindex or 1].upper(), at)
 
 
 def _unsure(word: str, at: int) -> Iterator[tuple[str, Held]]:
