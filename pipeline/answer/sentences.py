@@ -50,6 +50,7 @@ from pipeline.base.quantities import (
     with_std,
     with_uncertainty,
 )
+from pipeline.base.shown import typed
 from pipeline.diagnosis.facts import APART, Facts
 from pipeline.prediction.decision import Decision
 from pipeline.system.estimate import fits
@@ -226,8 +227,8 @@ def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
         return said
     return (
         f"{said} A controller's table of joint stiffnesses has no entry for {listed(beside)}: "
-        f"correct paths and programs with `pipeline compensate {found.campaign}`, or enter the "
-        "effective values."
+        f"correct paths and programs with `pipeline compensate {typed(found.campaign)}`, or enter "
+        "the effective values."
     )
 
 

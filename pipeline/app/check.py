@@ -24,6 +24,7 @@ from pipeline.app.outcome import Outcome, sentences
 from pipeline.app.wrong_lines import TOML, Wrong, mistaken, text_of, wrong_lines
 from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain as in_digits
+from pipeline.base.shown import typed
 from pipeline.base.toml import line_of
 from pipeline.faults.survey import Clock, Distance, Stand, clock, distances, over_nominal, stands
 from pipeline.machine.effect import HUNG, MOUNTED
@@ -225,14 +226,17 @@ def _hung(reduced: Reduced) -> dict[str, int]:
 def _next(name: str, wrong: list[Wrong], others: list[str]) -> tuple[str, str]:
     """What is to be done, in words and as a command."""
     if wrong:
-        return f"correct campaign.toml, then: pipeline check {name}", f"pipeline check {name}"
+        return (
+            f"correct campaign.toml, then: pipeline check {typed(name)}",
+            f"pipeline check {typed(name)}",
+        )
     if others:
         return (
             f"look into {'this' if len(others) == 1 else 'these'} while the robot still stands "
-            f"there, then: pipeline check {name}",
-            f"pipeline check {name}",
+            f"there, then: pipeline check {typed(name)}",
+            f"pipeline check {typed(name)}",
         )
-    return f"pipeline run {name}", f"pipeline run {name}"
+    return f"pipeline run {typed(name)}", f"pipeline run {typed(name)}"
 
 
 def _logs(raw: Raw) -> dict[str, bytes]:
