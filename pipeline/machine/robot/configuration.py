@@ -71,11 +71,11 @@ def configure(robot: Robot, q: Array) -> Configuration:
     return _kept(robot, q.tobytes(), len(q)) if len(q) <= _FEW else _configured(robot, q)
 
 
-_FEW = 1024
+_FEW = 256
 """Poses up to which frames are kept: a diagnosis asks for those of the same poses 300 times."""
 
 
-@lru_cache(maxsize=256)
+@lru_cache(maxsize=32)
 def _kept(robot: Robot, q: bytes, m: int) -> Configuration:
     """The same from joint values as bytes, which may be compared."""
     return _configured(robot, np.frombuffer(q).reshape(m, robot.n))
