@@ -27,6 +27,8 @@ y_m = 1.0
 z_m = 0.0
 [criterion]
 kind = "D"
+[noise]
+reading_sigma_m = 3e-5
 [tool]
 load_point = [0.15, 0.0, 0.25]
 P1 = [0.20, 0.05, 0.12]
