@@ -87,8 +87,11 @@ class Case:
 
     def q(self, poses: Ints) -> Array:
         """Joint values of some poses [m] or [rad], shape (len(poses), n)."""
-        indexed = self.joints.set_index("pose")[self.joint_columns]
-        return indexed.loc[poses].to_numpy(float)
+        row = pd.Index(self.joints["pose"]).get_indexer_for(poses)
+        if (row < 0).any():  # ingest keeps no pose without a row of the log
+            raise KeyError(f"no joint values of poses {np.asarray(poses)[row < 0]}")
+        columns = [self.joints[name].to_numpy(float) for name in self.joint_columns]
+        return np.column_stack(columns)[row]
 
 
 def tool(settings: Settings) -> Tool:
