@@ -92,6 +92,10 @@ class Positions:
         row = decide(Basis(bool(mistakes), rest, bool(facts.causes), rivals=False))
         return cls(campaign, raw, found, facts, row, rejected)
 
+    def ending(self, found: Study) -> Positions:
+        """The same with another estimate of the whole model."""
+        return Positions.of(self.campaign, self.raw, found, self.facts.mistakes, self.rejected)
+
     @property
     def usable(self) -> bool:
         """Whether a controller may have the values."""

@@ -258,6 +258,15 @@ def causes(
     return tuple(sorted(out, key=lambda one: -one.gain.reduction))
 
 
+def renewed(every: Sequence[Cause], found: Identified) -> tuple[Cause, ...]:
+    """Causes with the sizes that another estimate of the same model has."""
+    now = {(one.cause.name, one.cause.where): one.cause for one in _groups(found, ())}
+    if found.mechanism.unknown:
+        now["gravity_sag", None] = weight(found)
+    same = ((one, now.get((one.name, one.where), one)) for one in every)
+    return tuple(replace(one, form=new.form, amounts=new.amounts) for one, new in same)
+
+
 def chances(found: Identified, groups: Sequence[Ints | slice], signs: Array) -> list[float]:
     """Chance of as much of any of some groups of parameters in the copies, of each group."""
     if not groups:

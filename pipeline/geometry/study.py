@@ -19,7 +19,7 @@ from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.bootstrap import interval
 from pipeline.geometry import blunders, curves, leftout, search
 from pipeline.geometry.begin import begin
-from pipeline.geometry.causes import Cause, Listed, listed, weight
+from pipeline.geometry.causes import Cause, Listed, listed, renewed, weight
 from pipeline.geometry.identify import Identified, Wanted, likeliest
 from pipeline.geometry.mechanism import Mechanism, Weights, linearised
 from pipeline.geometry.mistaken import TableMistake, corrected
@@ -124,6 +124,11 @@ class Study(Locked):
     def final(self) -> Identified:
         """The whole model."""
         return self.stages[-1].found
+
+    def ending(self, found: Identified) -> Study:
+        """The same with another estimate of the whole model."""
+        stages = (*self.stages[:-1], replace(self.stages[-1], found=found))
+        return replace(self, stages=stages, causes=renewed(self.causes, found))
 
 
 def study(

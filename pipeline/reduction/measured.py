@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
@@ -15,6 +16,7 @@ from pipeline.machine import six
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import MOUNTED, Pulls
 from pipeline.machine.robot import Robot, configure
+from pipeline.machine.stance import Stance
 from pipeline.reduction.case import tool
 from pipeline.reduction.idle import Idle, idle
 from pipeline.reduction.register import Registration
@@ -76,6 +78,7 @@ class Measured(Locked):
         idle: Unloaded readings of poses without a pull, of all poses where `poses`; None where
             there are none.
         tracker: Where the tracker stands in F_b [m], shape (3,); None where nobody knows.
+        stance: What absolute positions of the same robot say of it; None without any.
     """
 
     pulls: Pulls
@@ -111,6 +114,7 @@ class Measured(Locked):
     day_rel: float = 0.0
     idle: Idle | None = None
     tracker: Array | None = None
+    stance: Stance | None = None
 
     def __post_init__(self) -> None:
         """Pulls of which nothing else is said have no weight."""
@@ -125,6 +129,24 @@ class Measured(Locked):
     def shifts(self) -> Bools:
         """Displacements that a shift of the instrument moves: all but rotations, shape (d,)."""
         return np.asarray(~(self.poses & (self.target == 1)))
+
+    def standing(self, stance: Stance | None, targets: Sequence[str]) -> Measured:
+        """The same beside absolute positions: where the corrected table alone would have the arm.
+
+        What weight, laws of joints and a crooked rail move the unloaded points by is taken off.
+
+        Args:
+            stance: What the positions say; None without any.
+            targets: Names of the tool's points, as `idle` counts them.
+        """
+        if stance is None:
+            return self
+        unloaded = self.unloaded - stance.moved(self.pulls.q[self.pull], self.name)
+        alone = self.idle
+        if alone is not None:
+            named = np.array(targets, dtype=object)[alone.target]
+            alone = replace(alone, at=alone.at - stance.moved(alone.pulls.q, named))
+        return replace(self, unloaded=unloaded, idle=alone, stance=stance)
 
     @property
     def tells_noise(self) -> bool:
