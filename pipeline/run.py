@@ -200,7 +200,7 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
     facts = replace(diagnosis.facts, mistakes=screened.findings)
     stands = standing(right, diagnosis)
     if both is not None:
-        both = step(both.beside)(stands, diagnosis, where)
+        both = step(both.beside)(stands, diagnosis)
         facts = both.facts(facts)
     word = verdict(facts)
     row = decide(Basis.of(facts, diagnosis))
@@ -208,8 +208,8 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
     if both is not None and both.agrees:
         values = step(beside_positions)(alone)
     told = predicted(values.model(name, word, row), values, where, step)
-    if row.model != Which.JOINT_SPRINGS or stands is not given:
-        springs = joint_springs(given)
+    if both is not None or row.model != Which.JOINT_SPRINGS or stands is not given:
+        springs = joint_springs(given if both is None else both.given(step))
         paper = predicted(springs.model(name, word, row), springs, where, step)
     else:
         paper = told

@@ -22,15 +22,16 @@ from pipeline.answer.findings import Findings
 from pipeline.answer.positions import Positions
 from pipeline.answer.recommended import joint_springs
 from pipeline.answer.standing import law_table, model_file, pictures
+from pipeline.answer.words import listed
 from pipeline.diagnosis.facts import Diagnosis, Facts
+from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.joined import Agreement, agreement, joined
 from pipeline.diagnosis.verdict import of_both, verdict
 from pipeline.geometry.stance import beside_pulls, lighter, standing
-from pipeline.reduction.bring import Keep, Step
+from pipeline.reduction.bring import Keep, Step, bring
 from pipeline.reduction.case import Case
-from pipeline.reduction.pose_of_interest import Where
 from pipeline.system import alarms
-from pipeline.system.fit import Fitted
+from pipeline.system.fit import Fitted, fit
 
 
 @dataclass(frozen=True, eq=False)
@@ -39,26 +40,38 @@ class Both:
 
     Attributes:
         case: The campaign of pulls, its robot where the positions have it.
+        delivered: The same with its robot as its file has it.
         said: What the positions say; in the end beside the pulls.
         lighter: Springs over those with an arm of usual weight, where nobody states masses.
         agreement: Springs by the weight against those by the pulls.
     """
 
     case: Case
+    delivered: Case
     said: Positions
     lighter: float
     agreement: Agreement | None = None
 
     @classmethod
     def of(cls, case: Case, said: Positions, step: Step) -> Both:
-        """The pulls of a robot that stands where its positions have it."""
-        there, factor = step(standing)(case, said.found.final)
-        return cls(there, said, factor)
+        """The pulls of a robot that stands where its positions have it.
 
-    def beside(self, stands: Fitted, diagnosis: Diagnosis, where: Where) -> Both:
+        As its file has it where nothing explains these.
+        """
+        if verdict(replace(said.facts, mistakes=())) is Verdict.UNEXPLAINED:
+            return cls(case, case, said, 1.0)
+        there, factor = step(standing)(case, said.found.final)
+        return cls(there, case, said, factor)
+
+    def given(self, step: Step) -> Fitted:
+        """The paper's model of the pulls alone, on the robot as delivered."""
+        return step(fit)(self.delivered, bring(self.delivered))
+
+    def beside(self, stands: Fitted, diagnosis: Diagnosis) -> Both:
         """The same after the pulls, whose likeliest model adds to what the positions know."""
         stance = stands.data.stance
-        assert stance is not None
+        if stance is None:
+            return self
         one = diagnosis.hypotheses[0] if diagnosis.hypotheses else joint_springs(stands).first
         now = joined(one, stands.data)
         held = agreement(one, now, stance, self.lighter)
@@ -104,7 +117,7 @@ class Both:
     def answer(self, found: Findings, pulls: Answer) -> Answer:
         """One answer: that of the pulls, with what only positions say."""
         mine = self._alone
-        lines = tuple(self._lines(found, pulls))
+        lines = tuple(self._lines(pulls))
         validation = pulls.validation and pulls.validation.model_copy(
             update={
                 "held_out_position_mm": mine.validation and mine.validation.held_out_position_mm
@@ -145,20 +158,35 @@ class Both:
     def _findings(self, pulls: Answer) -> Iterator[str]:
         yield from (one for one in self._alone.findings if one not in pulls.findings)
 
-    def _lines(self, found: Findings, pulls: Answer) -> Iterator[Line]:
+    def _lines(self, pulls: Answer) -> Iterator[Line]:
         """The first screen of the pulls, and beside its lines what the positions add to them."""
-        more = {line.about: line.text for line in self._alone.first_screen}
-        told = {About.VERDICT, About.WRONG} if not self.said.facts.mistakes else {About.WRONG}
-        done: set[About] = set()
+        predicted = next(one.text for one in self._alone.first_screen if one.about == About.VERDICT)
+        more = {
+            About.VERDICT: [] if self.said.facts.mistakes else [predicted],
+            About.MODEL: list(self._model()),
+            About.WRONG: list(of_positions.beside_causes(self.said)),
+        }
         for line in pulls.first_screen:
-            text = line.text
-            if line.about in told - done and self._adds(more[line.about]):
-                text = f"{text} {more[line.about]}"
-            done.add(line.about)
-            yield line.model_copy(update={"text": text})
+            beside = more.pop(line.about, [])
+            yield line.model_copy(update={"text": " ".join([line.text, *beside])})
 
-    def _adds(self, text: str) -> bool:
-        return bool(text) and not text.startswith("Nothing detectable")
+    def _model(self) -> Iterator[str]:
+        """What positions and pulls share."""
+        if not self.agrees or self.case.stance is None:
+            return
+        yield (
+            "The table of the robot is estimated from its positions, its springs from pulls and "
+            "from the arm's own weight together."
+        )
+        held = self.case.stance.held
+        if held:
+            them = listed([one.called for one in held])
+            yield f"Beside them yield, under weight and pulls alike: {them}."
+        if self.agreement is not None and self.agreement.factor is not None:
+            yield (
+                "No masses are stated: the pulls tell how heavy the arm is, which the positions "
+                "alone cannot."
+            )
 
     def _springs(self) -> contract.SpringsBy | None:
         """Springs by weight and by pulls, beside each other."""

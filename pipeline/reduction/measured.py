@@ -2,14 +2,13 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 
 import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.base import covariance
+from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.base.errors import InputError, listed
 from pipeline.machine import six
@@ -17,6 +16,7 @@ from pipeline.machine.cell import Tool
 from pipeline.machine.effect import MOUNTED, Pulls
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.stance import Stance
+from pipeline.readers.known import GROSS_M
 from pipeline.reduction.case import tool
 from pipeline.reduction.idle import Idle, idle
 from pipeline.reduction.register import Registration
@@ -130,22 +130,29 @@ class Measured(Locked):
         """Displacements that a shift of the instrument moves: all but rotations, shape (d,)."""
         return np.asarray(~(self.poses & (self.target == 1)))
 
-    def standing(self, stance: Stance | None, targets: Sequence[str]) -> Measured:
+    def standing(self, stance: Stance | None, tool: Tool) -> Measured:
         """The same beside absolute positions: where the corrected table alone would have the arm.
 
-        What weight, laws of joints and a crooked rail move the unloaded points by is taken off.
+        What weight, laws of joints and a crooked rail move the unloaded points by is taken off, and
+        how the instrument's frame of the positions lies in F_b, which no reading of theirs tells.
 
         Args:
             stance: What the positions say; None without any.
-            targets: Names of the tool's points, as `idle` counts them.
+            tool: Points of the effector as they have them.
         """
         if stance is None:
             return self
-        unloaded = self.unloaded - stance.moved(self.pulls.q[self.pull], self.name)
-        alone = self.idle
-        if alone is not None:
-            named = np.array(targets, dtype=object)[alone.target]
-            alone = replace(alone, at=alone.at - stance.moved(alone.pulls.q, named))
+        blocks = [(self.pulls.q[self.pull], self.target, self.unloaded)]
+        if self.idle is not None:
+            blocks.append((self.idle.pulls.q, self.idle.target, self.idle.at))
+        q, target, at = (np.concatenate(part) for part in zip(*blocks, strict=True))
+        if self.poses:  # targets of displacements are those of a measured pose
+            at[: len(self.target)], target = np.nan, target % len(tool.points)
+        there = configure(stance.robot, q).points(tool.points)[np.arange(len(q)), target]
+        off = stance.moved(q, tool.targets[target])
+        at = _in_frame(at, there + off) - off
+        unloaded, rest = np.split(at, [len(self.target)])
+        alone = self.idle and replace(self.idle, at=rest)
         return replace(self, unloaded=unloaded, idle=alone, stance=stance)
 
     @property
@@ -180,6 +187,20 @@ class Measured(Locked):
         if found_m is None:
             return self
         return replace(self.scaled(found_m / (self.found_m or 1.0)), found_m=found_m)
+
+
+def _in_frame(at: Array, there: Array) -> Array:
+    """Points (n, 3) [m] moved as one to where they should be, unless so far that they are not."""
+    seen = np.isfinite(at).all(axis=1)
+    if seen.sum() < _FEWEST:
+        return at
+    R, t = linear.rigid(at[seen], there[seen])
+    moved = at @ R.T + t
+    return moved if np.linalg.norm(moved - at, axis=1)[seen].max() < GROSS_M else at
+
+
+_FEWEST = 12
+"""Points of four poses: fewer are all where any frame puts them."""
 
 
 def measured(
