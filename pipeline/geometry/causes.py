@@ -230,6 +230,9 @@ def weight(found: Identified) -> Cause:
     return Cause("gravity_sag", None, form, tuple(amounts))
 
 
+OTHER_MASSES = "other masses"
+"""Form of a sag by which links weigh other than their file states."""
+
 _APART = 0.2
 """Relative uncertainty of a compliance below which mass and stiffness are told apart."""
 
@@ -263,8 +266,12 @@ def renewed(every: Sequence[Cause], found: Identified) -> tuple[Cause, ...]:
     now = {(one.cause.name, one.cause.where): one.cause for one in _groups(found, ())}
     if found.mechanism.unknown:
         now["gravity_sag", None] = weight(found)
-    same = ((one, now.get((one.name, one.where), one)) for one in every)
-    return tuple(replace(one, form=new.form, amounts=new.amounts) for one, new in same)
+    out = []
+    for one in every:
+        new = now.get((one.name, one.where), one)
+        form = one.form if one.form == OTHER_MASSES else new.form
+        out.append(replace(one, form=form, amounts=new.amounts))
+    return tuple(out)
 
 
 def chances(found: Identified, groups: Sequence[Ints | slice], signs: Array) -> list[float]:

@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Ints
+from pipeline.base.arrays import Array, Ints
+from pipeline.base.tails import chi2_beyond
 from pipeline.geometry.estimate import rows, softened
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import Mechanism, Weights, layout, linearised
 from pipeline.machine.stance import Stance
 from pipeline.reduction.bring import bring
 from pipeline.reduction.case import Case
+from pipeline.system import alarms
 from pipeline.system.estimate import identify as estimate_of
 
 _KNOWN = 0.5
@@ -38,34 +40,41 @@ class _Unloaded:
 
 
 def stance(found: Identified, targets: Collection[str]) -> Stance:
-    """What the positions say, springs and elements of which the weight tells nothing left out.
+    """What the positions say to pulls.
+
+    An element that the weight does not call for is none, as causes are that pulls do not call for:
+    the positions are then what they would be if it were known to be zero.
 
     Args:
         found: The whole model.
         targets: Points of the tool that pulls may have read, too.
     """
-    mechanism, cov = found.mechanism, found.solution.cov
-    v, factor = softened(mechanism), 0.0
+    mechanism, cov, where = found.mechanism, found.solution.cov, layout(found.mechanism)
+    x, v, factor = mechanism.at(where), softened(mechanism), 0.0
     if mechanism.unknown:
         factor = 1 / float(v @ linear.cholesky(cov).solve(v))
-    prior = np.append(found.known.std, np.full(len(cov) - len(found.known.std), np.inf))
-    told = np.diag(cov) - factor * v**2 < _KNOWN * prior**2
-    which = np.array(
-        [k for k, name in enumerate(found.readings.targets) if name in targets], dtype=np.int64
-    )
-    held = tuple(_held(mechanism, told))
-    T = _chosen(found, [i for _, at in held for i in at], which)
-    where = layout(mechanism)
+    apart = cov - factor * np.outer(v, v)
+    held = tuple(_held(mechanism, x, apart))
+    there = [k for _, at in held for k in at]
+    none = [k for k in range(where.yields.start, where.yields.stop) if k not in there]
+    which = [k for k, name in enumerate(found.readings.targets) if name in targets]
+    T = _chosen(found, there, which)
+    gain = T @ apart[:, none] @ linear.inverse(apart[np.ix_(none, none)])
+    z, C = T @ x - gain @ x[none], T @ apart @ T.T - gain @ apart[none] @ T.T
+    n = mechanism.table.n
+    s = n + len(there)
+    z[s:], along = 0.0, np.append(z[:s], np.zeros(len(z) - s))
+    prior = found.known.std[where.compliance]
     return Stance(
         robot=mechanism.robot,
         letters=mechanism.letters,
         points={str(found.readings.targets[k]): mechanism.tool[k, :3, 3] for k in which},
-        compliance=mechanism.compliance,
-        told=told[where.compliance],
+        compliance=z[:n],
+        told=np.diag(C)[:n] < _KNOWN * prior**2,
         held=tuple(mechanism.elements[k] for k, _ in held),
-        yields=mechanism.at(where)[[i for _, at in held for i in at]],
-        cov=T @ cov @ T.T,
-        unloaded=_Unloaded(mechanism, found.weights, which),
+        yields=z[n:s],
+        cov=C + factor * np.outer(along, along),
+        unloaded=_Unloaded(mechanism, found.weights, np.array(which, dtype=np.int64)),
         factor=factor,
     )
 
@@ -95,35 +104,29 @@ _ROUNDS, _STILL = 4, 0.01
 """A factor that is known to ten per cent at best stands still at one."""
 
 
-def _held(mechanism: Mechanism, told: Bools) -> Iterator[tuple[int, list[int]]]:
-    """Elements of which the weight tells something, and where their parameters stand."""
-    first = layout(mechanism).yields.start
-    for k, effect in enumerate(mechanism.elements):
-        at = list(range(first, first + len(effect.parameters)))
-        first = at[-1] + 1
-        if told[at].any():
+def _held(mechanism: Mechanism, x: Array, apart: Array) -> Iterator[tuple[int, list[int]]]:
+    """Elements that the weight calls for, and where their parameters stand."""
+    for k, at in enumerate(_places(mechanism)):
+        said = linear.inverse(apart[np.ix_(at, at)])
+        if chi2_beyond(float(x[at] @ said @ x[at]), len(at)) < alarms.SUSPECT:
             yield k, at
 
 
-def _chosen(found: Identified, held: list[int], which: Ints) -> Array:
+def _places(mechanism: Mechanism) -> Iterator[list[int]]:
+    """Where the parameters of each element stand."""
+    first = layout(mechanism).yields.start
+    for effect in mechanism.elements:
+        yield list(range(first, first := first + len(effect.parameters)))
+
+
+def _chosen(found: Identified, held: Sequence[int], which: Sequence[int]) -> Array:
     """Rows that take springs, elements, letters and points out of all parameters, (s, k)."""
     where, one = layout(found.mechanism), np.eye(len(found.solution.x))
     points = []
     for k in which:
         first = where.tool.start + 6 * k + 3
         points.append(found.mechanism.tool[k, :3, :3] @ one[first : first + 3])
-    return np.concatenate([one[where.compliance], one[held], one[where.letters], *points])
-
-
-def _rows_of(found: Identified, known: Stance) -> Array:
-    """The same as a stance has them."""
-    first, held = layout(found.mechanism).yields.start, list[int]()
-    for effect in found.mechanism.elements:
-        at = range(first, first + len(effect.parameters))
-        first = at.stop
-        held += at if effect in known.held else []
-    targets = found.readings.targets.tolist()
-    return _chosen(found, held, np.array([targets.index(name) for name in known.points]))
+    return np.concatenate([one[where.compliance], one[list(held)], one[where.letters], *points])
 
 
 def lighter(found: Identified, factor: float) -> Identified:
@@ -151,7 +154,8 @@ def lighter(found: Identified, factor: float) -> Identified:
 def beside_pulls(found: Identified, known: Stance, value: Array, cov: Array) -> Identified:
     """The whole model with what pulls add to springs, elements, table and points.
 
-    x' = x + K (z' - z), C' = C + K (C_z' - C_z) K' with K = C_xz C_z^-1: what goes with them.
+    x' = x + K (z' - z), C' = C + K (C_z' - C_z) K' with K = C_xz C_zz^-1, z what `stance` has and
+    z' the same beside the pulls: what goes with them in the whole model moves with them.
 
     Args:
         found: The estimate from the positions alone, of an arm of the weight that pulls tell.
@@ -160,10 +164,12 @@ def beside_pulls(found: Identified, known: Stance, value: Array, cov: Array) -> 
         cov: Their covariance C_z', shape (s, s).
     """
     there, where, C = found.mechanism, layout(found.mechanism), found.solution.cov
-    T = _rows_of(found, known)
-    size = np.sqrt(np.diag(known.cov))
-    half = linear.shortest(linear.factor(known.cov / size / size[:, None])) / size
-    K = (C @ T.T @ half.T) @ half
+    targets, places = found.readings.targets.tolist(), list(_places(there))
+    held = [k for one in known.held for k in places[there.elements.index(one)]]
+    T = _chosen(found, held, [targets.index(name) for name in known.points])
+    own = T @ C @ T.T
+    size = np.sqrt(np.diag(own))
+    K = (C @ T.T / size) @ linear.inverse(own / size / size[:, None]) / size
     before = np.concatenate([known.compliance, known.yields, np.zeros(len(T) - known.springs)])
     moved = there.moved(there.at(where) + K @ (value - before), where)
     return _about(found, moved, C + K @ (cov - known.cov) @ K.T)
