@@ -1180,6 +1180,10 @@ class Answer(Values, Heading):
         """Whether absolute positions were measured, and no displacements."""
         return bool(self.position_steps) and self.springs_by is None
 
+    def called(self, name: str) -> str:
+        """A stiffness as people call it, by the axis of the controller."""
+        return next(one.called for one in self.stiffness if one.name == name)
+
     @property
     def axes(self) -> dict[int, str]:
         """Axis of the controller by number of the joint that it moves alone."""

@@ -104,7 +104,9 @@ def pictures(said: Positions, keep: Keep) -> dict[str, pd.DataFrame]:
 
 def model_file(said: Positions) -> dict[str, bytes]:
     """What `pipeline predict` reads, by name."""
-    return {MODEL: dumps(standing(said.campaign, said.found.final))}
+    settings = said.raw.settings
+    tip = None if settings.of_positions else np.array(settings.tool["load_point"])
+    return {MODEL: dumps(standing(said.campaign, said.found.final, tip))}
 
 
 def _studied(raw: Raw, read: Positioned, step: Step) -> Study:

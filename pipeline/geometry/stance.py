@@ -154,25 +154,37 @@ def lighter(found: Identified, factor: float) -> Identified:
 def beside_pulls(found: Identified, known: Stance, value: Array, cov: Array) -> Identified:
     """The whole model with what pulls add to springs, elements, table and points.
 
-    x' = x + K (z' - z), C' = C + K (C_z' - C_z) K' with K = C_xz C_zz^-1, z what `stance` has and
-    z' the same beside the pulls: what goes with them in the whole model moves with them.
+    With z0, C0 what `stance` has of these and z, C_z the same beside the pulls, the pulls say
+
+        N = C_z^-1 - C0^-1,    N z1 = C_z^-1 z - C0^-1 z0,
+
+    and what goes with z = T x in the whole model moves with it:
+
+        C' = C - C T' (1 + N C_T)^-1 N T C,    x' = x + C T' (1 + N C_T)^-1 N (z1 - T x).
 
     Args:
         found: The estimate from the positions alone, of an arm of the weight that pulls tell.
         known: `stance` of it.
-        value: z', springs and elements, and errors of letters and points, shape (s,).
-        cov: Their covariance C_z', shape (s, s).
+        value: z, springs and elements, and errors of letters and points, shape (s,).
+        cov: Their covariance C_z, shape (s, s).
     """
     there, where, C = found.mechanism, layout(found.mechanism), found.solution.cov
     targets, places = found.readings.targets.tolist(), list(_places(there))
     held = [k for one in known.held for k in places[there.elements.index(one)]]
     T = _chosen(found, held, [targets.index(name) for name in known.points])
+    size = np.sqrt(np.diag(known.cov))
+    T = T / size[:, None]
     own = T @ C @ T.T
-    size = np.sqrt(np.diag(own))
-    K = (C @ T.T / size) @ linear.inverse(own / size / size[:, None]) / size
-    before = np.concatenate([known.compliance, known.yields, np.zeros(len(T) - known.springs)])
-    moved = there.moved(there.at(where) + K @ (value - before), where)
-    return _about(found, moved, C + K @ (cov - known.cov) @ K.T)
+    before, after = (linear.inverse(one / size / size[:, None]) for one in (known.cov, cov))
+    share, along = linear.directions(after - before)
+    N = (along * np.maximum(share, 0.0)) @ along.T
+    zero = np.zeros(len(T) - known.springs)
+    z0 = np.concatenate([known.compliance, known.yields, zero]) / size
+    now = np.concatenate([(T @ there.at(where))[: known.springs], zero])  # letters count from here
+    said = after @ (value / size) - before @ z0 - N @ now
+    gain = C @ T.T @ linear.solve(np.eye(len(T)) + N @ own, np.column_stack([N, said]))
+    moved = there.moved(there.at(where) + gain[:, -1], where)
+    return _about(found, moved, C - gain[:, :-1] @ T @ C)
 
 
 def _about(found: Identified, moved: Mechanism, cov: Array) -> Identified:
