@@ -24,11 +24,13 @@ class Mixed:
         files: By name.
         machine: The arm.
         compliance: Of its joints [rad/(N m)].
+        tool: Where its reflectors are [m], flange frame.
     """
 
     files: dict
     machine: HeavyRobot
     compliance: np.ndarray
+    tool: np.ndarray
 
     def without(self, table):
         """The files of one kind of readings alone: `positions` or `tracker` is left out."""
@@ -69,7 +71,7 @@ def mixed(seed, poses=60, pulled=8, masses=True, noise=2e-5, weight=1.0):
         "poses.csv": read.positions(q[:poses]),
         **read.pulls(q[poses:]),
     }
-    return Mixed(files, machine, c)
+    return Mixed(files, machine, c, read.tool)
 
 
 def _without_masses(text):

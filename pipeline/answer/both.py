@@ -144,13 +144,14 @@ class Both:
         )
 
     def _diagnosis(self, facts: Facts, pulls: contract.Diagnosis) -> contract.Diagnosis:
-        """Mistakes of both, then causes of both, those of the pulls first."""
+        """Mistakes of both, then causes of the pulls, then those of the positions."""
         mine = self._alone.diagnosis
+        beside = [one for one in mine.causes if one.evidence is None]  # mistakes are told of both
         return pulls.model_copy(
             update={
                 "verdict": verdict(facts),
                 "reasons": tuple(row.finding for row in of_both(facts)),
-                "causes": (*pulls.causes, *mine.causes),
+                "causes": (*pulls.causes, *beside),
                 "unloaded_off_mm": mine.unloaded_off_mm,
             }
         )
