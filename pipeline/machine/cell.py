@@ -84,12 +84,14 @@ class Cell:
         effects: What acts, in any order.
         equilibrium: `undeformed`: geometry of the unloaded pose, c = B x as in the paper.
             `deformed`: the wrench acts on the deflected robot (second order in the load).
+        held: What acts beside them by as much as is known from elsewhere: no unknowns.
     """
 
     robot: Robot
     tool: Tool
     effects: tuple[Effect, ...]
     equilibrium: str = "undeformed"
+    held: tuple[tuple[Effect, Array], ...] = ()
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -106,7 +108,7 @@ class Cell:
         for effect in self.effects:
             begin, end = end, end + len(effect.parameters)
             parts += [(facet, values[begin:end]) for facet in effect.facets]
-        return parts
+        return parts + [(facet, part) for one, part in self.held for facet in one.facets]
 
 
 @dataclass(frozen=True, eq=False)
