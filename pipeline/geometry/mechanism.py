@@ -129,12 +129,12 @@ class Mechanism(Locked):
     curves: tuple[Curve, ...] = ()
     knots: Array = field(default_factory=lambda: np.zeros(0))
 
-    @property
+    @cached_property
     def letters(self) -> tuple[Letter, ...]:
         """Letters of the table that may be off."""
         return letters(self.table)
 
-    @property
+    @cached_property
     def robot(self) -> Robot:
         """The robot with its table corrected."""
         return changed(self.table, self.letters, self.values)

@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -79,7 +80,13 @@ def all_letters(robot: Robot) -> tuple[Letter, ...]:
 
 
 def _file(robot: Robot) -> RobotFile:
-    return RobotFile.model_validate(toml.loads(robot.text, robot.name))
+    return _parsed(robot.text, robot.name)
+
+
+@lru_cache(maxsize=64)
+def _parsed(text: str, name: str) -> RobotFile:
+    """An estimate asks for the letters of one robot a hundred times."""
+    return RobotFile.model_validate(toml.loads(text, name))
 
 
 def _all(file: RobotFile) -> Iterator[Letter]:
