@@ -180,12 +180,21 @@ def test_a_campaign_of_pulls_predicts_where_its_targets_are_under_a_force(tmp_pa
         predicted(tmp_path, "pulled", tmp_path / "asked.csv", Of.NOMINAL)
 
 
-def test_positions_beside_a_tracker_are_two_ways_in(tmp_path):
+@pytest.mark.parametrize(
+    ("more", "said"),
+    [
+        ("[scale]\nsigma_n = 2.0\n", "nothing that was pulled"),
+        ('[tracker]\nfiles = ["a.csv"]\n', "lacks load_point"),
+        ("[tolerance]\ndeflection_mm = 0.2\n", "has no forces"),
+    ],
+)
+def test_what_stands_beside_positions_has_to_belong_to_pulls(tmp_path, more, said):
+    """A tracker beside them is pulls of the same robot, and needs what pulls need."""
     folder = tmp_path / "data" / "raw" / "two"
     folder.mkdir(parents=True)
-    (folder / "campaign.toml").write_text(TOML + '[tracker]\nfiles = ["a.csv"]\n')
+    (folder / "campaign.toml").write_text(TOML + more)
 
-    with pytest.raises(InputError, match="keep one of them"):
+    with pytest.raises(InputError, match=said):
         find(tmp_path, "two").settings()
 
 
