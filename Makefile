@@ -51,7 +51,7 @@ slow: .venv/.ready .venv/.docs
 	@$(TESTS) -m slow $(ARGS)
 
 team: .venv/.ready
-	@TEAM_CAMPAIGNS=$(CAMPAIGNS) $(TESTS) -m slow tests/test_teams.py -k killed $(ARGS)
+	@TEAM_CAMPAIGNS=$(CAMPAIGNS) $(TESTS) -m slow tests/service/test_teams.py -k killed $(ARGS)
 
 check: .venv/.ready
 	@$(PY) -m ruff format --check .
