@@ -17,17 +17,17 @@ from functools import partial
 import numpy as np
 
 from pipeline.base import covariance, linear
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, Bools
 from pipeline.faults.conventions import with_covariance
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
+from pipeline.system.assemble import TRACKED
 from pipeline.system.contrasts import pure_error
 from pipeline.system.noise import TOLERATED
 from pipeline.system.restricted import Blocks, lowest
-from pipeline.system.variance import TRACKED
 
 _FEWEST = 30
 """Contrasts below which their scatter says nothing of axes."""
@@ -85,12 +85,12 @@ def _scatter(asked: Screening) -> tuple[float, float] | None:
     return blocks.whole(t), float(np.exp(t[0]))
 
 
-def _elongated(case: Case, own: Array) -> bool:
+def _elongated(case: Case, own: Bools) -> bool:
     values = linear.directions(covariance.matrices(case.readings[own]))[0]
     return bool(np.median(np.ptp(values, axis=1) / values.mean(axis=1)) > _ROUND)
 
 
-def _stated_along(own: Array, axes: Callable[[Array], Array], case: Case) -> Case:
+def _stated_along(own: Bools, axes: Callable[[Array], Array], case: Case) -> Case:
     """The covariances of some rows turned from axes (m, 3, 3), by columns, into the tracker's."""
     C = covariance.matrices(case.readings)
     A = axes(case.readings[list(XYZ)].to_numpy(float)[own])
