@@ -19,7 +19,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.bootstrap import interval
 from pipeline.geometry import blunders, curves, leftout, search
 from pipeline.geometry.begin import begin
-from pipeline.geometry.causes import Cause, Listed, listed, weight
+from pipeline.geometry.causes import OTHER_MASSES, Cause, Listed, listed, renewed, weight
 from pipeline.geometry.identify import Identified, Wanted, likeliest
 from pipeline.geometry.mechanism import Mechanism, Weights, linearised
 from pipeline.geometry.mistaken import TableMistake, corrected
@@ -125,6 +125,11 @@ class Study(Locked):
         """The whole model."""
         return self.stages[-1].found
 
+    def ending(self, found: Identified) -> Study:
+        """The same with another estimate of the whole model."""
+        stages = (*self.stages[:-1], replace(self.stages[-1], found=found))
+        return replace(self, stages=stages, causes=renewed(self.causes, found))
+
 
 def study(
     robot: Robot,
@@ -176,7 +181,7 @@ def study(
     bad = tuple(_listed(every.readings, late))
     moved = tuple(_moves(whole.found, chances))
     weighed = other if weighs(robot) else _weigh(stages[1].found, stages[2].found, rng)
-    form = "other masses" if other else ""
+    form = OTHER_MASSES if other else ""
     sag = (weighed.cause(whole.found, form),) if weighed else ()
     return Study(stages, whole.laws, bad, moved, (*sag, *whole.causes), mistakes, every)
 
