@@ -46,9 +46,9 @@ Student's with 3 degrees of freedom throws 0.8 %, bursts five times as wide 0.8 
 _LAWS = 1 + len(FREEDOM) + len(BURSTS)
 """The stated family, Student's and bursts, in this order."""
 
-_NORMAL = 0.95
-"""Probability of the stated family before the data [1]: an assumption, like every prior. A tracker
-that is as its certificate says is the rule."""
+_OTHER = 0.0045
+"""Probability of each other family before the data [1]: an assumption, like every prior, by which
+some one in twenty is not as stated. A tracker that is as its certificate says is the rule."""
 
 MISTAKES = (1e-4, 1e-3, 1e-2, 1e-1)
 """Parts of all readings that are mistakes, as large as they like, that are tried [1]: nobody knows
@@ -265,7 +265,7 @@ def family(seen: Array, paper: bool) -> tuple[Family, Array]:
     logs = special.logsumexp(each, axis=(0, 1)) - np.log(len(MISTAKES))  # (f, scales)
     best = logs.max(axis=1)
     free = special.logsumexp(logs, axis=1) - np.log(len(_WIDTHS))
-    before = np.append(_NORMAL, np.full(_LAWS - 1, (1 - _NORMAL) / (_LAWS - 1)))
+    before = np.append(1 - (_LAWS - 1) * _OTHER, np.full(_LAWS - 1, _OTHER))
     weight = special.softmax(free + np.log(before))
     scale = _WIDTHS[logs.argmax(axis=1)]
     student = best[1 : 1 + len(FREEDOM)]
