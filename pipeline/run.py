@@ -200,7 +200,7 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
     facts = replace(diagnosis.facts, mistakes=screened.findings)
     stands = standing(right, diagnosis)
     if both is not None:
-        both = step(both.beside)(stands, diagnosis)
+        both = both.beside(stands, diagnosis)
         facts = both.facts(facts)
     word = verdict(facts)
     row = decide(Basis.of(facts, diagnosis))
