@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import pandas as pd
@@ -71,6 +71,7 @@ def laws(found: Hypothesis, data: Measured) -> pd.DataFrame:
         found: Joint springs and causes.
         data: What they were estimated from.
     """
+    found = replace(found, system=found.system.of_pulls)
     loaded = load(found.cell, data.pulls, found.estimate.value)
     parts = [
         _rows(effect, place, one, found, data)
@@ -83,8 +84,7 @@ def laws(found: Hypothesis, data: Measured) -> pd.DataFrame:
 
 def _effects(found: Hypothesis) -> Iterator[tuple[Effect, Array, Array]]:
     """Each cause with its parameters (k,) and their columns of B, (M, k)."""
-    end = len(found.estimate.value)
-    first = end - sum(len(one.parameters) for one in found.effects)
+    first = found.cell.robot.n
     for effect in found.effects:
         mine = slice(first, first := first + len(effect.parameters))
         if not isinstance(effect, Noise):

@@ -8,8 +8,10 @@ import pytest
 
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.joined import agreement, joined
+from pipeline.diagnosis.laws import laws
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effect import Pulls
+from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.machine.robot.letters import letters
 from pipeline.machine.robot.model import model as pin_model
@@ -153,6 +155,28 @@ def hypothesis(one):
     return Hypothesis(1.0, (), cell, system, estimate), data
 
 
+def with_tilt(one):
+    """The same hypothesis with a bearing that tilts, and positions that hold another one."""
+    springs, data = hypothesis(one)
+    tilts = {e.where: e for e in catalogue(one.robot) if e.name == "joint_tilt"}
+    held = tilts[3], data.stance
+    k = len(held[0].parameters)
+    cov = np.zeros((20 + k, 20 + k))
+    cov[np.ix_(kept(k), kept(k))] = held[1].cov
+    cov[6 : 6 + k, 6 : 6 + k] = 1e-16 * np.eye(k)
+    stance = replace(held[1], held=(held[0],), yields=np.full(k, 2e-8), cov=cov)
+    data = replace(data, stance=stance)
+    cell = stance.on(springs.cell).with_effects(tilts[2])
+    start = np.append(one.estimate[:6], np.zeros(len(tilts[2].parameters)))
+    system = assemble(cell, data, start)
+    return Hypothesis(1.0, (tilts[2],), cell, system, solve(system, start)), data
+
+
+def kept(k):
+    """Places of springs, letters and points beside k parameters of elements."""
+    return np.r_[np.arange(6), np.arange(6 + k, 20 + k)]
+
+
 def stacked(one, springs):
     """One least squares of both, about the springs by the pulls: all unknowns, their covariance."""
     m = len(one.q)
@@ -255,3 +279,24 @@ def test_pulls_tell_the_weight_of_an_arm_of_which_nobody_states_any():
     std = np.sqrt(np.diag(found.cov))[:6]
     assert (np.abs(found.value[:6] - one.truth[:6]) < 4 * std).all()
     assert (std < pulls.std * (1 + 1e-9)).all()
+
+
+def test_causes_of_the_pulls_keep_their_place_beside_elements_of_the_positions():
+    """Springs, then causes, then elements; the pulls' partial residuals are those of the cause."""
+    one = world(4)
+    alone, data = with_tilt(one)
+    both = joined(alone, data).hypothesis
+    k = len(alone.effects[0].parameters)
+    names = [p.name for p in both.estimate.parameters]
+
+    assert names[6 : 6 + k] == [p.name for p in alone.effects[0].parameters]
+    assert names[6 + k :] == [p.name for p in data.stance.held[0].parameters]
+    assert both.estimate.value[6 + k :] == pytest.approx(2e-8, abs=4e-8)
+    seen = laws(both, data)
+    assert set(seen["cause"]) == {"joint_tilt:2"}
+    moved = np.abs(seen["law"]).max() / np.abs(laws(alone, data)["law"]).max()
+    assert moved == pytest.approx(
+        np.abs(both.estimate.value[6 : 6 + k]).max()
+        / np.abs(alone.estimate.value[6 : 6 + k]).max(),
+        rel=0.5,
+    )
