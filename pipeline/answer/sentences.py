@@ -129,7 +129,7 @@ def _other(found: Findings, springs: str, data: str, delivered: str) -> list[str
     Joint springs on the table as delivered, where the answer has them on the estimated one.
     """
     alone = [] if found.row.model == Which.JOINT_SPRINGS else [springs]
-    if not alone and found.facts.unloaded.corrects:
+    if not alone and (found.facts.unloaded.corrects or found.facts.positions is not None):
         alone = [delivered]
     return [*alone, *([data] if found.mistakes else [])]
 

@@ -53,7 +53,7 @@ def check(campaign: Campaign) -> Outcome:
         InputError: It cannot be used, and no line of campaign.toml explains why.
     """
     raw = campaign.read()
-    if raw.settings.positions is not None:
+    if raw.settings.of_positions:
         return of_positions(campaign.name, raw)
     wrong = wrong_lines(raw)
     try:
@@ -69,6 +69,8 @@ def check(campaign: Campaign) -> Outcome:
             raise
         return _refused(campaign, wrong, others, problem)
     told = _told(campaign, raw, case, reduced, wrong)
+    if raw.settings.positions is not None:
+        told = _beside(told, of_positions(campaign.name, raw))
     return _with_tolerance(told, raw.settings, path, reduced.data.pulls.range_n)
 
 
@@ -94,6 +96,20 @@ def _with_tolerance(
         content=told.content | {"tolerance": found, "notes": [*told.content["notes"], *notes]},
         complaints=[*told.complaints, *(f"{told.campaign}: {one}" for one in notes)],
         text="\n".join([*above, line, last]),
+    )
+
+
+def _beside(pulls: Outcome, positions: Outcome) -> Outcome:
+    """What is said of the pulls of a campaign, and above the last line what of its positions."""
+    *above, last = pulls.text.split("\n")
+    *more, _ = positions.text.split("\n")
+    text = [*above, *(f"  {line.strip()}" for line in more), last]
+    return replace(
+        pulls,
+        content=pulls.content | {"positions": positions.content},
+        text="\n".join(text),
+        exit_code=max(pulls.exit_code, positions.exit_code),
+        complaints=[*pulls.complaints, *positions.complaints],
     )
 
 

@@ -149,16 +149,18 @@ class Campaign:
         path = settings.tolerance.path if settings.tolerance else None
         if own is not None and not (own.endswith(".toml") and os.path.exists(self.folder / own)):
             raise no_robot(own, "campaign.toml")
-        if settings.positions is not None:
-            return [*settings.positions.named, *filter(None, [own, path])]
+        stood = [] if settings.positions is None else settings.positions.named
+        if settings.of_positions:
+            return [*stood, *filter(None, [own, path])]
         if settings.displacements is not None:
             given = settings.displacements
-            return [*filter(None, [given.file, given.forces, settings.joints.file, own, path])]
+            others = [given.file, given.forces, settings.joints.file, own, path]
+            return [*stood, *filter(None, others)]
         assert settings.tracker is not None  # Settings sees to that
         names = self._matching(settings.tracker.files)
         settings.tracker.none_missing(names)
         others = [settings.tracker.assignment, settings.loads_file, settings.joints.file, own, path]
-        return list(dict.fromkeys([*names, *filter(None, others)]))
+        return list(dict.fromkeys([*names, *stood, *filter(None, others)]))
 
     def _matching(self, patterns: Sequence[str]) -> list[str]:
         """Files that are asked for by name and are there, and those that fit a glob, in order.

@@ -1,0 +1,199 @@
+"""What a campaign must keep: noise, misfit and far readings against what they can be."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+from small_case import asked, moved, small, where
+
+from pipeline.diagnosis.bounds import FAULTY, bounds
+from pipeline.faults.base_reading import astray
+from pipeline.reduction.bring import bring
+from pipeline.system.family import AWAY, FREEDOM, Family
+from pipeline.system.far import Far, _chance, far
+from pipeline.system.fit import fit
+from pipeline.system.linearised import Model, linearise
+
+
+@pytest.fixture(scope="module")
+def case():
+    """Six poses, each pulled twice."""
+    return small()
+
+
+def seen(case):
+    """The campaign at its springs, all readings alike."""
+    got = asked(case)
+    model = Model(case.cell, got.estimate.value, 7)
+    return linearise(model, got.reduced.data, ())
+
+
+def kept(case, force=1.0, left=None):
+    """The bounds of a campaign whose springs stand."""
+    right = fit(case, bring(case))
+    return bounds(right, right.system, right.estimate, left or Far.none(), force)
+
+
+def test_a_clean_campaign_keeps_them(case):
+    """Noise as stated, next to nothing left, and a stiffness is determined."""
+    got = kept(case)
+
+    assert 0.8 < got.tracker < 1.5
+    assert (got.force, got.left, got.determined) == (1.0, pytest.approx(0.0, abs=0.01), True)
+    assert not got.faulty
+    assert got.predicts
+    assert not got.scattered
+
+
+@pytest.mark.parametrize(("times", "faulty"), [(4.0, False), (30.0, True)])
+def test_noise_of_many_times_the_stated_is_faulty(times, faulty):
+    """Four times is a modest certificate, thirty none."""
+    got = kept(small(5, tracker={"sigma_m": 3e-5, "noise_scale": times}))
+
+    assert got.tracker == pytest.approx(times, rel=0.35)
+    assert got.faulty is faulty
+
+
+@pytest.mark.parametrize(("wide", "faulty"), [(9.0, False), (30.0, True)])
+def test_tails_are_a_part_of_the_noise(case, wide, faulty):
+    """All readings as wide by tails as by a wrong certificate, up to what counts as far off."""
+    right = fit(case, bring(case))
+    variance = np.full(len(right.shape.variance), wide)
+    heavy = replace(right, shape=replace(right.shape, variance=variance))
+
+    got = bounds(heavy, right.system, right.estimate, Far.none(), 1.0)
+
+    usual = bounds(right, right.system, right.estimate, Far.none(), 1.0).tracker
+    assert got.tracker / usual == pytest.approx(np.sqrt(min(wide, AWAY**2 / 3)), rel=0.02)
+    assert replace(got, tracker=2 * got.tracker).faulty is faulty
+
+
+def test_a_robot_that_does_not_move_at_all_is_predicted_by_nothing(case):
+    """Displacements of exactly zero: nothing is left, and of nothing."""
+    right = fit(case, bring(case))
+    data = replace(right.reduced.data, delta=0 * right.reduced.data.delta)
+    still = replace(right, reduced=replace(right.reduced, data=data))
+
+    got = bounds(still, right.system, right.estimate, Far.none(), 1.0)
+
+    assert got.left == 1.0
+    assert not got.predicts
+
+
+def test_a_scale_has_a_bound_too(case):
+    """Whatever scatters more than an instrument in order can."""
+    assert not kept(case, force=FAULTY).faulty
+    assert kept(case, force=1.01 * FAULTY).faulty
+
+
+def test_loaded_readings_that_are_the_unloaded_ones_determine_nothing(case):
+    """A sensor that is dead but for its noise: no robot is as stiff as that."""
+    rows = case.readings.copy()
+    rng = np.random.default_rng(2)
+    xyz = ["x_m", "y_m", "z_m"]
+    unloaded = rows[(rows["state"] == "unloaded")].drop_duplicates(["pose", "target"])
+    at = unloaded.set_index(["pose", "target"])[xyz]
+    loaded = (rows["state"] == "loaded") & rows["target"].isin(case.settings.measured)
+    for k in rows.index[loaded]:
+        here = at.loc[(rows.loc[k, "pose"], rows.loc[k, "target"])].to_numpy(float)
+        rows.loc[k, xyz] = here + 2e-5 * rng.standard_normal(3)
+
+    got = kept(replace(case, readings=rows))
+
+    assert not got.determined
+    assert not got.predicts
+
+
+def test_a_model_that_leaves_most_of_the_displacements_predicts_nothing(case):
+    """Readings that have nothing to do with the loads, by 5 mm."""
+    rows, rng = case.readings.copy(), np.random.default_rng(8)
+    loaded = (rows["state"] == "loaded") & rows["target"].isin(case.settings.measured)
+    rows.loc[loaded, ["x_m", "y_m", "z_m"]] += 5e-3 * rng.standard_normal((int(loaded.sum()), 3))
+
+    got = kept(replace(case, readings=rows))
+
+    assert got.left > 0.3
+    assert not got.predicts
+    assert got.worst_m > 5e-3
+
+
+def test_readings_far_off_are_counted_with_their_places(case):
+    """Two of some millimetres, and which; normal noise throws none, and one alone is let pass."""
+    spoilt = moved(case, where(case, "pose04_rep1_loaded", "P2"), [3e-3, 0, 0])
+    spoilt = moved(spoilt, where(case, "pose02_rep2_loaded", "P3"), [0, 0, 2e-3])
+
+    got = far(seen(spoilt), Family.stated())
+
+    names = case.settings.measured
+    assert [(p, names[t]) for p, t in zip(got.pose, got.target, strict=True)][:2] == [
+        (4, "P2"),
+        (2, "P3"),
+    ]
+    assert got.p_value < 1e-9
+    assert kept(case, left=got).scattered
+    assert not kept(case, left=Far(got.pose[:1], got.target[:1], got.p_value)).scattered
+    assert not len(far(seen(case), Family.stated()).pose)
+    assert far(seen(case), Family.stated()).p_value == 1.0
+
+
+@pytest.mark.parametrize("nu", [3.0, 5.0])
+def test_the_chance_of_a_far_reading_is_that_of_the_family(nu):
+    """|t|^2 / 3 of a Student vector with nu degrees of freedom is F(3, nu), of another library."""
+    weight = np.zeros(len(Family.stated().weight))
+    weight[1 + FREEDOM.index(nu)] = 1.0
+    family = replace(Family.stated(), weight=weight)
+
+    (p,) = family.away(AWAY)
+
+    assert p == pytest.approx(stats.f.sf(AWAY**2 / 3, 3, nu), rel=0.03)
+
+
+def test_heavy_tails_explain_some_far_readings_and_not_a_dozen():
+    """Of 1000 readings Student's 3 degrees of freedom throw eight so far, never thirty."""
+    weight = np.zeros(len(Family.stated().weight))
+    weight[1 + FREEDOM.index(3.0)] = 1.0
+    p = replace(Family.stated(), weight=weight).away(AWAY)
+
+    assert _chance(10, 1000, p) > 0.1
+    assert _chance(30, 1000, p) < 1e-4
+    assert _chance(0, 1000, p) == 1.0
+
+
+def test_what_is_left_of_a_rotation_is_an_angle():
+    """One pose of a camera turned by 20 mrad under load: mrad of the rotation, and not mm."""
+    six = {"kind": "camera", "measures": "poses", "sigma_m": 5e-5, "sigma_rad": 2e-4}
+    given = small(3, poses={"count": 8}, tracker=six)
+    rows = given.readings
+    turned = (rows["pose"] == 5) & (rows["state"] == "loaded") & (rows["repeat"] == 1)
+    names = given.settings.measured
+    xyz = rows.loc[turned & rows["target"].isin(names), ["x_m", "y_m", "z_m"]].to_numpy(float)
+    off = np.cross([0.0, 0.0, 0.02], xyz - xyz.mean(axis=0))
+    spoilt = moved(given, (turned & rows["target"].isin(names)).to_numpy(), off)
+
+    got = kept(spoilt)
+
+    assert (got.worst_pose, got.worst_target) == (5, "rotation")
+    assert 2e-3 < got.turn_rad < 2e-2
+    assert kept(case=small()).turn_rad is None
+
+
+@pytest.mark.parametrize("seed", range(3))
+def test_base_rounds_that_contradict_each_other_are_no_noise(seed):
+    """Three of four in one round and one in the other are 4 mm off: which ones nobody can say."""
+    given = small(seed)
+    rng, rounds = np.random.default_rng(seed), given.readings[given.readings["pose"].isna()]
+    first, second = rounds.groupby("group").indices.values()
+    spoilt = given
+    for k in rounds.index[[*first[:3], second[3]]]:
+        way = rng.standard_normal(3)
+        spoilt = moved(spoilt, spoilt.readings.index == k, 4e-3 * way / np.linalg.norm(way))
+
+    count, of = astray(bring(spoilt).registration, 1.0, AWAY)
+    left = far(seen(given), Family.stated(), (count, of))
+
+    assert (2 <= count <= 4, of) == (True, 8)
+    assert kept(given, left=left).scattered
+    assert astray(bring(given).registration, 1.0, AWAY) == (0, 8)
+    one = moved(given, given.readings.index == rounds.index[0], [4e-3, 0, 0])
+    assert astray(bring(one).registration, 1.0, AWAY) == (1, 8)

@@ -1,0 +1,138 @@
+"""The budget of false alarms: its sum, and that every test keeps to its own part."""
+
+import ast
+import math
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.machine.cell import paper_cell
+from pipeline.machine.effects import catalogue
+from pipeline.run import tool
+from pipeline.store.campaign import in_memory
+from pipeline.system import alarms
+from pipeline.system.detect import threshold
+from pipeline.system.linearised import Model, linearise
+from pipeline.system.whitened import whiten
+
+PACKAGE = Path(alarms.__file__).parents[1]
+
+
+@pytest.mark.parametrize("table", [alarms.ACCUSING, alarms.OF_POSITIONS])
+def test_all_tests_together_accuse_one_clean_campaign_in_a_hundred(table):
+    """The sum bounds what chance does, however the tests depend on each other (Boole)."""
+    assert math.fsum(table.values()) <= alarms.MOST == 0.01
+
+
+RATES = {
+    "SUSPECT", "LACK_OF_FIT", "READING", "DRIFT", "MISFIT", "SCATTER", "COMPONENT", "LAW",
+    "GEOMETRY", "LOOSE", "MOVED", "EXCHANGED", "SCALE", "FRAME",
+}  # fmt: skip
+
+
+def test_every_rate_is_used_where_a_test_is_made():
+    """A rate that no code reads, or a test with a rate of its own, would make the sum a fiction."""
+    used = set()
+    for path in PACKAGE.rglob("*.py"):
+        for node in ast.walk(ast.parse(path.read_text("utf-8"))):
+            named = isinstance(node, ast.Attribute) and isinstance(node.value, ast.Name)
+            if named and node.value.id == "alarms":
+                used.add(node.attr)
+
+    assert used == RATES | {"PLANNED"}  # that of one suspect, where nothing is measured yet
+    counted = {*alarms.ACCUSING.values(), *alarms.OF_POSITIONS.values()}
+    assert counted == {getattr(alarms, rate) for rate in RATES - {"COMPONENT"}}
+
+
+KNOWN = {
+    "pose_moved._ALONE": "takes back what other poses show, too",
+    "base_reading._AGREES": "takes back what others contradict",
+    "base_reflector._AGREE": "takes back what others contradict",
+    "unloaded_geometry._MISFIT": "asks for causes only where positions do not fit",
+    "scale_reading._ALIKE": "factors that are one, which takes an accusation back",
+    "bounds._CHANCE": "a robot that gives way explains far more",
+    "estimate.MISFIT_P": "a remark beside the verdict",
+    "unloaded._RARE": "leaves out a pose that no displacement is measured in",
+}
+"""Probabilities of code outside of the table: none of them accuses a campaign by itself."""
+
+
+def test_no_test_has_a_rate_of_its_own():
+    """A p-value that is compared with a constant of its file is in the table, or told above."""
+    own = set()
+    for room in ("faults", "diagnosis", "system", "geometry"):
+        for path in (PACKAGE / room).rglob("*.py"):
+            own |= {f"{path.stem}.{name}" for name in _rates(path)}
+
+    assert own <= set(KNOWN)
+
+
+def _rates(path):
+    """Module-level probabilities that a comparison with a p-value uses."""
+    tree = ast.parse(path.read_text("utf-8"))
+    small = {
+        node.targets[0].id
+        for node in tree.body
+        if isinstance(node, ast.Assign)
+        and isinstance(node.value, ast.Constant)
+        and isinstance(node.value.value, float)
+        and 0 < node.value.value <= 0.01
+    }
+    for node in ast.walk(tree):
+        if isinstance(node, ast.Compare):
+            sides = [node.left, *node.comparators]
+            said = {name.id for side in sides for name in ast.walk(side) if hasattr(name, "id")}
+            chances = any(_chance(side) for side in sides)
+            yield from small & said if chances else ()
+
+
+CHANCES = {"p", "misfit", "chance", "chi2_beyond", "fdtrc", "chdtrc", "p_value", "p_exact"}
+
+
+def _chance(side):
+    """Whether an expression is a probability by chance."""
+    names = {getattr(node, "id", getattr(node, "attr", "")) for node in ast.walk(side)}
+    return bool(names & CHANCES) or any(name.endswith("_p") for name in names)
+
+
+def test_a_rate_of_its_own_would_be_found(tmp_path):
+    """The search above sees a new threshold the day somebody writes it."""
+    path = tmp_path / "made.py"
+    path.write_text("_RARE = 1e-3\n_M = 1e-3\ndef f(p, x):\n    return p < _RARE and x < _M\n")
+
+    assert set(_rates(path)) == {"_RARE"}
+
+
+def test_a_planned_suspect_has_the_rate_that_a_measured_one_finds(small_campaign, read_back):
+    """The whole catalogue of a robot on a rail, tested in one campaign: its threshold."""
+    raw = in_memory(small_campaign.files)
+    cell = paper_cell(raw.robot, tool(raw.settings))
+    model = Model(cell, raw.robot.nominal_compliance, 7)
+    seen = linearise(model, read_back(small_campaign).data, catalogue(raw.robot))
+    view = whiten(seen, 1.0)
+    found = threshold(view, view.base, view.rows_left, np.random.default_rng(1))
+
+    assert found.p == pytest.approx(alarms.PLANNED, rel=0.5)
+
+
+def test_nine_families_of_readings_are_tested():
+    """As many as there are entries of the table: a tenth needs a line there.
+
+    Single readings of the scale and exchanged ones share the rate of one family.
+    """
+    families = (
+        "bounds", "lost_pull", "base_reading", "base_reflector", "chain", "pose_moved",
+        "stale_reading", "together",
+    )  # fmt: skip
+    testing = {
+        path.stem
+        for room in ("faults", "diagnosis", "system")
+        for path in (PACKAGE / room).glob("*.py")
+        if "alarms.READING" in path.read_text("utf-8")
+    }
+
+    # joint_row asks the base for its alibi, one_pose what targets were computed from
+    assert testing - {"joint_row", "one_pose"} == set(families)
+    assert sum(rate == alarms.READING for rate in alarms.ACCUSING.values()) == len(families)
+    assert alarms.SCALE + alarms.EXCHANGED == alarms.READING

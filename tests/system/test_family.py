@@ -1,0 +1,197 @@
+"""Tails of single readings: numpy draws them, the family has to be seen, each reading weighed."""
+
+from dataclasses import replace
+from functools import partial
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from pipeline.system.family import (
+    _GRID,
+    AWAY,
+    BURSTS,
+    FREEDOM,
+    THROWN,
+    Family,
+    family,
+    likelihood,
+)
+
+
+def errors(nu, n, rng):
+    """Vectors of three with one Student scale each, unit variance along an axis; inf: normal."""
+    e = rng.standard_normal((n, 3))
+    if np.isinf(nu):
+        return e
+    return e * np.sqrt((nu - 2) / rng.chisquare(nu, n))[:, None]
+
+
+def seen(e, others, rng):
+    """What other readings say of errors, with a variance of their own, as `likelihood` has it."""
+    x = e + np.sqrt(others) * rng.standard_normal(e.shape)
+    return likelihood(x**2, np.full(e.shape, 1.0 + others), np.ones(len(e)))
+
+
+def test_the_likelihood_is_the_normal_density():
+    """At each lambda, up to a factor of the reading's own."""
+    rng = np.random.default_rng(1)
+    x, others = rng.standard_normal((4, 3)), rng.uniform(0.3, 2.0, (4, 3))
+    got = likelihood(x**2, others + 1.0, np.ones(4))
+    at = [0, 25, 60, 200]
+
+    for i in range(4):
+        direct = [
+            stats.multivariate_normal(np.zeros(3), np.diag(others[i] + np.exp(_GRID[k]))).pdf(x[i])
+            for k in at
+        ]
+        assert got[i, at] / got[i, at[0]] == pytest.approx(np.array(direct) / direct[0], rel=1e-9)
+
+
+@pytest.mark.parametrize("nu", [3.0, 5.0])
+def test_students_tails_are_seen(nu):
+    """300 readings, as 16 poses have; the freedom comes out within a factor of two."""
+    found = [
+        family(seen(errors(nu, 300, rng), 0.6, rng), False)[0]
+        for rng in map(np.random.default_rng, range(10))
+    ]
+
+    assert sum(one.p_value < 0.003 for one in found) >= 9
+    assert np.median([one.freedom for one in found]) == pytest.approx(nu, rel=0.6)
+
+
+def test_normal_readings_keep_the_stated_family():
+    """Forty campaigns: none is called heavy, and variances stay what they are."""
+    rngs = [np.random.default_rng(100 + k) for k in range(40)]
+    found = [family(seen(errors(np.inf, 300, rng), 0.6, rng), False) for rng in rngs]
+
+    assert sum(one.p_value < 0.003 for one, _ in found) <= 1
+    assert np.median([np.median(variance) for _, variance in found]) == pytest.approx(1.0, abs=0.03)
+
+
+def test_one_gross_reading_is_a_blunder_and_not_a_tail():
+    """A hundred standard uncertainties among normal readings, and the same among Student's."""
+    rng = np.random.default_rng(5)
+    normal = errors(np.inf, 300, rng)
+    normal[7] = [100.0, 0.0, 0.0]
+    told, variance = family(seen(normal, 0.6, rng), False)
+
+    assert told.heavy < 0.3
+    assert told.mistaken(100.0**2) > 0.95
+    assert variance[7] > 1e3
+    wild, _ = family(seen(errors(3.0, 300, rng), 0.6, rng), False)
+    assert wild.mistaken(8.0**2) < 0.5
+    assert told.mistaken(12.0**2) > 0.9
+    assert told.mistaken(2.0**2) < 1e-3
+
+
+@pytest.mark.parametrize("axes", [1, 2, 3])
+def test_a_mistake_is_judged_along_the_axes_that_show_it(axes):
+    """Among draws of errors of one width and of mistakes as large as they like, what share is."""
+    rng, part, at = np.random.default_rng(7), 1e-2, 5.0
+    told = replace(Family.stated(), mistakes=np.full(len(Family.stated().weight), part))
+    n = 4_000_000
+    wide = np.exp(rng.uniform(np.log(36.0), 25.0, n))
+    near = np.abs(np.sqrt(wide * rng.chisquare(axes, n)) - at) < 0.25
+    normal = stats.chi(axes)
+    odd = part * near.mean()
+    own = (1 - part) * (normal.sf(at - 0.25) - normal.sf(at + 0.25))
+
+    assert told.mistaken(at**2, axes) == pytest.approx(odd / (odd + own), abs=0.06)
+    assert told.mistaken(at**2, 1) > told.mistaken(at**2, 2) > told.mistaken(at**2, 3)
+
+
+def test_drawn_variances_are_those_of_the_family():
+    """Inverse gamma for Student; for Eq. (18), 3 Beta(1/2, 1), whose kurtosis per axis is 5.4."""
+    weight = np.zeros(len(Family.stated().weight))
+    weight[1 + FREEDOM.index(5.0)] = 1.0
+    told = replace(Family.stated(), weight=weight)
+    drawn = told.drawn(200_000, np.random.default_rng(2))
+
+    assert stats.kstest(5.0 / drawn, stats.chi2(5).cdf).pvalue > 1e-3
+    paper = Family.stated(True).drawn(400_000, np.random.default_rng(3))
+    assert paper.mean() == pytest.approx(1.0, rel=0.01)
+    assert 3 * (paper**2).mean() / paper.mean() ** 2 == pytest.approx(5.4, rel=0.01)
+
+
+def test_tails_of_the_paper_are_not_heavier_than_stated():
+    """Radius normal, direction uniform: heavy for a normal law, and just what is stated."""
+    rng = np.random.default_rng(6)
+    direction = rng.standard_normal((300, 3))
+    direction /= np.linalg.norm(direction, axis=1, keepdims=True)
+    e = np.sqrt(3) * rng.standard_normal((300, 1)) * direction
+    told = seen(e, 0.6, rng)
+
+    assert family(told, True)[0].p_value > 0.01
+    assert family(told, False)[0].p_value < 1e-3
+
+
+def student(nu, core, rng):
+    """Student's noise whose middle is `core` wide, not its variance."""
+    return core * np.sqrt(nu / (nu - 2)) * errors(nu, 300, rng)
+
+
+def bursts(core, rng):
+    """One reading in twenty four times wider."""
+    return core * np.where(rng.random((300, 1)) < 0.05, 4.0, 1.0) * rng.standard_normal((300, 3))
+
+
+WIDTHS = [
+    (lambda rng: 1.4 * rng.standard_normal((300, 3)), 1.4, True),
+    (lambda rng: student(3.0, 0.85, rng), 0.85, False),
+    (lambda rng: student(3.0, 1.0, rng), 1.0, False),
+    (lambda rng: bursts(1.0, rng), 1.0, False),
+    (lambda rng: student(3.0, 1.7, rng), 1.7, True),
+    (lambda rng: bursts(1.7, rng), 1.7, True),
+]
+
+
+@pytest.mark.parametrize(("drawn", "core", "wider"), WIDTHS)
+def test_what_the_tails_explain_is_no_wider_core(drawn, core, wider):
+    """The readings' own variance is in use, which holds core and tails; the core is told apart."""
+    found = []
+    for rng in map(np.random.default_rng, range(40, 50)):
+        e = drawn(rng)
+        used = np.sqrt(np.mean(e**2))
+        found.append(family(seen(e / used, 0.6, rng), False)[0].core(used))
+
+    told = sum(one.p_value < 0.003 for one in found)
+    assert told >= 9 if wider else told == 0
+    assert np.median([one.scale for one in found]) == pytest.approx(core, rel=0.1)
+    spread = np.std([np.log(one.scale) for one in found])
+    assert 0.4 * spread < np.median([one.std for one in found]) < 2.5 * spread
+
+
+def test_no_law_throws_more_than_an_instrument_in_order():
+    """Chance beyond ten widths of the core, by scipy: noise has a bound, whatever was found."""
+    student = [stats.f.sf(AWAY**2 / 3, 3, nu) for nu in FREEDOM]
+    bursts = [part * stats.chi2.sf((AWAY / width) ** 2, 3) for part, width in BURSTS]
+
+    assert max(*student, *bursts) < THROWN
+
+
+@pytest.mark.parametrize("many", [20, 40])
+@pytest.mark.parametrize("used", [1.0, 2.5])
+def test_many_readings_alike_far_off_are_mistakes_and_no_tails(many, used):
+    """Some of 300 normal readings 12 standard uncertainties off, whatever noise is in use."""
+    rng = np.random.default_rng(many)
+    e = errors(np.inf, 300, rng)
+    direction = rng.standard_normal((many, 3))
+    e[:many] += 12 * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    found = family(seen(e / used, 0.6 / used**2, rng), False)[0].of(used)
+
+    assert not found.likely_heavy
+    assert found.width == pytest.approx(1.0, rel=0.1)
+    assert found.rather.mistaken(10.0**2) > 0.95
+    assert found.rather.mistaken(3.0**2) < 0.1
+
+
+def test_tails_stay_tails_beside_a_bound():
+    """Student's with 3 degrees of freedom, and bursts: what they throw is no mistake."""
+    found = [
+        family(seen(drawn(rng), 0.6, rng), False)[0].rather
+        for rng in map(np.random.default_rng, range(70, 75))
+        for drawn in (partial(errors, 3.0, 300), partial(bursts, 1.0))
+    ]
+
+    assert sum(one.heavy > 0.5 and one.mistaken(8.0**2) < 0.9 for one in found) >= 9
