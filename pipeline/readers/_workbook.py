@@ -25,6 +25,13 @@ _UNPACKED = 1_000_000_000
 """Bytes of all that is packed in a workbook; sheets are XML that shrinks to a tenth."""
 _PIECE = 1 << 20
 """Bytes that are unpacked in one go."""
+_MOST_CELLS = 10_000_000
+"""Of a sheet: ten columns of as many rows as Excel has; each takes a microsecond and more."""
+_CELLS = (b"<c ", b"<c>", b"<c/>")
+_FAR = re.compile(rb'\sr="(?:[A-Z]{4}|[A-Z]{0,3}\d{8})')
+"""Beyond XFD1048576, the last cell that Excel has."""
+_REFERENCE = 16
+"""Letters of a reference."""
 _MILLISECOND = 1000
 """[us]; Excel shows no finer times, and keeps days as numbers that are good for 1 us."""
 _BREAKS = re.compile(r"[\t\r\n]+")
@@ -152,7 +159,16 @@ def _as_said(packed: zipfile.ZipFile, one: zipfile.ZipInfo) -> None:
     longer = copy.copy(one)
     longer.file_size += 1
     del longer.CRC  # which is that of the length it says
+    found = cells = 0
+    before = b""
     with packed.open(longer) as part:
-        found = sum(len(piece) for piece in iter(lambda: part.read(_PIECE), b""))
+        for piece in iter(lambda: part.read(_PIECE), b""):
+            found += len(piece)
+            cells += sum(map(piece.count, _CELLS))
+            if _FAR.search(before[-_REFERENCE:] + piece):
+                raise zipfile.BadZipFile(f"{one.filename} has a cell where no sheet has one")
+            if cells > _MOST_CELLS:
+                raise InputError(f"a sheet has more than {_MOST_CELLS} cells", _SMALLER)
+            before = piece
     if found > one.file_size:
         raise zipfile.BadZipFile(f"{one.filename} is longer than it says")
