@@ -14,6 +14,7 @@ from pipeline.answer import positions
 from pipeline.answer.contract import Answer
 from pipeline.answer.pictures import kept_scene
 from pipeline.answer.positions import Positions
+from pipeline.answer.posture import standing_posture
 from pipeline.answer.scene import scene_of_positions
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
@@ -87,6 +88,7 @@ def stood(name: str, raw: Raw, keep: Keep, step: Step) -> Stood:
         ),
         "laws": keep("53_laws", _laws(found), tables.LAWS),
         "held_out": keep("60_held_out", _held_out(found), tables.HELD_OUT),
+        "posture": keep("73_posture", _posture(found), tables.POSTURE),
         **kept_scene(step(scene_of_positions)(found), keep),
     }
     kept = standing(name, found.final)
@@ -104,6 +106,14 @@ def _studied(raw: Raw, read: Positioned, step: Step) -> Study:
         raw.robot.roughness,
         np.random.default_rng(_SEED),
     )
+
+
+def _posture(found: Study) -> pd.DataFrame:
+    """The robot at the first pose, for the picture on the certificate."""
+    mechanism, readings = found.final.mechanism, found.final.readings
+    points = mechanism.tool[:, :3, 3]
+    tool = Tool(points[0], np.array(readings.targets, dtype=object), points)
+    return standing_posture(mechanism.robot, tool, readings.q[0])
 
 
 def _rejected(read: Positioned, off: Sequence[Mistake]) -> pd.DataFrame:

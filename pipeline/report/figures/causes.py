@@ -1,4 +1,4 @@
-"""What speaks for each cause, which causes look alike, and what naming them is worth."""
+"""What speaks for each cause, and which causes look alike."""
 
 from __future__ import annotations
 
@@ -13,10 +13,10 @@ from pipeline.base.quantities import plain
 from pipeline.diagnosis.facts import APART, DETECTED
 from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
-from pipeline.report.figures.marks import Tips, dots, integer_ticks, legend_above
+from pipeline.report.figures.marks import Tips, dots
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables, gain, separability, suspects
+from pipeline.report.summaries import Tables, separability, suspects
 from pipeline.report.svg import APART_SHADES, BLUE, MUTED, RED
 
 _APART_STEPS = (1.0, 2.0, APART, 10.0)
@@ -103,53 +103,9 @@ def _compared(answer: Answer, tables: Tables) -> pd.DataFrame:
     return separability(tables["separability"], named)
 
 
-def _draw_gain(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """Error at every pose left out, without and with the identified causes."""
-    poses = gain(tables["examined"])
-    axes = canvas.subplots()
-    at, numbers = np.arange(len(poses)), poses["pose"].astype(int).tolist()
-    before, after = poses["before"].to_numpy(), poses["after"].to_numpy()
-    axes.vlines(at, before, after, color=MUTED, linewidth=0.8)
-    tips: Tips = {}
-    kinds = (
-        ("before", before, MUTED, "o", "joint springs"),
-        ("after", after, RED, "D", "with causes"),
-    )
-    for key, mm, colour, marker, name in kinds:
-        pairs = zip(numbers, mm, strict=True)
-        said = [f"pose {pose} left out, {name}: {plain(v)} mm" for pose, v in pairs]
-        style = {"color": colour, "marker": marker, "s": 18, "zorder": 3}
-        tips |= dots(axes, key, at, mm, said, label=name, **style)
-    integer_ticks(axes, at, numbers)
-    axes.grid(axis="x", visible=False)
-    axes.set(xlabel="Pose left out", ylabel="Rms error per coordinate [mm]", ylim=(0, None))
-    legend_above(axes, 2)
-    return tips
-
-
 def _cause_in_words(suspect: Any, answer: Answer) -> str:
     """A row of table DIAGNOSIS in words."""
     return words.from_label(f"{suspect['name']}:{suspect['where']}", answer.axes)
-
-
-def _write_gain(answer: Answer, tables: Tables) -> Figure | None:
-    poses = gain(tables["examined"])
-    same = poses.empty or (poses["after"] == poses["before"]).all()
-    if same or not answer.diagnosis.causes:
-        return None
-    better = int((poses["after"] < poses["before"]).sum())
-    worst = poses.iloc[int(poses["before"].argmax())]
-    said = (
-        f"With the identified causes {better} of {len(poses)} poses are predicted better; at pose "
-        f"{int(worst['pose'])}, the worst without them, the error changes from "
-        f"{plain(worst['before'])} mm to {plain(worst['after'])} mm."
-    )
-    return Figure(
-        "gain",
-        "Error at poses left out, without and with the identified causes",
-        f"{said} Each pose is predicted from all others, the causes chosen anew without it.",
-        f"Pairs of marks per pose: error with joint springs alone and with causes. {said}",
-    )
 
 
 def _write_evidence(answer: Answer, tables: Tables) -> Figure | None:
@@ -214,6 +170,5 @@ def _write_separability(answer: Answer, tables: Tables) -> Figure | None:
     )
 
 
-GAIN = Plot("gain", ("examined",), _write_gain, _draw_gain)
 EVIDENCE = Plot("evidence", ("diagnosis",), _write_evidence, _draw_evidence)
 SEPARABILITY = Plot("separability", ("separability",), _write_separability, _draw_separability)

@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
+from pipeline.answer.nouns import noun
 from pipeline.answer.words import capital
 from pipeline.base.quantities import common_prefix, percent, plain, prefixed
 from pipeline.report import words
@@ -103,9 +106,17 @@ def _marks(view: Axes, name: str, answer: Answer, rows: pd.DataFrame) -> Tips:
         **style,
     )
     view.set_ylim(low, reach)
-    what = capital(_NAMES[first["is"]]) if first["is"] in _NAMES else first["is"]
+    what = capital(_quantity(answer, first))
     view.set_ylabel(f"{what} [{unit}]" if unit else what)
     return tips
+
+
+def _quantity(answer: Answer, first: pd.Series[Any]) -> str:
+    """What a law changes, in words."""
+    name = str(first["is"])
+    causes = {words.label(one).replace(" ", ":"): one for one in answer.diagnosis.causes}
+    cause = causes.get(first["cause"])
+    return _NAMES.get(name) or (noun(cause, name) if cause else name)
 
 
 def _called(answer: Answer, label: str, part: int) -> str:

@@ -120,7 +120,7 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     axes.set_axis_off()
     axes.set_aspect("equal")
     solid = rows[rows["part"].isin(_SOLID)]
-    near, shapes = _capsules(view, solid)
+    near, shapes = outlines(view, solid, np.maximum(_slim(solid), _LEAST_M))
     order = np.argsort(near, kind="stable")
     fill = np.where(solid["part"] == "base", GRID, BODY)[order].tolist()
     shapes = [shapes[k] for k in order]
@@ -155,10 +155,10 @@ def _names(answer: Answer) -> tuple[str, str]:
     return ("off the nominal robot" if answer.of_positions else "measured deflection", "residual")
 
 
-def _capsules(view: View, rows: pd.DataFrame) -> tuple[Array, list[Array]]:
+def outlines(view: View, rows: pd.DataFrame, radius: Array) -> tuple[Array, list[Array]]:
     """Nearness and outline of capsules: two circles and what lies between them."""
     x, y, scale = view(np.stack([rows[_FROM].to_numpy(float), rows[_TO].to_numpy(float)]))
-    r = scale * np.maximum(_slim(rows), _LEAST_M)
+    r = scale * radius
     along = np.arctan2(y[1] - y[0], x[1] - x[0])
     apart = np.maximum(np.hypot(x[1] - x[0], y[1] - y[0]), 1e-9)
     half = np.arccos(np.clip((r[0] - r[1]) / apart, -1, 1))
