@@ -21,6 +21,7 @@ from pypdf.generic import DictionaryObject
 
 from pipeline.answer.contract import Answer, Odd, Remark, Stiffness
 from pipeline.base import quantities as numbers
+from pipeline.report.certificate import digest
 from pipeline.report.figures.catalogue import CATALOGUE, draw
 from pipeline.report.model import compose
 from pipeline.report.paper import printed
@@ -494,9 +495,13 @@ def test_pages_are_full_whatever_the_verdict(effect):
     plan = Plan(name="paper", seed=4, poses={"count": 16}, hidden=hidden)
     found = answered("paper", in_memory(simulate(plan).files))
     content = render(found.answer, found.shown)["report.pdf"]
+    first, *more = pages_of(content)
 
     assert min(filled(content)[:-1]) >= 0.6
     assert broken(pypdf.PdfReader(io.BytesIO(content)).pages) == []
+    assert len(more) < 8
+    assert digest(found.answer) in first
+    assert "Released" in first
 
 
 def told(report):

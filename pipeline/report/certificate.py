@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.answer.contract import Answer, Cause, Data, Reason, Stiffness, Which
 from pipeline.answer.nouns import amount
-from pipeline.answer.words import DO, capital, listed
+from pipeline.answer.words import DO, capital
 from pipeline.base.files import sha256
 from pipeline.base.quantities import (
     MISSING,
@@ -73,7 +73,7 @@ def found(answer: Answer) -> str:
     causes = answer.diagnosis.causes
     if not causes:
         return _NOTHING.get(str(answer.diagnosis.verdict), "")
-    return f"{capital(listed([_cause(one) for one in causes]))}{_gain(answer)}."
+    return f"{capital('; '.join(_cause(one) for one in causes))}{_gain(answer)}."
 
 
 _NOTHING = {
@@ -83,9 +83,12 @@ _NOTHING = {
 
 
 def _cut(text: str) -> str:
-    """The beginning of a long sentence."""
+    """The first clauses of a long sentence."""
     told = text.split()
-    return text if len(told) <= _MOST_FOUND else f"{' '.join(told[:_MOST_FOUND])} …"
+    if len(told) <= _MOST_FOUND:
+        return text
+    ends = [k for k, one in enumerate(told[:_MOST_FOUND], 1) if one[-1] in ",:;"]
+    return " ".join(told[: max(ends, default=_MOST_FOUND)]).rstrip(",:;")
 
 
 def _cause(one: Cause) -> str:
@@ -109,7 +112,7 @@ def to_do(answer: Answer) -> str:
     """What to do with the values."""
     said = DO[answer.recommended.reason]
     if answer.recommended.data is Data.CORRECTED or said[0].islower():
-        return f"Check the files and run it once more; until then {said}"
+        return f"Correct the files; until then {said}"
     return said
 
 
@@ -117,9 +120,9 @@ def _by_tolerance(answer: Answer) -> Iterator[str]:
     """What a tolerance that is not kept asks for."""
     worst = answer.tolerance.worst if answer.tolerance else None
     if worst is Decision.FAIL:
-        yield "Reduce the force, choose other poses, or compensate the path."
+        yield "Reduce the force or compensate the path."
     elif worst is Decision.UNDECIDED:
-        yield "Reduce the force, compensate the path, or measure more."
+        yield "Reduce the force or measure more."
 
 
 # --- the stiffnesses ------------------------------------------------------------------------------
@@ -197,7 +200,7 @@ def _entered(answer: Answer) -> dict[str, str]:
             one.name: _rounded(one, units.get(one.name)) for one in answer.joint_springs.stiffness
         }
     odd = [one for one in joints if one.value is None or one.ci95[1] is None]
-    return {one.name: _rounded(one) for one in joints} if odd else {}
+    return {one.name: _rounded(one, one.value) for one in joints} if odd else {}
 
 
 def _rounded(joint: Stiffness, beside: float | None = None) -> str:
@@ -205,15 +208,16 @@ def _rounded(joint: Stiffness, beside: float | None = None) -> str:
 
     Args:
         joint: Whose.
-        beside: The value whose unit it is given in; its own where there is none.
+        beside: The value beside it, whose unit it shares; None where there is none.
     """
     if joint.value is None:
         return "leave as it is"
     if joint.ci95[1] is None:
         return "no value"
-    factor, _ = common_prefix([beside or joint.value])
+    factor, letter = common_prefix([beside or joint.value])
     value, std = joint.value / factor, scaled(joint.std, factor)
-    return plain(value) if std is None else with_uncertainty(value, std)[0]
+    shown = plain(value) if std is None else with_uncertainty(value, std)[0]
+    return shown if beside else f"{shown} {prefixed(joint.unit, letter)}"
 
 
 def _note(answer: Answer, compared: bool) -> str:

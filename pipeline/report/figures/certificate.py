@@ -258,10 +258,9 @@ def _key(sheet: Sheet, stands: Sequence[Stand], rings: bool) -> None:
 def _write(answer: Answer, tables: Tables) -> Figure:
     stands = {joint: stand(joint) for joint in answer.stiffness}
     told = "; ".join(f"{j.axis or j.name} {one.said}, {one.word}" for j, one in stands.items())
-    causes = [words.placed(one) for one in answer.diagnosis.causes]
-    sits = (
-        f" Marked: {'; '.join(f'{k} {one}' for k, one in enumerate(causes, 1))}." if causes else ""
-    )
+    seated = [k for k, _ in _seated(arm_of(tables, _HIGH, 0.0), answer)]
+    named = [f"{k} {words.placed(answer.diagnosis.causes[k - 1])}" for k in seated]
+    sits = f" Marked: {'; '.join(named)}." if named else ""
     pose = answer.test_pose
     moves = "" if pose is None else f" The arrow is the deflection, {plain(pose.deflection_mm)} mm."
     nominal = any(joint.nominal for joint in answer.stiffness)

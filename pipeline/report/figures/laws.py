@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import textwrap
 from typing import Any
 
 import numpy as np
@@ -22,6 +23,9 @@ from pipeline.report.svg import BLUE, MUTED, RED
 
 _MOST_LAWS = 4
 """Laws in one picture."""
+
+_BESIDE = 26
+"""Characters of a label that stand beside one plot."""
 
 _NAMES = {"torque": "torque about its axis", "force": "force along it", "load": "size of the load"}
 _NAMES |= {"time": "time after the first reading", "turn": "turn", "shift": "shift"}
@@ -107,7 +111,8 @@ def _marks(view: Axes, name: str, answer: Answer, rows: pd.DataFrame) -> Tips:
     )
     view.set_ylim(low, reach)
     what = capital(_quantity(answer, first))
-    view.set_ylabel(f"{what} [{unit}]" if unit else what)
+    label = f"{what} [{unit}]" if unit else what
+    view.set_ylabel("\n".join(textwrap.wrap(label, _BESIDE)))
     return tips
 
 
