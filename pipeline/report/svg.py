@@ -83,6 +83,9 @@ _ON_THE_PAGE: Any = _PLAIN | STYLE | {"figure.facecolor": "none", "axes.facecolo
 _SHAPES = {"use", "path"}
 
 
+_WHOLE_PX = 560
+"""A figure drawn by hand that is no wider shrinks with the page."""
+
 _HALF_PX = 544
 """Least width of half a page in page.css: 34 rem of 16 pixels."""
 
@@ -120,8 +123,9 @@ def drawn(name: str, draw: Callable[[Canvas], Mapping[str, Sequence[str]]]) -> D
 
 
 def by_hand(svg: str) -> Drawing:
-    """A figure that is SVG already, its words within it."""
-    return Drawing(svg, _inline(svg, {}, whole=True))
+    """A figure that is SVG already, its words within it; a wide one is scrolled."""
+    width = float(ET.fromstring(svg).attrib["viewBox"].split()[2])
+    return Drawing(svg, _inline(svg, {}, whole=width <= _WHOLE_PX))
 
 
 def _inline(svg: str, tips: Mapping[str, Sequence[str]], *, whole: bool = False) -> str:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -33,6 +34,9 @@ _AROUND = 0.36
 
 _REACH = 0.16
 """How long what moves most is drawn, over the size of the arm."""
+
+_APART = 6.0
+"""Marks nearer than this [px] would cover each other."""
 
 _ASIDE = np.deg2rad(28.0)
 """The arm is seen from so far before its side."""
@@ -74,35 +78,39 @@ class Arm:
             own: dict[str, Any] = {"fill": fill, "stroke": EDGE, "stroke_width": 0.8}
             sheet.shape(at, **(own | style))
 
-    @property
+    @cached_property
     def solid(self) -> pd.DataFrame:
         """Its bodies, points apart."""
         return self.rows[self.rows["radius_m"] > 0]
 
+    @cached_property
+    def ends(self) -> Array:
+        """Both ends of each row [m], shape (c, 2, 3)."""
+        return self.rows[[*_FROM, *_TO]].to_numpy(float).reshape(-1, 2, 3)
+
+    @cached_property
     def joints(self) -> dict[int, Array]:
         """Where each joint is [px]; of several in one place the next ones on their own links."""
         found: dict[int, Array] = {}
-        at = self.rows[self.rows["part"] == "joint"].set_index("joint")
-        for number in at.index.tolist():
-            place = self(at.loc[[number], _FROM].to_numpy(float))[0]
-            own = self.rows[(self.rows["part"] == "arm") & (self.rows["joint"] == number)]
-            if any(np.hypot(*(place - one)) < 6 for one in found.values()) and len(own):
-                ends = own[[*_FROM, *_TO]].to_numpy(float).reshape(-1, 2, 3)
-                place = self(ends.mean(axis=1))[0]
-            found[number] = place
+        parts, numbers = self.rows["part"].to_numpy(str), self.rows["joint"].to_numpy()
+        at, amid = self(self.ends[:, 0]), self(self.ends.mean(axis=1))
+        for k in np.flatnonzero(parts == "joint"):
+            own = np.flatnonzero((parts == "arm") & (numbers == numbers[k]))
+            taken = any(np.hypot(*(at[k] - one)) < _APART for one in found.values())
+            found[int(numbers[k])] = amid[own[0]] if taken and len(own) else at[k]
         return found
 
     def place(self, cause: Placed, location: str | None) -> Array | None:
         """Where a cause sits [px]; None where it is not in the robot."""
-        joints, rows = self.joints(), self.rows
+        joints, rows = self.joints, self.rows
         if isinstance(cause.where, int):
             return joints.get(cause.where)
         if cause.where is not None:
             named = rows[(rows["name"] == cause.where) & (rows["part"] != "joint")]
             return self(named[_TO].to_numpy(float))[0] if len(named) else None
         if location == "rail":
-            body = rows[rows["part"] == "carriage"]
-            return self(body[_TO].to_numpy(float))[0] if len(body) else joints.get(1)
+            body = np.flatnonzero(rows["part"] == "carriage")
+            return self(self.ends[body[0], 1]) if len(body) else joints.get(1)
         at = {"tool": _TO, "force": _TO, "wrist": _FROM}.get(location or "")
         return None if at is None else self(self.tip[at].to_numpy(float))[0]
 
@@ -195,7 +203,7 @@ def _draw(answer: Answer, tables: Tables) -> str:
 
 def _joints(sheet: Sheet, arm: Arm, stands: dict[int, tuple[Stiffness, Stand]]) -> None:
     """A disc at each joint, and its name with its share of nominal in a row above."""
-    at = {k: place for k, place in arm.joints().items() if k in stands}
+    at = {k: place for k, place in arm.joints.items() if k in stands}
     step = (_WIDE - 20) / max(len(at), 1)
     for slot, number in enumerate(at):
         joint, one = stands[number]
@@ -414,7 +422,7 @@ def _write_motion(answer: Answer, tables: Tables) -> Figure | None:
     pose = answer.test_pose
     if ghost.empty or not causes or pose is None:
         return None
-    tip = tables["posture"].query("name == 'load_point'")
+    tip = tables["posture"][tables["posture"]["name"] == "load_point"]
     moved = tip[[f"to_caused_{a}_m" for a in "xyz"]].to_numpy(float)[0]
     said = (
         f"{capital(' and '.join(causes))} alone {'moves' if len(causes) == 1 else 'move'} the load "

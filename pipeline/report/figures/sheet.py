@@ -53,6 +53,11 @@ class Sheet:
         own = {"cx": f"{x:.1f}", "cy": f"{y:.1f}", "r": f"{radius:g}"}
         self._add("circle", own | ({"data-tip": tip} if tip else {}), style)
 
+    def square(self, x: float, y: float, side: float, tip: str = "", **style: Any) -> None:
+        """A square from its upper left corner, with what it says."""
+        own = {"x": f"{x:.1f}", "y": f"{y:.1f}", "width": f"{side:.1f}", "height": f"{side:.1f}"}
+        self._add("rect", own | ({"data-tip": tip} if tip else {}), style)
+
     def text(self, x: float, y: float, said: str, size: float = 12, **style: Any) -> None:
         """Words from a point on, at their foot, on a rim of paper."""
         own = {"x": f"{x:.1f}", "y": f"{y:.1f}", "paint-order": "stroke", "stroke": PAPER}
