@@ -116,6 +116,8 @@ def drawn(name: str, draw: Callable[[Canvas], Mapping[str, Sequence[str]]]) -> D
     with matplotlib.rc_context(_ON_THE_PAGE | {"svg.hashsalt": name}):
         canvas = Canvas()
         tips = draw(canvas)
+        if len(canvas.axes) == 1 and not canvas.legends:  # one pass over its labels is enough
+            canvas.set_layout_engine("tight", pad=0.4)
         canvas.align_ylabels()  # of plots below each other
         # Figure.savefig would draw everything once more for the layout.
         FigureCanvasSVG(canvas).print_svg(text, metadata=nothing)  # type: ignore[no-untyped-call]

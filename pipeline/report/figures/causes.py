@@ -71,9 +71,9 @@ def _draw_separability(answer: Answer, tables: Tables) -> str:
         sheet.square(x, y, 0.9 * _SIDE, tip, fill=shade, **frame)
     for k in range(1, n):
         sheet.text(beside - 5, _SIDE * (k - 0.3), names[k], 11, text_anchor="end")
-        x, y = float(beside + _SIDE * (k - 0.3)), _SIDE * (n - 1) + 5
-        turned = {"transform": f"rotate(-90 {x:.1f} {y:.1f})", "text_anchor": "end"}
-        sheet.text(x, y, names[k - 1], 11, **turned)
+        across, foot = float(beside + _SIDE * (k - 0.3)), _SIDE * (n - 1) + 5
+        turned = {"transform": f"rotate(-90 {across:.1f} {foot:.1f})", "text_anchor": "end"}
+        sheet.text(across, foot, names[k - 1], 11, **turned)
     _apart_key(sheet, bool(found.any()))
     return sheet.svg
 

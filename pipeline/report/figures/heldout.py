@@ -9,6 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.answer.contract import Answer, Validation, Which
+from pipeline.answer.words import capital
 from pipeline.base.linear import rms
 from pipeline.base.quantities import known, plain
 from pipeline.report import words
@@ -116,8 +117,8 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
     return Figure(
         "held-out",
         "Error at poses that took no part",
-        f"{said}{floor}{_better(models)} Each pose is predicted from all others, the causes chosen "
-        "anew without it; a dot is a pose, a bar the rms of all.",
+        f"{capital(said)}{floor}{_better(models)} Each pose is predicted from all others, the "
+        "causes chosen anew without it; a dot is a pose, a bar the rms of all.",
         f"Dots of the error at each pose, a row for each model. {said}{floor}",
     )
 

@@ -105,9 +105,9 @@ def validation(answer: Answer, tables: Tables) -> Section | None:
         "How do you tell that it is good?",
         [
             _held_out(given),
-            *figures(("held-out",), answer, tables),
+            *figures(("held-out", "models"), answer, tables),
             _mu_table(given),
-            *figures(("models", "measured", "prediction"), answer, tables),
+            *figures(("measured", "prediction"), answer, tables),
         ],
     )
 
