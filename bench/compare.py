@@ -2,7 +2,7 @@
 
 Sixty campaigns are made once, by the present tree. BASE and the present tree answer the same files,
 each in a process of its own, and whatever differs in result.json is listed. A change that claims to
-leave the numbers alone is held to that here, at 1e-9; tests/test_frozen.py holds ten of the
+leave the numbers alone is held to that here, at 1e-9; tests/bench/test_frozen.py holds ten of the
 campaigns to numbers that were written down, at 1e-6, and `--freeze` writes these anew.
 
 This is a bench tool, and its exit codes are its own: 0 when nothing differs, 1 when something does,
@@ -568,10 +568,10 @@ CHOSEN = (
     "unit_mixup:kgf",
     "outlier",
 )
-"""Held by tests/test_frozen.py: good and bad ones of every kind, whose numbers agree to 3e-7 on
-processors of different kinds. Those of some others do not: the search for play or hysteresis may
-end 1e-4 away, lengths in the wrong unit leave a registration without meaning, and of exact twins
-rounding decides which comes first.
+"""Held by tests/bench/test_frozen.py: good and bad ones of every kind, whose numbers agree to
+3e-7 on processors of different kinds. Those of some others do not: the search for play or
+hysteresis may end 1e-4 away, lengths in the wrong unit leave a registration without meaning, and
+of exact twins rounding decides which comes first.
 """
 
 

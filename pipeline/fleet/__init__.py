@@ -2,5 +2,5 @@
 
 Door: `fleet.command` for the command line, `fleet.pages` for who has run a campaign: `refresh`
 brings the page over all of them up to date, `together` is what one page says of the others.
-Tests: test_wear.py, test_query.py, test_experience.py, test_history.py; bench/fleet plays careers.
+Tests: `tests/fleet/`; bench/fleet plays careers.
 """

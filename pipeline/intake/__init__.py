@@ -3,6 +3,5 @@
 Door: `intake.command` for the command line (`init`, `inspect`); for the readers `intake.table`,
 which describes a table of no dialect, and `intake.known`, which settles what an export leaves open
 by reflectors whose places are known.
-Tests: test_inspect.py, test_init.py, test_foreign_exports.py, test_foreign_names.py,
-test_campaign_exports.py, test_reading.py; random_tables.py draws what strangers may send.
+Tests: `tests/intake/`; random_tables.py draws what strangers may send.
 """

@@ -2,7 +2,7 @@
 
 Door: `programs.command:compensate`. Targets, their notation and where the robot stands at them are
 `prediction`'s, which judges paths of poses without any program.
-Tests: test_programs.py, test_program_words.py, test_program_accounts.py, test_cartesian_paths.py.
+Tests: `tests/programs/`.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Outbuilding: the virtual cell; poses, pulls, noise and hidden effects become raw files.
 
 Door: `simulate.command` for the command line, `simulate.library` for `import pipeline`.
-Tests: test_simulate.py, test_virtual.py, test_blunders.py; nearly all others measure with it.
+Tests: `tests/simulate/`; nearly all others measure with it.
 """
 
 from pipeline.simulate.campaign import RawCampaign, prepared, raw_files, simulate

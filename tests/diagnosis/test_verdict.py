@@ -1,0 +1,336 @@
+"""The verdict: a test for every row of its table, and what stands between subjects."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+
+from pipeline.answer.diagnosis import cause_entry
+from pipeline.answer.words import enormous, why
+from pipeline.diagnosis.bounds import Bounds
+from pipeline.diagnosis.causes import missing
+from pipeline.diagnosis.diagnose import _refused
+from pipeline.diagnosis.facts import NOTHING, Amplitude, Cause, Facts, Gain, Named
+from pipeline.diagnosis.finding import Finding, Verdict
+from pipeline.diagnosis.identify import Rival
+from pipeline.diagnosis.joined import Agreement
+from pipeline.diagnosis.verdict import TABLE, findings, of_both, verdict
+from pipeline.machine.effects import catalogue
+from pipeline.machine.robot import load
+from pipeline.system.far import Far
+
+EFFECTS = {(effect.label, effect.form): effect for effect in catalogue(load("kr500_rail"))}
+
+
+def effect(label):
+    """The first form of an effect."""
+    return next(one for (name, _), one in EFFECTS.items() if name == label)
+
+
+def test_a_cause_has_what_neither_a_stranger_nor_a_misfit_takes():
+    """The larger of both is outside of the catalogue; cause, rivals and that add up to one."""
+    roll, pitch = effect("rail_roll"), effect("rail_pitch")
+    one = replace(cause("rail_roll", 0.7), rivals=(Named(pitch, 0.3),))
+
+    assert (one.outside, one.stated(0.7)) == (0.0, 0.7)
+    for stranger, left, outside in ((0.2, 0.0, 0.2), (0.2, 0.9, 0.9), (0.6, 0.5, 0.6)):
+        now = replace(one, unnamed=Named(roll, stranger), missing=left)
+        assert now.outside == outside
+        told = cause_entry(now)
+        every = (told, *told.rivals, told.outside_catalogue)
+        assert told.probability == pytest.approx(0.7 * (1 - outside))
+        assert sum(one.probability for one in every) == pytest.approx(1.0)
+
+    left = cause_entry(replace(one, missing=0.9)).outside_catalogue
+    assert (left.probability, left.looks_like) == (0.9, None)
+    assert cause_entry(one).outside_catalogue is None
+
+
+@pytest.mark.parametrize(
+    ("chances", "explains", "misfit", "expected"),
+    [
+        ((0.4, 0.6, 0.5), True, 0.2, 0.0),
+        ((0.4, 0.6, 0.5), False, 0.5, 0.2),  # o / (o + 1)
+        ((1e-3, 0.6, 0.5), False, 0.2, 0.25 / (0.25 + 1e-3 * np.e * np.log(1e3))),
+        ((0.4, 1e-9, 0.5), False, 0.2, 1.0),
+        ((0.4, 0.6, 1e-8), False, 0.2, 0.99992),  # one in fifty thousand among 50 suspects
+        ((0.4, 0.6, 0.5), True, 1e-5, 0.9988),
+    ],
+)
+def test_what_rejects_the_model_with_the_causes_gives_what_is_missing_a_share(
+    chances, explains, misfit, expected
+):
+    """The smallest chance of what is left, at odds of one in four; nothing where none rejects."""
+    poses, pulls, further = chances
+    found = SimpleNamespace(
+        explains=explains,
+        left=further,
+        lack=SimpleNamespace(p_poses=poses, p_pulls=pulls),
+        threshold=SimpleNamespace(independent=50.0),
+    )
+
+    assert missing(found, misfit) == pytest.approx(expected, rel=1e-3, abs=1e-6)
+
+
+def cause(label, probability=0.99, **more):
+    """A cause as the diagnosis leaves it."""
+    one = effect(label)
+    size = tuple(Amplitude.symmetric(p, p.typical, p.typical / 9) for p in one.parameters)
+    return Cause(one, probability, size, 1e-9, **more)
+
+
+def gain(reduction, low):
+    """What causes are worth at left-out poses: errors of 1 mm before."""
+    before = np.full(6, 1e-3)
+    return Gain(before, before * (1 - reduction), reduction, (low, 0.9), ())
+
+
+def drift(undecided):
+    """What the base reflectors say of a tracker that turned."""
+    return SimpleNamespace(
+        effect=effect("tracker_drift"), undecided=undecided, turn=np.array([0, 0, 1e-8]),
+        moved_m=4e-4, hours=2.0,
+    )  # fmt: skip
+
+
+ROLL = (cause("rail_roll"),)
+FOUND = Facts(detected=True, explains=True, causes=ROLL, gain=gain(0.5, 0.3), remainder=1.0)
+STRANGE = Named(effect("rail_pitch"), 0.6)
+MISTAKE = SimpleNamespace(evidence="the reading a/P1 is 9 mm off")
+MISPLACED = replace(NOTHING, miss_m=2e-3, left_m=1e-4)
+USELESS = replace(
+    MISPLACED, gain=gain(-0.1, -0.3), causes=(SimpleNamespace(effect=ROLL[0].effect),)
+)
+TILTS = (cause("joint_tilt:5", 0.6, rivals=(Named(effect("joint_tilt:6"), 0.4),)),)
+GEAR = (cause("joint_hardening:3"), cause("joint_lost_motion:3"))
+
+APART = Agreement(40.0, 5, np.ones((6, 2)), np.ones((6, 2)), None)
+
+ROWS = {
+    Finding.MISTAKE: (Facts(mistakes=(MISTAKE,)), Verdict.BAD_DATA),
+    Finding.TRACKER_MOVED: (Facts(drift=drift(undecided=False)), Verdict.EXPLAINED),
+    Finding.TRACKER_MOVED_OR_KNOCKED: (Facts(drift=drift(undecided=True)), Verdict.AMBIGUOUS),
+    Finding.STANDS_ELSEWHERE: (
+        Facts(unloaded=MISPLACED, moved=(cause("joint_offset:3"),)),
+        Verdict.EXPLAINED,
+    ),
+    Finding.STANDS_ELSEWHERE_OR_RIVAL: (
+        Facts(unloaded=MISPLACED, moved=(cause("joint_offset:3", 0.9),)),
+        Verdict.AMBIGUOUS,
+    ),
+    Finding.GEOMETRY_REFUTED: (
+        Facts(unloaded=replace(MISPLACED, miss_m=0.42, left_m=0.39)),
+        Verdict.UNEXPLAINED,
+    ),
+    Finding.ROUGH_TABLE: (
+        Facts(unloaded=replace(MISPLACED, gain=gain(0.9, 0.8), rough=True)),
+        Verdict.ADEQUATE,
+    ),
+    Finding.REFLECTORS_LOOSE: (replace(FOUND, loose_p=1e-6), Verdict.UNEXPLAINED),
+    Finding.NO_CAUSE_FITS: (Facts(detected=True), Verdict.UNEXPLAINED),
+    Finding.PREDICTS_WORSE: (replace(FOUND, gain=gain(-0.1, -0.5)), Verdict.UNEXPLAINED),
+    Finding.UNCONFIRMED: (
+        replace(FOUND, gain=gain(0.1, -0.1), scatter_told=False),
+        Verdict.UNEXPLAINED,
+    ),
+    Finding.REMAINDER: (replace(FOUND, explains=False, remainder=2.0), Verdict.UNEXPLAINED),
+    Finding.OUTSIDE_CATALOGUE: (replace(FOUND, outside=STRANGE), Verdict.UNEXPLAINED),
+    Finding.GAIN_UNCERTAIN: (replace(FOUND, gain=gain(0.1, -0.1)), Verdict.AMBIGUOUS),
+    Finding.TWO_LAWS: (replace(FOUND, causes=GEAR), Verdict.AMBIGUOUS),
+    Finding.RIVALS: (replace(FOUND, causes=TILTS), Verdict.AMBIGUOUS),
+    Finding.OUTSIDE_CATALOGUE_POSSIBLE: (
+        replace(FOUND, outside=replace(STRANGE, probability=0.1)),
+        Verdict.AMBIGUOUS,
+    ),
+    Finding.SCALE_SCATTERS: (replace(FOUND, scale_ratio=4.0), Verdict.AMBIGUOUS),
+    Finding.BEYOND_CERTIFICATE: (Facts(beyond_certificate=True), Verdict.UNEXPLAINED),
+    Finding.OFF_THE_TABLE: (replace(FOUND, unloaded=USELESS), Verdict.UNEXPLAINED),
+    Finding.CAUSE_IDENTIFIED: (FOUND, Verdict.EXPLAINED),
+    Finding.MISFIT: (Facts(stated_p=1e-5, misfit_p=4e-4), Verdict.UNEXPLAINED),
+    Finding.SCATTER: (Facts(scatter=(cause("tracker_noise"),)), Verdict.EXPLAINED),
+    Finding.BEYOND_A_TRACKER: (Facts(beyond_a_tracker=True), Verdict.UNEXPLAINED),
+    Finding.SPRINGS_DISAGREE: (
+        replace(FOUND, agreement=APART),
+        Verdict.UNEXPLAINED,
+    ),
+    Finding.NOTHING: (Facts(), Verdict.ADEQUATE),
+    Finding.NOTHING_DETERMINED: (
+        replace(FOUND, bounds=Bounds(determined=False)),
+        Verdict.UNEXPLAINED,
+    ),
+    Finding.PREDICTS_NOTHING: (Facts(bounds=Bounds(left=0.26)), Verdict.UNEXPLAINED),
+    Finding.BEYOND_NOISE: (
+        replace(FOUND, bounds=Bounds(force=11.0, worst_pose=3, worst_target="P1", worst_m=4e-4)),
+        Verdict.UNEXPLAINED,
+    ),
+    Finding.SCATTERED: (
+        Facts(bounds=Bounds(far=Far(np.array([4, 2]), np.array([0, 1]), 1e-5))),
+        Verdict.UNEXPLAINED,
+    ),
+}
+
+
+@pytest.mark.parametrize("finding", ROWS)
+def test_each_row_gives_its_verdict_and_a_sentence(finding):
+    """What is found decides, alone; it is said in a sentence that begins and ends as one does."""
+    facts, expected = ROWS[finding]
+
+    assert finding in [row.finding for row in findings(facts)]
+    assert verdict(facts) is expected
+    said = why(facts)
+    assert said[0].isupper()
+    assert said.endswith(".")
+    assert "_" not in said, "a machine's name in a sentence"
+
+
+def test_what_fits_only_at_an_impossible_size_is_said_to():
+    """It is no cause, and yet the place to look at: said once, after what was found."""
+    left = replace(FOUND, explains=False, remainder=2.0)
+    tilt = effect("joint_tilt:5")
+
+    said = why(replace(left, refused=(tilt,)))
+
+    assert said.startswith(why(left))
+    assert "Tilt of the bearing in joint 5 (A4) would explain the readings better" in said
+    assert why(replace(Facts(), refused=(tilt,))) == why(Facts()), "nothing was found"
+
+
+def test_only_what_is_likeliest_in_a_place_is_impossible_there():
+    """Refused labels that another cause beats are no place to look at."""
+    likely, other = Rival("a", 0, 0.9), Rival("b", 1, 0.1)
+    found = SimpleNamespace(rivals=((likely, other),), single=(), refused=("a", "b"))
+    case = SimpleNamespace(suspects=("effect a", "effect b"))
+
+    assert _refused(case, found) == ("effect a",)
+    assert _refused(case, SimpleNamespace(rivals=(), single=(other,), refused=("b",))) == ()
+
+
+def test_a_cause_needs_a_certain_gain_where_nobody_knows_the_scatter():
+    """With the interval above zero it is identified, else it is not even named."""
+    sure = replace(FOUND, gain=gain(0.1, 0.01), scatter_told=False)
+
+    assert sure.helps
+    assert verdict(sure) is Verdict.EXPLAINED
+    assert not replace(sure, gain=gain(0.1, -0.01)).helps
+    assert replace(sure, gain=gain(0.1, -0.01), scatter_told=True).helps
+
+
+def test_every_finding_stands_in_one_row():
+    """No finding without a row, none with two, none without a test."""
+    names = [row.finding for rows in TABLE for row in rows]
+
+    assert sorted(names) == sorted(Finding)
+    assert set(ROWS) == set(Finding)
+
+
+def test_the_most_severe_finding_decides_and_all_are_told():
+    """A tracker that moved is told beside a cause with rivals, which keeps the campaign open."""
+    both = replace(ROWS[Finding.RIVALS][0], drift=drift(undecided=False))
+
+    assert verdict(both) is Verdict.AMBIGUOUS
+    assert why(both).index("base reflectors moved") < why(both).index("cannot distinguish between")
+    assert verdict(replace(both, mistakes=(MISTAKE,))) is Verdict.BAD_DATA
+    assert why(replace(both, mistakes=(MISTAKE,))).startswith("The data contain an error")
+
+
+@pytest.mark.parametrize("kind", ["positions", "pulls"])
+@pytest.mark.parametrize("worse", [Finding.RIVALS, Finding.MISFIT, Finding.GEOMETRY_REFUTED])
+def test_the_worse_of_positions_and_pulls_decides(kind, worse):
+    """A campaign of both is as good as the worse of the two, and says why."""
+    bad, said = ROWS[worse]
+    one, other = (FOUND, bad) if kind == "positions" else (bad, FOUND)
+    both = replace(one, positions=other)
+
+    assert verdict(both) is said
+    assert worse in [row.finding for row in of_both(both)]
+    assert why(bad) in why(both)
+
+
+def test_springs_that_disagree_take_green_away():
+    """Each kind of readings by itself is fine; the difference is told with its chi-square."""
+    apart = replace(FOUND, positions=FOUND, agreement=APART)
+
+    assert verdict(replace(apart, agreement=replace(APART, chi2=4.0))) is Verdict.EXPLAINED
+    assert verdict(apart) is Verdict.UNEXPLAINED
+    assert "chi-square 40" in why(apart)
+    assert "5 degrees of freedom" in why(apart)
+
+
+def test_nothing_is_told_of_displacements_that_hold_nothing():
+    """Beside a drift, displacements that springs explain are no news."""
+    assert "joint springs explain" not in why(Facts(drift=drift(undecided=False)))
+    assert "joint springs explain" in why(Facts())
+
+
+@pytest.mark.parametrize(
+    ("facts", "finding"),
+    [
+        (replace(FOUND, outside=STRANGE, gain=gain(-0.1, -0.5)), Finding.PREDICTS_WORSE),
+        (replace(FOUND, causes=TILTS, scale_ratio=4.0), Finding.RIVALS),
+        (replace(FOUND, causes=TILTS, unloaded=USELESS), Finding.RIVALS),
+        (Facts(beyond_certificate=True, unloaded=USELESS), Finding.BEYOND_CERTIFICATE),
+        (replace(FOUND, causes=(cause("joint_tilt:5", twins=("joint_tilt:6",)),)), Finding.RIVALS),
+        (replace(FOUND, gain=gain(0.0, -0.1)), Finding.PREDICTS_WORSE),
+        (Facts(scale_ratio=4.0), Finding.NOTHING),
+        (Facts(beyond_a_tracker=True, moved=(cause("joint_offset:3"),)), Finding.NOTHING),
+        (Facts(beyond_a_tracker=True, drift=drift(undecided=False)), Finding.NOTHING),
+        (replace(FOUND, loose_p=2e-4), Finding.CAUSE_IDENTIFIED),
+        (Facts(scatter=(cause("tracker_noise"),), beyond_certificate=True), Finding.SCATTER),
+    ],
+)
+def test_of_two_findings_on_the_displacements_the_first_is_told(facts, finding):
+    """The order of the rows is the order of what matters."""
+    assert findings(facts)[-1].finding is finding
+
+
+@pytest.mark.parametrize(
+    ("times", "std", "told"), [(26, 4, True), (26, 9, False), (-26, 4, True), (9, 0.1, False)]
+)
+def test_a_cause_certainly_many_times_its_usual_size_is_said_to_be(times, std, told):
+    """An offset of 26 times the usual 5 mm is told, one that may be less than ten times is not."""
+    one = effect("load_point_offset")
+    sizes = [Amplitude.symmetric(p, p.typical, p.typical) for p in one.parameters]
+    sizes[1] = Amplitude.symmetric(one.parameters[1], times * 5e-3, std * 5e-3)
+    found = Cause(one, 0.99, tuple(sizes), 1e-9)
+
+    said = enormous(found)
+
+    assert found.largest.times_typical == pytest.approx(abs(times))
+    assert (said is not None) == told
+    if said is not None:
+        assert "is 26 times its typical magnitude: dl_y = " in said
+        assert "5.00 mm is typical" in said
+        assert one.needs in said
+
+
+def test_what_makes_the_same_robot_is_named_as_the_controller_does():
+    """Offsets along parallel axes: each joint with its axis, where the robot file has one."""
+    one, other = (replace(effect(f"joint_offset:{k}"), axis=f"A{k - 1}") for k in (3, 4))
+    off = cause("joint_offset:3", twins=("joint_offset:4",), same_robot=(other,))
+    facts = Facts(moved=(replace(off, effect=one),), unloaded=MISPLACED)
+
+    assert "the same error in joint 4 (A3) would give the same robot" in why(facts)
+
+
+@pytest.mark.parametrize(
+    "kept",
+    [
+        Bounds(tracker=10.0, force=10.0, left=0.25),
+        Bounds(far=Far(np.array([4]), np.array([0]), 1e-9)),
+        Bounds(far=Far(np.array([4, 5]), np.array([0, 0]), 1e-3)),
+    ],
+    ids=["at the bound", "one reading", "as many as tails throw"],
+)
+def test_what_keeps_the_bounds_is_adequate(kept):
+    """Noise of ten times the stated one, a quarter left, one reading that nobody named."""
+    assert verdict(Facts(bounds=kept)) is Verdict.ADEQUATE
+
+
+def test_a_cause_is_no_excuse_for_noise_that_cannot_be():
+    """What was identified is told, and that it is not all."""
+    said = why(replace(FOUND, bounds=Bounds(tracker=17.0, worst_pose=11, worst_target="P1")))
+
+    assert "Identified in addition to the joint springs" in said
+    assert "scatter 17 times as much as stated" in said
+    assert "P1 of pose 11" in said

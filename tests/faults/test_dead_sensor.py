@@ -1,0 +1,134 @@
+"""Displacements that no robot makes and forces that no scale wrote; dead weights are neither."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+from small_case import asked
+from test_exchanged import case, files, table, written
+
+from pipeline.faults.conventions import conventions
+from pipeline.faults.dead_sensor import dead
+from pipeline.run import answered
+from pipeline.simulate import Plan, simulate
+from pipeline.store.campaign import in_memory
+
+RAW = Path(__file__).parents[2] / "data/raw"
+
+
+def raw(name):
+    return {one.name: one.read_bytes() for one in (RAW / name).iterdir()}
+
+
+def moved(factor):
+    """The campaign of the FANUC, which arrives reduced, with other displacements."""
+    head, rows = table(raw("fanuc_r2000ic"), "displacements.csv")
+    new = [row[:3] + [repr(factor * float(x)) for x in row[3:]] for row in rows]
+    return written(raw("fanuc_r2000ic"), "displacements.csv", head, new)
+
+
+def still(made, noise_mm, rng):
+    """Loaded readings that are the unloaded ones once more, with noise."""
+    head, rows = table(made, "tracker.csv")
+    zero, new = {}, []
+    for row in rows:
+        key = row[0][:6], row[1]
+        if row[0].endswith("_unloaded"):
+            zero.setdefault(key, np.array(row[2:5], float))
+        at = zero.get(key) if row[0].endswith("_loaded") else None
+        off = None if at is None else at + noise_mm * rng.standard_normal(3)
+        new.append(row if off is None else row[:2] + [f"{x:.4f}" for x in off] + row[5:])
+    return written(made, "tracker.csv", head, new)
+
+
+def with_forces(made, force):
+    head, rows = table(made, "loads.csv")
+    return written(made, "loads.csv", head, [[*row[:2], force, *row[3:]] for row in rows])
+
+
+@pytest.mark.parametrize("factor", [0.0, 1e-300, 1e-9])
+def test_displacements_of_a_dead_sensor(factor):
+    """Also in a campaign that arrives reduced: bad data, and no value to use."""
+    said = answered("dead", in_memory(moved(factor))).answer
+
+    assert str(said.diagnosis.verdict) == "bad_data"
+    assert [one.name for one in said.diagnosis.causes] == ["dead_sensor"]
+    assert "none of these stiffnesses" in " ".join(said.verdict_sentence)
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("noise_mm", [0.0, 0.03, 0.1])
+def test_readings_without_any_deflection(seed, noise_mm):
+    """The effector read unloaded in every state, with the noise of the instrument or more."""
+    made = still(files(seed), noise_mm, np.random.default_rng(seed))
+    assert [one.name for one in dead(asked(case(made)))] == ["dead_sensor"]
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("seed", range(10))
+def test_one_force_copied_down_the_column(seed):
+    """Pulls of 1200, 3000 and 2000 N all logged with 1000 N: every row is named."""
+    made = with_forces(files(seed), "1000.00")
+
+    (found,) = dead(asked(case(made)))
+
+    assert found.name == "copied_column"
+    assert len(found.at) == 3 * 7
+    assert found.hopeless
+
+
+def test_a_force_copied_into_some_rows_leaves_the_others():
+    """From pose 4 on the scale hung: these pulls are left out."""
+    head, rows = table(files(1), "loads.csv")
+    new = [[*row[:2], "1987.6" if int(row[0]) > 3 else row[2], *row[3:]] for row in rows]
+    made = written(files(1), "loads.csv", head, new)
+
+    (found,) = dead(asked(case(made)))
+
+    assert sorted(set(found.correct(case(made)).loads["pose"])) == [1, 2, 3]
+    assert not found.hopeless
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("seed", range(5))
+@pytest.mark.parametrize("load", ["weights", "chain"])
+def test_the_same_load_in_every_pull_is_no_copy(seed, load):
+    """One weight in all poses; a chain always pulled to the same number."""
+    pulls = {"load": "weights", "masses_kg": [150.0]} if load == "weights" else {}
+    pulls |= {"steps_n": [2000.0], "repeats": 3, "setting_sd_n": 0.0}
+    made = dict(simulate(Plan(name="same", seed=seed, poses={"count": 5}, pulls=pulls)).files)
+    if load == "chain":
+        made = with_forces(made, "2000.00")
+    assert dead(asked(case(made))) == []
+
+
+@pytest.mark.sampled(4)
+@pytest.mark.parametrize("seed", range(30))
+def test_a_clean_campaign_has_no_dead_sensor(seed):
+    """Nor has one whose robot is three times as stiff as typical."""
+    assert dead(asked(case(files(seed)))) == []
+
+
+def test_campaigns_that_ship_have_no_dead_sensor():
+    """Neither the demo nor the one that arrives reduced."""
+    assert dead(asked(case(raw("kr500_demo")))) == dead(asked(case(raw("fanuc_r2000ic")))) == []
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("rows", [4, 7])
+def test_one_row_of_the_joint_log_copied_down(seed, rows):
+    """Its lines, and no value to use where it is all; nor does any unit explain a point."""
+    head, log = table(files(seed), "joints.csv")
+    log[:rows] = [[row[0], *log[0][1:]] for row in log[:rows]]
+    made = written(files(seed), "joints.csv", head, log)
+
+    (found,) = dead(asked(case(made)))
+
+    assert (found.name, found.hopeless) == ("copied_column", rows == 7)
+    assert [int(one.rpartition(":")[2]) for one in found.at] == list(range(2, rows + 2))
+    assert conventions(case(made)) == []
+    left = set(found.correct(case(made)).joints["pose"])
+    assert left == (set(range(rows + 1, 8)) or set(range(1, 8)))
+    assert dead(asked(case(files(seed)))) == []

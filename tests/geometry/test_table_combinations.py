@@ -1,0 +1,75 @@
+"""What several entries of the robot's table are known by together; chain of test_unloaded."""
+
+from types import SimpleNamespace
+
+import numpy as np
+import pytest
+from rail_chain import LETTERS, stands
+from test_unloaded import estimated, of, poses, read
+
+from pipeline.answer.geometry import estimated_combinations, estimated_table
+from pipeline.report.sections.geometry import letters
+
+ROUGH_M = 5e-4
+
+
+def told(seed):
+    """Entries and combinations of a robot with a rough table, and what its entries are off by."""
+    rng = np.random.default_rng(seed)
+    wrong = {letter.label: ROUGH_M * float(rng.standard_normal()) for letter in LETTERS}
+    found, _ = estimated(of(read(seed, wrong, joints=1e-4)))
+    stood = SimpleNamespace(cells=found, causes=())
+    entries = estimated_table(stood)
+    return entries, estimated_combinations(stood, entries), wrong
+
+
+def label(entry):
+    return f"{entry.name}:{entry.where}"
+
+
+def test_offsets_along_parallel_axes_are_known_by_their_sum():
+    """The chain shows why: what one offset has more and the other less moves nothing."""
+    there, back = (stands(poses(), {"link_offset:3": s, "link_offset:4": -s}) for s in (0, 1e-3))
+    np.testing.assert_allclose(there, back, atol=1e-12)
+
+    entries, combinations, _ = told(1)
+
+    known = {label(entry): entry.identifiable for entry in entries}
+    assert not known["link_offset:3"]
+    assert not known["link_offset:4"]
+    (both,) = [one for one in combinations if "link_offset:3" in map(label, one.of)]
+    assert [(label(one), one.weight) for one in both.of] == [
+        ("link_offset:3", pytest.approx(1.0, abs=1e-6)),
+        ("link_offset:4", pytest.approx(1.0, abs=1e-6)),
+    ]
+    (single,) = {entry.std for entry in entries if label(entry) == "link_offset:3"}
+    assert both.std < single
+
+
+def test_what_places_the_robot_is_in_no_combination():
+    """The first axis' place is F_b's, the last one's the tool's: the readings tell neither."""
+    for seed in range(3):
+        _, combinations, _ = told(seed)
+        members = {label(entry) for one in combinations for entry in one.of}
+        assert not members & {"link_length:2", "link_offset:2", "link_offset:7", "joint_offset:7"}
+
+
+def test_combinations_are_off_by_what_is_stated():
+    """Twenty robots, every combination, against what their entries really are off by."""
+    pulls = []
+    for seed in range(20):
+        _, combinations, wrong = told(100 + seed)
+        for one in combinations:
+            truth = sum(entry.weight * wrong[label(entry)] for entry in one.of)
+            pulls.append((one.value - truth) / one.std)
+            assert (one.ci95[0] < truth < one.ci95[1]) == (abs(pulls[-1]) < 1.959964)
+    assert len(pulls) >= 10
+    assert np.std(pulls) == pytest.approx(1.0, abs=0.3)
+
+
+def test_the_report_says_the_sum():
+    entries, combinations, _ = told(1)
+    section = letters(SimpleNamespace(geometry=entries, geometry_combinations=combinations))
+
+    table = next(block for block in section.blocks if block.name == "letter_combinations")
+    assert table.rows[0][0].text == "offset 3 + offset 4"

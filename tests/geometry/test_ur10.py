@@ -1,0 +1,111 @@
+"""The UR10 that comes with the project: real positions, predicted where they were left out."""
+
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from pipeline.geometry import search
+from pipeline.geometry.positioned import positioned
+from pipeline.geometry.study import study
+from pipeline.prediction.standing import predict, standing
+from pipeline.store.campaign import find
+from pipeline.system import alarms
+
+ROOT = Path(__file__).parents[2]
+
+
+@pytest.fixture(scope="module")
+def campaign():
+    raw = find(ROOT, "ur10_ipa").read()
+    return raw, positioned(raw.settings, raw.robot, raw.files)
+
+
+def taught(campaign, which):
+    raw, read = campaign
+    rows = np.flatnonzero(which)
+    found = study(
+        raw.robot, read.readings.part(rows), read.weights.part(rows), {}, None, (np.nan, np.nan),
+        np.random.default_rng(1),
+    )  # fmt: skip
+    return found, standing("ur10", found.final)
+
+
+def judged(model, readings):
+    """How far each target is off [m] once its series is laid on the prediction (Kabsch)."""
+    m = len(readings)
+    told = predict(
+        model, readings.q, np.zeros((m, 3)), np.zeros(m, dtype=np.int64), readings.temperature
+    )
+    off = np.empty((m, 3))
+    for series in np.unique(readings.series):
+        mine = readings.series == series
+        a, b = told.at[mine, 0], readings.at[mine, 0]
+        U, _, Vt = np.linalg.svd((b - b.mean(0)).T @ (a - a.mean(0)))
+        R = Vt.T @ np.diag([1, 1, np.sign(np.linalg.det(Vt.T @ U.T))]) @ U.T
+        off[mine] = a - ((b - b.mean(0)) @ R.T + a.mean(0))
+    return off, told.std[:, 0, :3]
+
+
+def test_every_tenth_pose_tells_the_table(campaign):
+    """Too few for curves: table and springs, and poses between are nearer than by the table."""
+    _, read = campaign
+    tenth = np.arange(len(read.readings)) % 10 == 0
+
+    found, model = taught(campaign, tenth)
+    off, _ = judged(model, read.readings.part(~tenth))
+
+    assert np.linalg.norm(off, axis=1).mean() < 0.45e-3
+    letters = found.final.mechanism
+    upper_arm = next(k for k, one in enumerate(letters.letters) if one.label == "link_length:3")
+    assert letters.values[upper_arm] == pytest.approx(-0.8e-3, abs=0.15e-3)
+
+
+@pytest.mark.slow
+def test_poses_between_are_predicted_to_a_quarter_of_a_millimetre(campaign):
+    _, read = campaign
+    every = read.readings
+    second = np.zeros(len(every), dtype=bool)
+    for series in np.unique(every.series):
+        second[np.flatnonzero(every.series == series)[::2]] = True
+
+    _, model = taught(campaign, second)
+    off, std = judged(model, every.part(~second))
+
+    between = every.series[~second]
+    for series in np.unique(between):
+        assert np.linalg.norm(off[between == series], axis=1).mean() < 0.25e-3
+    noise = 2.0e-5  # of a reading, by the standard deviations that the instrument gave
+    inside = np.abs(off) < 1.96 * np.hypot(std, noise)
+    assert 0.93 < inside.mean() < 0.97
+
+
+@pytest.mark.slow
+def test_one_series_predicts_the_other(campaign):
+    _, read = campaign
+    first = read.readings.series == 0
+
+    found, model = taught(campaign, first)
+    off, _ = judged(model, read.readings.part(~first))
+
+    assert found.laws
+    assert np.linalg.norm(off, axis=1).mean() < 0.5e-3
+
+
+@pytest.mark.slow
+def test_residuals_with_flipped_signs_name_no_law(campaign):
+    """200 copies: the largest of all statistics is beyond chance in one or two at most."""
+    _, read = campaign
+    found, _ = taught(campaign, read.readings.series == 0)
+    springs = found.stages[2].found
+    rng = np.random.default_rng(3)
+    inputs, slides = springs.linear.inputs, springs.mechanism.table.prismatic
+    laws = list(search.candidates(inputs, slides))
+    here = search.score(springs, search.flips(springs.readings, rng, 400))
+    named = 0
+    for copy in range(200):
+        own = np.concatenate([[1 + copy], 201 + np.arange(200)])
+        first = search.clues(replace(here, u=here.u[own]), inputs, laws, slides.tolist())
+        named += min(clue.p for clue in first) < alarms.LAW
+    assert named <= 2

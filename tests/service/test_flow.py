@@ -1,0 +1,98 @@
+"""The flow: the same answer as the plain run, its trace in Prefect, and nothing on the screen."""
+
+import contextlib
+import json
+import os
+import re
+import shutil
+import sqlite3
+import subprocess
+import sys
+from functools import partial
+from pathlib import Path
+
+import pytest
+
+from pipeline.run import run
+from pipeline.store import campaign as campaigns
+
+HERE = Path(__file__).parents[2]
+STAGES = "select substr(name, 1, instr(name, '-') - 1), state_type from task_run"
+KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"
+
+
+def project(root, *names):
+    """A project root with copies of the kept campaign."""
+    for name in names:
+        shutil.copytree(KEPT, root / "data" / "raw" / name)
+    return root
+
+
+@pytest.mark.prefect
+@pytest.mark.xdist_group("prefect")
+def test_prefect_gives_the_answer_of_the_plain_run(tmp_path):
+    """Two campaigns through Prefect, the first broken: one answer each, byte for byte our own."""
+    root = project(tmp_path / "prefect", "broken", "good")
+    plain = project(tmp_path / "plain", "good")
+    (root / "data" / "raw" / "broken" / "joints.csv").write_bytes(b"no table at all")
+    environment = {k: v for k, v in os.environ.items() if not k.startswith("PREFECT_")}
+
+    done = subprocess.run(
+        [sys.executable, "-m", "pipeline", "run", "--json", "--root", root],
+        capture_output=True,
+        text=True,
+        cwd=HERE,
+        env=environment | {"PYTHONPATH": str(HERE)},
+        check=False,
+    )
+    ordered = []
+    alone = run(campaigns.find(plain, "good"), step=partial(noted, ordered))
+
+    broken, good = (json.loads(line) for line in done.stdout.splitlines())
+    assert done.returncode == 5
+    said = broken["error"]["message"].replace("`", "'")  # on a terminal
+    assert done.stderr.splitlines() == [f"broken: {said}"]
+    assert good == alone.as_json()
+    for name in ("result.json", "figures/prediction.svg"):
+        ours, theirs = (where / "reports" / "good" / name for where in (plain, root))
+        assert ours.read_bytes() == theirs.read_bytes()
+    assert dict(kept(root, "select name, state_type from flow_run")) == {
+        "broken": "FAILED",
+        "good": "COMPLETED",
+    }
+    assert {"read", "ingest", "fit", "diagnose", "render"} <= set(ordered)
+    both = [("read", "COMPLETED"), ("ingest", "FAILED")]  # of the broken one
+    both += [(stage, "COMPLETED") for stage in ordered]
+    assert kept(root, STAGES) == sorted(both)
+    assert kept(root, "select key from artifact where key not null") == [
+        ("good-report",),
+        ("good-stiffness",),
+    ]
+    ((table,),) = kept(root, "select data from artifact where key = 'good-stiffness'")
+    shown = json.loads(json.loads(table))
+    assert good["recommended"]["model"] == "averaged"
+    for row, entry in zip(shown, good["stiffness"], strict=True):
+        assert row["joint"] == entry["name"]
+        if entry["value"] is None:
+            assert row["stiffness"] == "not determined"
+            continue
+        value, prefix = re.match(r"(\S+) ± \S+ ([kM])N·m/rad$", row["stiffness"]).groups()
+        of_one = {"k": 1e3, "M": 1e6}[prefix]
+        assert abs(float(value) * of_one - entry["value"]) < 0.1 * entry["std"]
+    assert kept(root, "select message from log where message like '%Traceback%'") == []
+
+
+def noted(names, stage):
+    """The stage as it is; its name is noted when it is carried out."""
+
+    def carried_out(*given, **named):
+        names.append(stage.__name__)
+        return stage(*given, **named)
+
+    return carried_out
+
+
+def kept(root, question):
+    """Rows of Prefect's own database."""
+    with contextlib.closing(sqlite3.connect(root / ".prefect" / "prefect.db")) as base:
+        return sorted(base.execute(question))

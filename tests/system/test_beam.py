@@ -1,0 +1,166 @@
+"""Noise along and across the beam: seen in campaigns of another machine, and not where none is."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from world_files import written
+
+from bench.worlds.run import asked
+from bench.worlds.worlds import SHEETS
+from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.run import ingested
+from pipeline.store.campaign import in_memory
+from pipeline.system.beam import Beam, _taken
+from pipeline.system.fit import beside_everything, fit
+from pipeline.system.linearised import Model, linearise
+from pipeline.system.shape import shape
+
+
+def fitted(world):
+    """A campaign of a world with its joint springs."""
+    case = ingested(in_memory(written(world)[3]), conformed, plain)
+    return fit(case, bring(case))
+
+
+@pytest.fixture(scope="module")
+def polar():
+    """A tracker whose range is four times better than its angles, the rms stated."""
+    return fitted("ot2_rms")
+
+
+@pytest.fixture(scope="module")
+def calm():
+    """A tracker that is as good in all directions, as stated."""
+    return fitted("normal")
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("world", ["ot2_rms", "at960_angles", "vantage_rms"])
+def test_a_tracker_of_its_data_sheet_has_no_tails(world):
+    """One figure stated for range and angles: adequate, and what is said is that they differ."""
+    answer = asked(written(world)[3]).answer
+
+    assert answer["diagnosis"]["verdict"] == "adequate"
+    assert "heavy_tails" not in [cause["name"] for cause in answer["diagnosis"]["causes"]]
+    assert any("Along the beam the tracker scatters" in text for text in answer["findings"])
+    parts = {one["name"]: one for one in answer["noise"]["components"]}
+    assert parts["along_beam"]["found_over_stated"] < parts["across_beam"]["found_over_stated"]
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("world", ["at960_student3", "vantage_bursts"])
+def test_tails_are_seen_beside_the_beam(world):
+    """Readings of such a tracker that scatter with tails or in bursts still are named."""
+    answer = asked(written(world)[3]).answer
+
+    assert answer["diagnosis"]["verdict"] == "adequate"
+    assert "heavy_tails" in [cause["name"] for cause in answer["diagnosis"]["causes"]]
+
+
+def test_both_parts_are_those_of_the_data_sheet(polar):
+    """And the angles make the farther readings worse."""
+    data, beam, sheet = polar.plain, polar.shape.beam, SHEETS["ot2"]
+    far = np.linalg.norm(data.unloaded - data.tracker, axis=1)
+    stated = np.sqrt(data.loaded_cov[0, 0, 0])
+    along = (sheet.range_m + sheet.range_per_m * far.mean()) / stated
+    across = (sheet.across_m + sheet.across_per_m * far) / stated
+
+    assert beam.better
+    assert beam.along == pytest.approx(along, rel=5 * beam.std[0])
+    assert beam.across == pytest.approx(across, rel=0.25)
+
+
+def test_what_is_stated_stays_where_it_holds(calm):
+    """In isotropic noise weights move by less than they are known."""
+    beam = calm.shape.beam
+
+    assert beam.probability < 0.5
+    assert not beam.better
+    assert beam.along == pytest.approx(1, abs=0.05)
+    assert beam.across == pytest.approx(1, abs=0.05)
+
+
+def test_a_far_reading_is_no_blunder_for_its_angles(polar):
+    """What is far off in stated uncertainties is less so where the beam makes the noise larger."""
+    plain, of_beam = replace(polar.shape.family, widest=1.0), polar.shape.family
+
+    assert of_beam.widest == pytest.approx(polar.shape.beam.across.max() ** 2)
+    assert of_beam.widest > 1.5
+    assert of_beam.mistaken(36.0 * of_beam.widest) == pytest.approx(plain.mistaken(36.0))
+
+
+def test_springs_are_known_better_by_the_range(polar):
+    """Their uncertainties fall beside those of the one figure."""
+    case, reduced = polar.case, polar.reduced
+    alone = fit(case, replace(reduced, data=replace(reduced.data, tracker=None)))
+    ratio = np.sqrt(np.diag(polar.estimate.cov) / np.diag(alone.estimate.cov))
+
+    assert alone.shape.beam.along == 1.0
+    assert (ratio < 1).all()
+    assert np.median(ratio) < 0.9
+
+
+def test_a_wrong_model_is_no_worse_angle(calm):
+    """What it leaves across the beam is many times the noise, and changes no weight."""
+    cell, data = calm.case.cell, calm.plain
+    seen = linearise(Model(cell, calm.estimate.value, 7), data, ())
+    beams = data.unloaded - data.tracker
+    side = np.cross(beams, [0.0, 0.0, 1.0])
+    side /= np.linalg.norm(side, axis=1, keepdims=True)
+    rng = np.random.default_rng(3)
+    off = 2e-4 * rng.standard_normal(len(data.pulls))[data.pull, None] * side
+
+    beam = shape(replace(seen, y=seen.y + off.ravel()), ()).beam
+
+    assert beam.along > 0.85
+    assert np.sqrt(np.mean(beam.across**2)) < 1.1
+    assert not beam.better
+
+
+@pytest.mark.parametrize("lost", ["tracker", "kind", "poses"])
+def test_without_a_station_nothing_is_concluded(polar, lost):
+    """A campaign of displacements, of a camera or of 6D poses has no beam."""
+    changed = {"tracker": {"tracker": None}, "kind": {"tracked": False}, "poses": {"poses": True}}
+    data = replace(polar.plain, **changed[lost])
+    seen = beside_everything(polar.case.cell, polar.plain, polar.estimate.value)
+
+    beam = shape(replace(seen, data=data)).beam
+
+    assert (beam.along, beam.across.min(), beam.across.max()) == (1.0, 1.0, 1.0)
+    assert beam.on(data) is data
+
+
+def test_covariances_are_parted_by_the_beam(polar):
+    """Along a beam and across it variances are multiplied, and what is put in comes out again."""
+    data = polar.plain
+    across = np.linspace(0.5, 2.0, len(data.pull))
+    beam = Beam(0.25, across)
+    weighed = beam.on(data)
+    for d in (0, 17, len(across) - 1):
+        u = data.unloaded[d] - data.tracker
+        u /= np.linalg.norm(u)
+        side = np.cross(u, [0.2, -0.4, 0.7])
+        side /= np.linalg.norm(side)
+        variance = data.loaded_cov[d, 0, 0]
+        assert u @ weighed.loaded_cov[d] @ u == pytest.approx(variance / 16, rel=1e-9)
+        assert side @ weighed.loaded_cov[d] @ side == pytest.approx(variance * across[d] ** 2)
+    assert beam.off(weighed).zero_cov == pytest.approx(data.zero_cov, abs=1e-22)
+
+
+@pytest.mark.parametrize(
+    ("along", "across", "used"),
+    [
+        (0.3, 1.0, (0.3, 1.0)),  # the figure of the angles is stated
+        (0.3, 1.2, (0.3, 1.2)),  # the rms of three axes
+        (0.3, 3.0, (0.3, np.sqrt(1.455))),  # and an error of the model: 0.09 + 2 x 1.455 is 3
+        (0.1, 0.5, (0.2, 1.0)),  # twice as much, as an MPE
+        (1.0, 3.0, (1.0, 1.0)),  # an error of the model only
+        (0.8, 0.8, (1.0, 1.0)),  # stated too large is none of its business
+    ],
+)
+def test_no_more_than_stated_in_all(along, across, used):
+    """Of both parts the smaller is as found, the larger within the sum of the three variances."""
+    found = _taken(along, np.full(4, across), 1.0)
+
+    assert (found[0], found[1][0]) == pytest.approx(used)

@@ -1,0 +1,71 @@
+"""What a model leaves is one statistic with its own probability, in every answer."""
+
+import numpy as np
+import pytest
+from scipy import stats
+
+from bench.worlds import run
+from bench.worlds.cell import build
+from bench.worlds.run import asked
+from bench.worlds.worlds import WORLDS
+from pipeline.machine.robot import load
+from pipeline.system.system import Goodness
+
+ALONE = "rest on the noise stated in campaign.toml."
+
+
+def answer_to(name, seed):
+    """What is said of a campaign of a world, with what hides in it."""
+    world, robot = WORLDS[name], load(WORLDS[name].robot)
+    cell = build(robot, world.plan(robot, seed), world.rules, seed, world.secrets)
+    _, record, factor = run._recorded(cell, world, seed)
+    return asked(run._files(cell, world, record, factor)).answer
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize(
+    "world",
+    [
+        "normal",
+        "student3",
+        "wander10",
+        pytest.param("memory", marks=pytest.mark.slow),
+        "poses_as_points",
+    ],
+)
+@pytest.mark.parametrize("seed", [1, pytest.param(2, marks=pytest.mark.slow)])
+def test_a_p_value_is_that_of_the_chi_square_beside_it(world, seed):
+    """In each of the three fits of an answer, whatever the machine hides and the noise does."""
+    answer = answer_to(world, seed)
+    fits = [one["fit"] for one in (answer, answer["joint_springs"], answer["extended"]) if one]
+
+    for fit in fits:
+        chi2, dof, p = fit["chi2"], fit["dof"], fit["p_value"]
+        if fit["noise_statement"].endswith(ALONE):
+            assert p == pytest.approx(stats.chi2.sf(chi2, dof), rel=1e-6, abs=1e-300)
+        if fit["noise_from"] == "stated":
+            assert (p <= 0.5) == (chi2 >= stats.chi2.isf(0.5, dof)) or abs(p - 0.5) < 1e-3
+            assert (p > 0.2) or chi2 > dof
+            assert (p < 0.05) or chi2 < 1.5 * dof
+
+
+def test_among_draws_chi_square_has_the_median_of_chi_square():
+    """Draws of any scale and tail: half of them leave less, and p is the share that leaves more."""
+    rng = np.random.default_rng(3)
+    drawn = 7 * stats.lognorm.rvs(0.5, scale=100, size=4001, random_state=rng)
+    middle, high = np.median(drawn), np.quantile(drawn, 0.99)
+
+    assert Goodness.among(middle, 80, drawn).chi2 == pytest.approx(stats.chi2.isf(0.5, 80))
+    assert Goodness.among(middle, 80, drawn).p_value == pytest.approx(0.5, abs=1e-3)
+    assert Goodness.among(high, 80, drawn).p_value == pytest.approx(0.01, abs=1e-3)
+    assert Goodness.among(high, 80, drawn).chi2 > stats.chi2.isf(0.5, 80)
+
+
+def test_what_is_beyond_the_repeats_is_compared_with_them():
+    """F of what a model leaves beside its contrasts; none where these are all there is."""
+    found = Goodness.beyond(150.0, 100, (20.0, 20), 40.0)
+
+    assert found.p_value == pytest.approx(stats.f.sf(130 / 80, 80, 40))
+    assert Goodness.beyond(20.0, 20, (20.0, 20), 40.0).p_value is None
+    assert Goodness.untold(20.0, 20).p_value is None
+    assert Goodness.of(0.0, 0).p_value == 1.0

@@ -1,0 +1,161 @@
+"""The shape of the noise in whole campaigns of another machine, and what is carried of it in V."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from scipy import stats
+from small_case import small
+from world_files import written
+
+from bench.worlds.run import asked
+from pipeline.faults.screen import Beside, Screened, singles_of
+from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.run import ingested
+from pipeline.store.campaign import in_memory
+from pipeline.system.assemble import assemble
+from pipeline.system.beam import Beam
+from pipeline.system.beyond import free
+from pipeline.system.estimate import solve
+from pipeline.system.family import FREEDOM, Family
+from pipeline.system.fit import fit
+from pipeline.system.linearised import Model, linearise
+from pipeline.system.shape import Shape, goodness, shape, tails
+
+
+@pytest.fixture(scope="module")
+def case():
+    """Six poses, each pulled twice."""
+    return small()
+
+
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize(
+    ("world", "name"),
+    [
+        ("student3", "heavy_tails"),
+        ("wander10", "tracker_wander"),
+        pytest.param("bursts", "heavy_tails", marks=pytest.mark.slow),
+    ],
+)
+def test_noise_of_another_family_is_named_and_accuses_nobody(world, name):
+    """Readings of a machine that shares no formula with the package: adequate, and what it is."""
+    answer = asked(written(world)[3]).answer
+
+    assert answer["diagnosis"]["verdict"] == "adequate"
+    names = [cause["name"] for cause in answer["diagnosis"]["causes"]]
+    assert name in names
+    assert not set(names) - {"heavy_tails", "tracker_wander"}  # and not larger noise besides
+    said = [line["text"] for line in answer["first_screen"] if line["about"] == "wrong"]
+    words = {"heavy_tails": "(heavy tails)", "tracker_wander": "The instrument wandered by"}
+    assert words[name] in said[0]
+    assert said[-1].startswith("Nothing else detectable")
+
+
+@pytest.mark.parametrize(("world", "out"), [("normal", True), ("student3", False)])
+def test_a_reading_is_judged_by_the_tails_beside_the_accepted_model(world, out):
+    """20 sigma: out of the question where noise is normal, one reading in 5000 of Student's 3."""
+    case = ingested(in_memory(written(world)[3]), conformed, plain)
+    reduced = bring(case)
+    row = reduced.placed[reduced.placed["state"] == "loaded"].iloc[7]
+    here = (case.readings["line"] == row["line"]) & (case.readings["file"] == row["file"])
+    off = np.where(here, 20 * 3e-5, 0.0)
+    given = replace(case, readings=case.readings.assign(x_m=case.readings["x_m"] + off))
+    right = fit(given, bring(given))
+    model = Model(case.cell, right.estimate.value, 7)
+    family = tails(linearise(model, bring(given).data, ()), ())[1]
+
+    held = singles_of(Screened((), given), None, Beside(case.cell, right.estimate.value, family))
+
+    assert family.likely_heavy is not out
+    where = f"{row['group']}/{row['target']}"
+    assert ([one.where for one in held.findings] == [where]) is out
+    assert (where in [one.where for one in held.doubted]) is not out
+
+
+def test_a_doubt_about_the_tails_is_none_about_a_reading_far_off():
+    """Tails that rather are as stated are taken to be, else they are what they may be."""
+    family = Family.stated()
+    weight = np.zeros(len(family.weight))
+    for heavy, sure in ((0.17, True), (0.6, False)):
+        weight[[0, 8]] = 1 - heavy, heavy
+        unsure = replace(family, weight=weight.copy())
+        assert unsure.mistaken(12.0**2) < 0.9
+        assert (unsure.rather.mistaken(12.0**2) > 0.9) is sure
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("off_m", [0.0, 1e-4])
+@pytest.mark.parametrize("world", ["normal", "wander10"])
+def test_what_goes_with_the_pull_is_no_noise(world, off_m):
+    """A robot that turns in each pose as it likes, in proportion to the pull, hides no wander."""
+    raw = in_memory(written(world)[3])
+    case = ingested(raw, conformed, plain)
+    right = fit(case, bring(case))
+    seen = linearise(Model(case.cell, right.estimate.value, 7), right.plain, ())
+    columns = free(seen)
+    size = off_m / np.sqrt(np.mean(np.sum(columns**2, axis=1)))
+    y = seen.y + columns @ (size * np.random.default_rng(5).standard_normal(columns.shape[1]))
+
+    beside_springs = shape(replace(seen, y=y), ())
+    beside_free = shape(replace(seen, y=y), (), loose=True)
+
+    assert beside_free.likely is (world == "wander10")
+    assert beside_springs.likely is (world == "wander10" or off_m > 0)
+
+
+def test_a_wander_couples_the_displacements_of_a_pose(case):
+    """Covariance of two displacements by the wander alone: F F' within a pose, else none."""
+    data, start = bring(case).data, case.robot.nominal_compliance
+    factor = 1e-5 * np.random.default_rng(1).standard_normal((len(data.pull), 3, 2))
+    without = assemble(case.cell, data, start).errors
+    errors = assemble(case.cell, replace(data, wander=factor), start).errors
+    V = (errors.G @ errors.G.T - without.G @ without.G.T).toarray()
+    pose = data.pulls.pose[data.pull]
+    for a, b in [(0, 0), (0, 2), (0, 4), (1, 5), (0, len(pose) - 1)]:
+        expected = factor[a] @ factor[b].T * (pose[a] == pose[b])
+        assert V[3 * a : 3 * a + 3, 3 * b : 3 * b + 3] == pytest.approx(expected, abs=1e-18)
+
+
+def test_readings_are_weighed_and_unweighed(case):
+    """What is put into a campaign comes out of it again, each reading's own variance."""
+    fitted = fit(case, bring(case))
+    n = len(fitted.shape.variance)
+    found = replace(fitted.shape, variance=np.linspace(0.5, 4.0, n), weighed=True)
+    shape = replace(found, beam=Beam.stated(fitted.plain))
+    weighed, d = shape.on(fitted.plain), len(fitted.plain.pull)
+
+    assert weighed.loaded_cov == pytest.approx(
+        fitted.plain.loaded_cov * shape.variance[:d, None, None]
+    )
+    back = shape.off(weighed)
+    assert back.zero_cov == pytest.approx(fitted.plain.zero_cov)
+    assert back.wander is None
+    both = found.off(found.on(fitted.plain))
+    assert both.loaded_cov == pytest.approx(fitted.plain.loaded_cov, abs=1e-20)
+
+
+def test_a_misfit_of_normal_noise_is_chi_square(case):
+    """And that of Student's noise is what numpy draws, reading by reading."""
+    fitted = fit(case, bring(case))
+    system = assemble(case.cell, fitted.plain, fitted.estimate.value)
+    chi2, rng = solve(system, fitted.estimate.value).chi2, np.random.default_rng(1)
+    normal = Shape.unseen(fitted.plain)
+    dof = len(system.rows) - 7
+    found = goodness(system, normal, rng)
+
+    assert (found.chi2, found.dof) == pytest.approx((chi2, dof))
+    assert found.p_value == pytest.approx(stats.chi2.sf(chi2, dof), rel=1e-9)
+    stated = Family.stated()
+    weight = np.zeros(len(stated.weight))
+    weight[1 + FREEDOM.index(5.0)] = 1.0
+    scale = np.full(len(weight), np.log(3 / 5))  # variances as stated
+    seen = replace(normal, family=replace(stated, weight=weight, log_scale=scale))
+    high = float(stats.chi2.isf(0.01, dof))
+    off = replace(system, c=system.c * np.sqrt(high / chi2))
+    carried = goodness(off, replace(seen, weighed=True), rng)
+    assert goodness(off, seen, rng).p_value == pytest.approx(
+        stats.chi2.sf(goodness(off, seen, rng).chi2, dof)
+    )
+    assert 0.01 < carried.p_value < 0.15  # some times as often as in normal noise
+    assert carried.dof < carried.chi2 < 1.3 * goodness(off, seen, rng).chi2
