@@ -234,7 +234,7 @@ def _note(answer: Answer, compared: bool) -> str:
         if substitutes
         else ""
     )
-    return f"± is one standard uncertainty. {bar}{enter}"
+    return f"Values ± one standard uncertainty. {bar}{enter}"
 
 
 def _least_known(answer: Answer) -> float | None:
