@@ -83,6 +83,8 @@ EARLIER = "of an earlier input or program"
 
 
 def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
+    from pipeline.answer.nouns import sizes
+
     name, answer = campaign.name, compute(campaign)
     first, *more = _first_screen(answer)
     lines = [
@@ -90,6 +92,7 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
         *(f"  {line}" for line in more),
         *_stiffnesses(answer.stiffness),
         *(f"  {mixed(one)}" for one in answer.combinations),
+        *(f"  {size}" for cause in answer.diagnosis.causes for size in sizes(cause)),
         f"  {campaign.reports / 'index.html'}",
     ]
     return Outcome(
