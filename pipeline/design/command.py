@@ -110,7 +110,8 @@ def write(root: Path, made: Made, seed: int) -> Made:
     for inner, data in driven.items():
         files.write(folder / "program" / inner, data)
     programs = [folder / "program" / inner for inner in driven]
-    return replace(made, written=(plan, folder / "sheet.html", folder / "sheet.pdf", *programs))
+    sheets = [folder / f"sheet.{kind}" for kind in ("html", "pdf", "xlsx")]
+    return replace(made, written=(plan, *sheets, *programs))
 
 
 def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, bytes]:

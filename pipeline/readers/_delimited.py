@@ -254,7 +254,7 @@ def _why_no_number(cell: str, layout: Layout) -> str:
 
 
 _WITH_UNIT = re.compile(
-    rf"[+-]?[0-9]+(?:[.,][0-9]+)? ?(?:{'|'.join([*UNIT_WORDS, *ANGLE_WORDS])}|\")"
+    rf"[+-]?[0-9]+(?:[.,][0-9]+)? ?(?:{'|'.join([*UNIT_WORDS, *ANGLE_WORDS])}|k?N|daN|kgf?|kp|lbf|\")"
 )
 
 
