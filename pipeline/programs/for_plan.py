@@ -170,7 +170,7 @@ _SHORT = 24
 def _tp(name: str, drive: Drive) -> dict[str, str]:
     steps: list[str] = []
     places: list[str] = []
-    for number, (_, at, stops) in enumerate(drive.points(), 1):
+    for number, (point, at, stops) in enumerate(drive.points(), 1):
         steps.append(f"J P[{number}] {_SPEED}% FINE")
         for stop in stops:
             steps += [f"!{stop.todo[:30]}", f"MESSAGE[{stop.group[:_SHORT]}]", "PAUSE"]
@@ -180,7 +180,7 @@ def _tp(name: str, drive: Drive) -> dict[str, str]:
             f"\tE{k}= {x:.3f} {u}" for k, (x, u) in enumerate(zip(at[ARM:], units, strict=True), 1)
         ]
         rows = ",\n".join([",\t".join(arm[:3]), ",\t".join(arm[3:]), *more])
-        places.append(f"P[{number}]{{\n   GP1:\n\tUF : 0, UT : 1,\n{rows}\n}};")
+        places.append(f'P[{number}:"{point}"]{{\n   GP1:\n\tUF : 0, UT : 1,\n{rows}\n}};')
     body = [f"{k:4d}:  {step} ;" for k, step in enumerate(steps, 1)]
     head = [
         f"/PROG  {name.upper()}",
