@@ -1,26 +1,41 @@
-"""Can a plan be driven? The arm from pose to pose, checked against itself and the floor.
+"""Can a plan be driven? The arm from pose to pose, checked against itself, the floor, chain, beams.
 
-Between poses the chain is slack and nothing is read: beams and chain are asked at the poses only.
-Joints move together in a straight line, as joint motions of controllers do.
+Joints move together in a straight line, as joint motions of controllers do. Arm and floor are kept
+on the whole way: an interval is halved until what its ends leave free is more than any point of the
+arm moves in it,
+
+    g_a + g_b >= sum_j |dq_j| L_j,
+
+L_j the length of the arm for a joint that turns, 1 for one that slides. The chain is slack then and
+the tracker follows: a way on which both lines stay free is taken before a shorter one that crosses.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Locked
+from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.design.arm import arm_alone
 from pipeline.design.problem import Problem
 from pipeline.machine.gaps import gaps
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.room import Room
 
-_STEP_RAD, _STEP_M = np.deg2rad(0.5), 0.01
-"""Steps in which a motion is looked at: half a degree moves a point at 3 m by 26 mm, and rough
-hulls are good to 50."""
+_STEP_RAD, _STEP_M = np.deg2rad(1.0), 0.02
+"""Steps in which lines are looked at, and with which the halving begins."""
+_FINEST_M = 1e-3
+"""An interval in which nothing moves farther is not halved again: hulls are good to 50 mm."""
+_MOST = 20_000
+"""Points of one way: more of them crawl along something."""
+_DRAWN, _TRIED, _ROOM_M = 1000, 40, 0.05
+"""Of so many random points those that leave this room [m] are ways round; so many are tried."""
+_RAIL_M_S, _JOINT_RAD_S = 1.0, np.deg2rad(90.0)
+"""Speeds by which poses are put in order: only their ratio matters, and carriages of 18 m and arms
+of 200 kg have about these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,30 +46,34 @@ class Leg(Locked):
         pose: Number of the pose it leads to, from 1.
         via: Joint values [m] or [rad] of points on the way, shape (k, n).
         blocked: What is not kept on the way, in words; None where all is.
+        crossed: Which line, chain or beam, is not free all the way; None where both are.
     """
 
     pose: int
     via: Array
     blocked: str | None = None
+    crossed: str | None = None
 
     @property
     def sentence(self) -> str:
         """Why the way cannot be driven."""
         return (
             f"from pose {self.pose - 1} to pose {self.pose} the arm does not keep "
-            f"{self.blocked}, neither straight nor by way of the middle of its joints"
+            f"{self.blocked}, neither straight nor by way of {_TRIED + 1} other points"
         )
 
 
-def legs(problem: Problem, q: Array) -> list[Leg]:
+def legs(problem: Problem, q: Array, anchor: Array) -> list[Leg]:
     """The ways between poses in their order, straight where that is free.
 
     Args:
         problem: Robot, cell and effector.
         q: Joint values of the poses [m] or [rad], shape (m, n).
+        anchor: Of the chain, F_b [m], shape (3,).
     """
-    room = arm_alone(problem.robot, problem.tool, problem.spec)
-    return [_leg(problem, room, k, q[k - 1], q[k]) for k in range(1, len(q))]
+    arm = _arm(problem)
+    lines = problem.room or arm_alone(problem.robot, problem.tool, problem.spec)
+    return [_leg(problem, (arm, lines), anchor, k, q[k - 1], q[k]) for k in range(1, len(q))]
 
 
 def standing(problem: Problem, q: Array) -> list[str]:
@@ -64,25 +83,110 @@ def standing(problem: Problem, q: Array) -> list[str]:
         problem: Robot, cell and effector.
         q: Joint values [m] or [rad], shape (m, n).
     """
-    room = arm_alone(problem.robot, problem.tool, problem.spec)
+    room = _arm(problem)
     found = ((k, _broken(problem, room, one[None])) for k, one in enumerate(q, 1))
     return [f"pose {k} does not keep {rule}" for k, rule in found if rule is not None]
 
 
-def _leg(problem: Problem, room: Room, k: int, start: Array, end: Array) -> Leg:
-    straight = _broken(problem, room, between(problem.robot, start, end))
-    none = np.zeros((0, len(start)))
-    if straight is None:
-        return Leg(k + 1, none)
-    middle = (problem.lower + problem.upper) / 2
-    turning = np.flatnonzero(~problem.robot.prismatic)
-    held = np.arange(len(middle)) <= turning[0]  # rail and first axis turn with the arm folded
-    via = np.stack([np.where(held, start, middle), np.where(held, end, middle)])
-    points = [start, *via, end]
-    ways = [between(problem.robot, a, b) for a, b in pairwise(points)]
-    if _broken(problem, room, np.concatenate(ways)) is None:
-        return Leg(k + 1, via)
-    return Leg(k + 1, none, straight)
+def in_order(problem: Problem, q: Array, anchor: Array) -> Ints:
+    """In which order poses are driven in the shortest time, and every way is free if any can be.
+
+    The time of a way is that of its slowest joint. From each pose to the nearest one left, then
+    parts are turned round as long as that gains; ways that prove blocked are left out, and again.
+
+    Args:
+        problem: Robot, cell and effector.
+        q: Joint values of the poses [m] or [rad], shape (m, n).
+        anchor: Of the chain, F_b [m], shape (3,).
+    """
+    speed = np.where(problem.robot.prismatic, _RAIL_M_S, _JOINT_RAD_S)
+    cost = np.abs((q[:, None] - q[None]) / speed).max(axis=-1)
+    order = np.arange(len(q)) if problem.robot.prismatic.any() else _shortest(cost)  # along a rail
+    for _ in range(len(q) * bool(problem.spec.limits.clear_of_itself)):
+        wrong = [leg.pose - 1 for leg in legs(problem, q[order], anchor) if leg.blocked]
+        if not wrong:
+            break
+        for k in wrong:
+            a, b = order[k - 1], order[k]
+            cost[a, b] = cost[b, a] = 1e6
+        order = _shortest(cost)
+    return order
+
+
+def _shortest(cost: Array) -> Ints:
+    """An open way through all places of a symmetric matrix of costs (m, m)."""
+    best = min((_turned(_nearest(cost, k), cost) for k in range(len(cost))),
+               key=lambda way: _length(way, cost))  # fmt: skip
+    return np.array(best, dtype=np.int64)
+
+
+def _nearest(cost: Array, first: int) -> list[int]:
+    way, left = [first], {*range(len(cost))} - {first}
+    while left:
+        way.append(min(left, key=lambda k: (cost[way[-1], k], k)))
+        left.remove(way[-1])
+    return way
+
+
+def _turned(way: list[int], cost: Array) -> list[int]:
+    """The way with parts turned round, as long as it gets shorter."""
+    better = True
+    while better:
+        better = False
+        for a in range(len(way)):
+            for b in range(a + 2, len(way) + 1):
+                tried = way[:a] + way[a:b][::-1] + way[b:]
+                if _length(tried, cost) < _length(way, cost) - 1e-9:
+                    way, better = tried, True
+    return way
+
+
+def _length(way: Sequence[int], cost: Array) -> float:
+    return float(sum(cost[a, b] for a, b in pairwise(way)))
+
+
+def _arm(problem: Problem) -> Room:
+    """The arm and the floor: what a motion may not meet."""
+    room = arm_alone(problem.robot, problem.tool, problem.spec)
+    return replace(room, cones=(), crossed=np.zeros_like(room.crossed))
+
+
+def _leg(
+    problem: Problem, rooms: tuple[Room, Room], anchor: Array, k: int, start: Array, end: Array
+) -> Leg:
+    """The first way on which all is free, else the first that keeps arm and floor."""
+    arm, lines = rooms
+    straight, left = None, None
+    for via in _ways(problem, arm, start, end):
+        points = [start, *via, end]
+        blocked = next(
+            (one for a, b in pairwise(points) if (one := _met(problem, arm, a, b))), None
+        )
+        straight = straight or blocked
+        if blocked is not None:
+            continue
+        every = np.concatenate([between(problem.robot, a, b) for a, b in pairwise(points)])
+        crossed = _broken(problem, lines, every, anchor)
+        if crossed is None:
+            return Leg(k + 1, via)
+        left = left or Leg(k + 1, via, crossed=crossed)
+    return left or Leg(k + 1, np.zeros((0, len(start))), straight)
+
+
+def _ways(problem: Problem, arm: Room, start: Array, end: Array) -> Iterator[Array]:
+    """Points on ways that are tried, (k, n) each: none, the middle of the joints, random free ones.
+
+    Of the free ones those that make the shortest way come first.
+    """
+    yield np.zeros((0, len(start)))
+    middle, slides = (problem.lower + problem.upper) / 2, problem.robot.prismatic
+    held = np.arange(len(middle)) <= np.flatnonzero(~slides)[0]  # the arm turns folded
+    yield np.stack([np.where(held, start, middle), np.where(held, end, middle)])
+    drawn = np.random.default_rng(0).uniform(problem.lower, problem.upper, (_DRAWN, len(start)))
+    drawn = np.where(slides, (start + end) / 2, drawn)
+    drawn = drawn[_widths(problem, arm, drawn, _ROOM_M) >= _ROOM_M]
+    farther = [np.abs(drawn - one).max(axis=1) for one in (start, end)]
+    yield from drawn[np.argsort(sum(farther), kind="stable")[:_TRIED], None]
 
 
 def between(robot: Robot, start: Array, end: Array) -> Array:
@@ -92,13 +196,60 @@ def between(robot: Robot, start: Array, end: Array) -> Array:
     return np.asarray(start + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - start))
 
 
-def _broken(problem: Problem, room: Room, q: Array) -> str | None:
-    """The first rule that some of these joint values (m, n) do not keep; None where all do."""
+def _met(problem: Problem, room: Room, start: Array, end: Array) -> str | None:
+    """The rule that is not kept on the straight way, by halving; None where all are."""
+    share = np.linspace(0.0, 1.0, len(between(problem.robot, start, end)))
+    far = float(np.abs(end - start) @ _lever(problem))
+    near = far * float(share[1]) + _FINEST_M
+    wide = _widths(problem, room, start + share[:, None] * (end - start), near)
+    while len(share) < _MOST:
+        if wide.min() < 0:
+            at = start + share[int(np.argmin(wide))] * (end - start)
+            return _broken(problem, room, at[None]) or Room.ITSELF
+        open_ = (np.diff(share) * far > wide[:-1] + wide[1:]) & (np.diff(share) * far > _FINEST_M)
+        if not open_.any():
+            return None
+        new = (share[:-1] + share[1:])[open_] / 2
+        more = _widths(problem, room, start + new[:, None] * (end - start), near)
+        share, wide = np.append(share, new), np.append(wide, more)
+        order = np.argsort(share)
+        share, wide = share[order], wide[order]
+    return Room.ITSELF
+
+
+def _lever(problem: Problem) -> Array:
+    """How far a point of arm or effector moves at most per metre or radian of a joint, (n,)."""
+    robot = problem.robot
+    at = configure(robot, ((problem.lower + problem.upper) / 2)[None])
+    turns = ~robot.prismatic
+    links = np.diff(np.concatenate([at.origin[0][turns], at.flange_origin]), axis=0)
+    tool = np.vstack([problem.tool.load_point[None], problem.tool.points])
+    reach = np.linalg.norm(links, axis=1).sum() + np.linalg.norm(tool, axis=1).max()
+    return np.where(robot.prismatic, 1.0, reach)
+
+
+def _widths(problem: Problem, room: Room, q: Array, near: float) -> Array:
+    """How wide the narrowest gap is at joint values (m, n) [m], at most `near`, shape (m,)."""
     at = configure(problem.robot, q)
-    points = at.points(np.vstack([problem.tool.load_point[None], problem.tool.points]))
-    places = np.moveaxis(points, 0, -1)
+    places = _places(problem, q)
+    out = np.full(len(q), near)
+    for found in gaps(room, at, places, places[0], near):
+        np.minimum.at(out, found.pose, found.value)
+    return out
+
+
+def _places(problem: Problem, q: Array) -> Array:
+    """Load point and reflectors in F_b [m], shape (1 + t, 3, m)."""
+    tool = np.vstack([problem.tool.load_point[None], problem.tool.points])
+    return np.moveaxis(configure(problem.robot, q).points(tool), 0, -1)
+
+
+def _broken(problem: Problem, room: Room, q: Array, anchor: Array | None = None) -> str | None:
+    """The first rule that some of these joint values (m, n) do not keep; None where all do."""
+    at, places = configure(problem.robot, q), _places(problem, q)
+    end = places[0] if anchor is None else np.broadcast_to(anchor[:, None], places[0].shape)
     for rule in room.rules:
-        found = gaps(room.only(rule), at, places, places[0], 0.0)
+        found = gaps(room.only(rule), at, places, end, 0.0)
         if any(len(one.pose) for one in found):
             return rule
     return None

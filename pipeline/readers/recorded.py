@@ -2,7 +2,7 @@
 
 A KUKA trace saved as text, RTDE's csv of a UR (`actual_q_0` in radians), or any table with a time
 and a column for each axis. Poses are the places at which it stood, in their order; a place to which
-it came back is the home position and none of them. Torques are medians over the same rows, as the axes are.
+it came back is the home position and none of them. Axes and torques are medians.
 """
 
 from __future__ import annotations

@@ -72,7 +72,7 @@ def test_no_pose_and_no_way_between_poses_meets_the_arm(name):
     problem, q = planned(name, 1)
     checked = Checked(problem.robot, {}, {})
     pairs = [one for one in checked.pairs if one not in checked.touching_at_zero]
-    found = legs(problem, q)
+    found = legs(problem, q, problem.anchor_lower)
 
     assert not standing(problem, q)
     for (a, b), leg in zip(pairwise(q), found, strict=True):
@@ -102,7 +102,7 @@ def test_a_way_through_the_arm_is_refused_with_pose_and_reason():
     drawn = (rng.uniform(problem.lower, problem.upper) for _ in range(1000))
     q = next(one for one in drawn if min(checked.apart(one, p) for p in pairs) < -0.02)
     there = next(one for one in drawn if min(checked.apart(one, p) for p in pairs) > 0.02)
-    (found,) = legs(problem, np.stack([there, q]))
+    (found,) = legs(problem, np.stack([there, q]), problem.anchor_lower)
 
     assert "from pose 1 to pose 2 the arm does not keep the arm clear of itself" in found.sentence
     assert standing(problem, q[None]) == ["pose 1 does not keep the arm clear of itself"]
