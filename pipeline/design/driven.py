@@ -31,8 +31,10 @@ _FINEST_M = 1e-3
 """An interval in which nothing moves farther is not halved again: hulls are good to 50 mm."""
 _MOST = 20_000
 """Points of one way: more of them crawl along something."""
-_DRAWN, _TRIED, _ROOM_M = 1000, 40, 0.05
-"""Of so many random points those that leave this room [m] are ways round; so many are tried."""
+_DRAWN, _NODES, _ROOM_M = 2000, 250, 0.01
+"""Of so many random points those that leave this room [m] are ways round; so many at most."""
+_NEAREST, _LOOKS = 25, 400
+"""Neighbours of each, and how often a way through them is tried."""
 _RAIL_M_S, _JOINT_RAD_S = 1.0, np.deg2rad(90.0)
 """Speeds by which poses are put in order: only their ratio matters, and carriages of 18 m and arms
 of 200 kg have about these."""
@@ -59,7 +61,7 @@ class Leg(Locked):
         """Why the way cannot be driven."""
         return (
             f"from pose {self.pose - 1} to pose {self.pose} the arm does not keep "
-            f"{self.blocked}, neither straight nor by way of {_TRIED + 1} other points"
+            f"{self.blocked}, neither straight nor by way of other poses that are free"
         )
 
 
@@ -71,9 +73,9 @@ def legs(problem: Problem, q: Array, anchor: Array) -> list[Leg]:
         q: Joint values of the poses [m] or [rad], shape (m, n).
         anchor: Of the chain, F_b [m], shape (3,).
     """
-    arm = _arm(problem)
+    road = _Roadmap.of(problem, _arm(problem))
     lines = problem.room or arm_alone(problem.robot, problem.tool, problem.spec)
-    return [_leg(problem, (arm, lines), anchor, k, q[k - 1], q[k]) for k in range(1, len(q))]
+    return [_leg(road, lines, anchor, k, q[k - 1], q[k]) for k in range(1, len(q))]
 
 
 def standing(problem: Problem, q: Array) -> list[str]:
@@ -99,8 +101,7 @@ def in_order(problem: Problem, q: Array, anchor: Array) -> Ints:
         q: Joint values of the poses [m] or [rad], shape (m, n).
         anchor: Of the chain, F_b [m], shape (3,).
     """
-    speed = np.where(problem.robot.prismatic, _RAIL_M_S, _JOINT_RAD_S)
-    cost = np.abs((q[:, None] - q[None]) / speed).max(axis=-1)
+    cost = _times(problem, q)
     order = np.arange(len(q)) if problem.robot.prismatic.any() else _shortest(cost)  # along a rail
     for _ in range(len(q) * bool(problem.spec.limits.clear_of_itself)):
         wrong = [leg.pose - 1 for leg in legs(problem, q[order], anchor) if leg.blocked]
@@ -111,6 +112,12 @@ def in_order(problem: Problem, q: Array, anchor: Array) -> Ints:
             cost[a, b] = cost[b, a] = 1e6
         order = _shortest(cost)
     return order
+
+
+def _times(problem: Problem, q: Array) -> Array:
+    """How long the slowest joint takes from each pose to each other [s], shape (m, m)."""
+    speed = np.where(problem.robot.prismatic, _RAIL_M_S, _JOINT_RAD_S)
+    return np.asarray(np.abs((q[:, None] - q[None]) / speed).max(axis=-1))
 
 
 def _shortest(cost: Array) -> Ints:
@@ -151,42 +158,110 @@ def _arm(problem: Problem) -> Room:
     return replace(room, cones=(), crossed=np.zeros_like(room.crossed))
 
 
-def _leg(
-    problem: Problem, rooms: tuple[Room, Room], anchor: Array, k: int, start: Array, end: Array
-) -> Leg:
+def _leg(road: _Roadmap, lines: Room, anchor: Array, k: int, start: Array, end: Array) -> Leg:
     """The first way on which all is free, else the first that keeps arm and floor."""
-    arm, lines = rooms
-    straight, left = None, None
-    for via in _ways(problem, arm, start, end):
+    problem = road.problem
+    blocked, left = _met(problem, road.arm, start, end), None
+    for via in _ways(road, start, end, blocked is None):
         points = [start, *via, end]
-        blocked = next(
-            (one for a, b in pairwise(points) if (one := _met(problem, arm, a, b))), None
-        )
-        straight = straight or blocked
-        if blocked is not None:
-            continue
         every = np.concatenate([between(problem.robot, a, b) for a, b in pairwise(points)])
         crossed = _broken(problem, lines, every, anchor)
         if crossed is None:
             return Leg(k + 1, via)
         left = left or Leg(k + 1, via, crossed=crossed)
-    return left or Leg(k + 1, np.zeros((0, len(start))), straight)
+    return left or Leg(k + 1, np.zeros((0, len(start))), blocked)
 
 
-def _ways(problem: Problem, arm: Room, start: Array, end: Array) -> Iterator[Array]:
-    """Points on ways that are tried, (k, n) each: none, the middle of the joints, random free ones.
-
-    Of the free ones those that make the shortest way come first.
-    """
-    yield np.zeros((0, len(start)))
-    middle, slides = (problem.lower + problem.upper) / 2, problem.robot.prismatic
+def _ways(road: _Roadmap, start: Array, end: Array, straight: bool) -> Iterator[Array]:
+    """Points on ways that keep arm and floor, (k, n) each: none, the middle, free poses."""
+    if straight:
+        yield np.zeros((0, len(start)))
+    middle, slides = road.nodes[0], road.problem.robot.prismatic
     held = np.arange(len(middle)) <= np.flatnonzero(~slides)[0]  # the arm turns folded
-    yield np.stack([np.where(held, start, middle), np.where(held, end, middle)])
-    drawn = np.random.default_rng(0).uniform(problem.lower, problem.upper, (_DRAWN, len(start)))
-    drawn = np.where(slides, (start + end) / 2, drawn)
-    drawn = drawn[_widths(problem, arm, drawn, _ROOM_M) >= _ROOM_M]
-    farther = [np.abs(drawn - one).max(axis=1) for one in (start, end)]
-    yield from drawn[np.argsort(sum(farther), kind="stable")[:_TRIED], None]
+    folded = np.stack([np.where(held, start, middle), np.where(held, end, middle)])
+    ways = pairwise([start, *folded, end])
+    if all(_met(road.problem, road.arm, a, b) is None for a, b in ways):
+        yield folded
+    if not straight and (found := road.way(start, end)) is not None:
+        yield found
+
+
+@dataclass(eq=False)
+class _Roadmap:
+    """Random free poses and the ways between them, looked at only where a way would lead.
+
+    Bohlin and Kavraki, Path planning using lazy PRM, ICRA 2000.
+
+    Attributes:
+        problem: Whose arm drives.
+        arm: What it may not meet.
+        nodes: Free poses, shape (k, n).
+        known: Whether the straight way between two of them is free, where somebody looked.
+    """
+
+    problem: Problem
+    arm: Room
+    nodes: Array
+    known: dict[tuple[int, int], bool]
+
+    @classmethod
+    def of(cls, problem: Problem, arm: Room) -> _Roadmap:
+        """Poses drawn within the limits that leave some room."""
+        size = (_DRAWN, len(problem.lower))
+        drawn = np.random.default_rng(0).uniform(problem.lower, problem.upper, size)
+        free = _widths(problem, arm, drawn, _ROOM_M) >= _ROOM_M
+        middle = (problem.lower + problem.upper)[None] / 2
+        return cls(problem, arm, np.vstack([middle, drawn[free][:_NODES]]), {})
+
+    def way(self, start: Array, end: Array) -> Array | None:
+        """Points on the shortest way that is free, (k, n); None where there is none."""
+        nodes, first = np.vstack([self.nodes, start, end]), len(self.nodes)
+        cost = _times(self.problem, nodes)
+        beyond = np.sort(cost, axis=1)[:, min(_NEAREST, len(cost) - 1), None]
+        cost = np.where((cost <= beyond) | (cost <= beyond).T, cost, np.inf)
+        own = dict(self.known)  # what is known of start and end is of this way alone
+        for (a, b), free in own.items():
+            if not free:
+                cost[a, b] = cost[b, a] = np.inf
+        for _ in range(_LOOKS):
+            found = _path(cost, first, first + 1)
+            if found is None:
+                return None
+            unknown = [k for k in map(_edge, found[:-1], found[1:]) if k not in own]
+            for a, b in unknown:
+                free = _met(self.problem, self.arm, nodes[a], nodes[b]) is None
+                own[a, b] = free
+                if max(a, b) < first:
+                    self.known[a, b] = free
+                if not free:
+                    cost[a, b] = cost[b, a] = np.inf
+                    break
+            else:
+                return nodes[found[1:-1]]
+        return None
+
+
+def _edge(a: int, b: int) -> tuple[int, int]:
+    return min(a, b), max(a, b)
+
+
+def _path(cost: Array, first: int, last: int) -> list[int] | None:
+    """The cheapest way from one node to another (Dijkstra); None where there is none."""
+    far, before = np.full(len(cost), np.inf), np.full(len(cost), -1)
+    far[first], left = 0.0, np.ones(len(cost), dtype=bool)
+    while left.any():
+        here = int(np.argmin(np.where(left, far, np.inf)))
+        if not left[here] or not np.isfinite(far[here]):
+            return None
+        if here == last:
+            break
+        left[here] = False
+        better = left & (far[here] + cost[here] < far)
+        far[better], before[better] = (far[here] + cost[here])[better], here
+    found = [last]
+    while found[-1] != first:
+        found.append(int(before[found[-1]]))
+    return found[::-1]
 
 
 def between(robot: Robot, start: Array, end: Array) -> Array:
