@@ -33,7 +33,7 @@ _MOST = 20_000
 """Points of one way: more of them crawl along something."""
 _DRAWN, _NODES, _ROOM_M = 2000, 250, 0.01
 """Of so many random points those that leave this room [m] are ways round; so many at most."""
-_NEAREST, _LOOKS = 25, 400
+_NEAREST, _LOOKS = 25, 150
 """Neighbours of each, and how often a way through them is tried."""
 _RAIL_M_S, _JOINT_RAD_S = 1.0, np.deg2rad(90.0)
 """Speeds by which poses are put in order: only their ratio matters, and carriages of 18 m and arms
@@ -73,8 +73,7 @@ def legs(problem: Problem, q: Array, anchor: Array) -> list[Leg]:
         q: Joint values of the poses [m] or [rad], shape (m, n).
         anchor: Of the chain, F_b [m], shape (3,).
     """
-    road = _Roadmap.of(problem, _arm(problem))
-    lines = problem.room or arm_alone(problem.robot, problem.tool, problem.spec)
+    road, lines = _Roadmap.of(problem, _arm(problem)), _lines(problem)
     return [_leg(road, lines, anchor, k, q[k - 1], q[k]) for k in range(1, len(q))]
 
 
@@ -103,15 +102,25 @@ def in_order(problem: Problem, q: Array, anchor: Array) -> Ints:
     """
     cost = _times(problem, q)
     order = np.arange(len(q)) if problem.robot.prismatic.any() else _shortest(cost)  # along a rail
+    road, lines = _Roadmap.of(problem, _arm(problem)), _lines(problem)
+    free: dict[tuple[int, int], bool] = {}
     for _ in range(len(q) * bool(problem.spec.limits.clear_of_itself)):
-        wrong = [leg.pose - 1 for leg in legs(problem, q[order], anchor) if leg.blocked]
+        for a, b in pairwise(order.tolist()):
+            if (a, b) not in free:
+                free[a, b] = _leg(road, lines, anchor, b, q[a], q[b]).blocked is None
+                free[b, a] = free[a, b]
+        wrong = [pair for pair in pairwise(order.tolist()) if not free[pair]]
         if not wrong:
             break
-        for k in wrong:
-            a, b = order[k - 1], order[k]
+        for a, b in wrong:
             cost[a, b] = cost[b, a] = 1e6
         order = _shortest(cost)
     return order
+
+
+def _lines(problem: Problem) -> Room:
+    """What a way had better not cross: chain and beams."""
+    return problem.room or arm_alone(problem.robot, problem.tool, problem.spec)
 
 
 def _times(problem: Problem, q: Array) -> Array:

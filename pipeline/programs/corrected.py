@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -135,8 +136,6 @@ def _acting(given: Given, read_: Program, other: tuple[str, bytes] | None) -> Ar
     Raises:
         UsageError: There is none, or there are two.
     """
-    import numpy as np
-
     from pipeline.programs._text import letters
     from pipeline.programs.forces import stated, tabled
 
@@ -145,7 +144,7 @@ def _acting(given: Given, read_: Program, other: tuple[str, bytes] | None) -> Ar
     if given.forces is not None:
         said = tabled(given.forces.name, _content(given.forces), read_.targets)
     if given.force is not None and said is None:
-        return np.array(_numbers("--force", given.force, 3))
+        return _newtons(given.force)
     if said is None:
         raise UsageError(
             "the program says no forces: give --force FX,FY,FZ [N], --forces TABLE.csv, or write "
@@ -312,9 +311,25 @@ def _poses(
 
 def _force(given: Given) -> Array | None:
     """The force of every point [N], shape (3,); None where each has its own."""
+    return None if given.force is None else _newtons(given.force)
+
+
+def _newtons(text: str) -> Array:
+    """A force [N], shape (3,); in kN where that stands behind it.
+
+    Raises:
+        UsageError: It is no three numbers, or in another unit.
+    """
     import numpy as np
 
-    return None if given.force is None else np.array(_numbers("--force", given.force, 3))
+    from pipeline.readers.logs import FORCE
+
+    numbers, unit = text.rstrip(" ]"), "n"
+    if found := re.fullmatch(r"(.*[0-9.])\s*([A-Za-z]+)", numbers):
+        numbers, unit = found[1], found[2].lower()
+    if unit not in FORCE:
+        raise UsageError(f'--force "{text}": give N or kN, as 0,0,-800 or 0,0,-0.8kN')
+    return FORCE[unit] * np.array(_numbers("--force", numbers, 3))
 
 
 def listed_lines(lines: list[str]) -> list[str]:

@@ -63,10 +63,11 @@ def _part(tips: Array, shift: Array) -> Iterator[str]:
     """The targets from where most of them is seen, and where the load takes them, enlarged."""
     middle = tips.mean(axis=0)
     plane = linear.principal(tips - middle)[2][:2]
-    size = max(float(np.abs((tips - middle) @ plane.T).max()), 1e-6)
+    wide, high = np.maximum(np.abs((tips - middle) @ plane.T).max(axis=0), 1e-6)
+    size = max(float(wide), float(high))
     most = float(np.linalg.norm(shift, axis=1).max())
     times = _SHARE * 2 * size / most if most else 0.0
-    scale = (_HIGH - 90) / 2 / size
+    scale = min((_WIDE / 2 - _EDGE) / wide, (_HIGH / 2 - 60) / max(high, _SHARE * 2 * size))
 
     def drawn(points: Array) -> list[tuple[float, float]]:
         flat = (points - middle) @ plane.T * scale

@@ -187,3 +187,16 @@ def test_a_folder_is_corrected_into_another(tmp_path, capsys):
     said = capsys.readouterr().err
     assert "bad.src:7" in said
     assert "1 of 2 programs are not corrected: bad.src" in said
+
+
+def test_a_force_may_have_a_unit(tmp_path):
+    """0.8 kN is 800 N, and a unit of something else is refused."""
+    identified(tmp_path, KR)
+    bare = FILES | {"p.src": re.sub(r"(?m)^; ?(FORCE|CUT).*\n", "", SRC)}
+
+    assert (
+        corrected(tmp_path, bare, force="0,0,-0.8 kN")[0]
+        == (corrected(tmp_path, bare, force="0,0,-800")[0])
+    )
+    with pytest.raises(UsageError, match="give N or kN"):
+        corrected(tmp_path, bare, force="0,0,-0.8 MN")
