@@ -35,6 +35,8 @@ _DRAWN, _NODES, _ROOM_M = 2000, 250, 0.01
 """Of so many random points those that leave this room [m] are ways round; so many at most."""
 _NEAREST, _LOOKS = 25, 150
 """Neighbours of each, and how often a way through them is tried."""
+_ORDERS = 4
+"""So often the order is changed for ways that are blocked."""
 _RAIL_M_S, _JOINT_RAD_S = 1.0, np.deg2rad(90.0)
 """Speeds by which poses are put in order: only their ratio matters, and carriages of 18 m and arms
 of 200 kg have about these."""
@@ -89,6 +91,26 @@ def standing(problem: Problem, q: Array) -> list[str]:
     return [f"pose {k} does not keep {rule}" for k, rule in found if rule is not None]
 
 
+def unwound(problem: Problem, q: Array) -> Array:
+    """The same poses, joints that turn farther than once where the others stand, shape (m, n).
+
+    An arm on a floor cannot wind its shoulder from one turn to the next.
+
+    Args:
+        problem: Robot and limits.
+        q: Joint values of the poses [m] or [rad], shape (m, n).
+    """
+    out = q.copy()
+    for j in np.flatnonzero(~problem.robot.prismatic):
+        mean = float(np.angle(np.exp(1j * q[:, j]).mean()))
+        turns = q[:, j, None] + 2 * np.pi * np.arange(-2, 3)
+        away = np.abs(turns - mean)
+        away[(turns < problem.lower[j]) | (turns > problem.upper[j])] = np.inf
+        near = turns[np.arange(len(q)), away.argmin(axis=1)]
+        out[:, j] = np.where(np.isfinite(away.min(axis=1)), near, q[:, j])
+    return problem.as_printed(out)
+
+
 def in_order(problem: Problem, q: Array, anchor: Array) -> Ints:
     """In which order poses are driven in the shortest time, and every way is free if any can be.
 
@@ -104,7 +126,7 @@ def in_order(problem: Problem, q: Array, anchor: Array) -> Ints:
     order = np.arange(len(q)) if problem.robot.prismatic.any() else _shortest(cost)  # along a rail
     road, lines = _Roadmap.of(problem, _arm(problem)), _lines(problem)
     free: dict[tuple[int, int], bool] = {}
-    for _ in range(len(q) * bool(problem.spec.limits.clear_of_itself)):
+    for _ in range(_ORDERS * bool(problem.spec.limits.clear_of_itself)):
         for a, b in pairwise(order.tolist()):
             if (a, b) not in free:
                 free[a, b] = _leg(road, lines, anchor, b, q[a], q[b]).blocked is None

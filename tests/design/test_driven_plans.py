@@ -15,7 +15,7 @@ from cell_check import Checked
 
 from pipeline.design import spec
 from pipeline.design.arm import bodied
-from pipeline.design.driven import in_order, legs, standing
+from pipeline.design.driven import in_order, legs, standing, unwound
 from pipeline.design.problem import build
 from pipeline.design.search import Effort, search
 from pipeline.design.trade import feasible_poses
@@ -81,6 +81,7 @@ def planned(name, seed):
         q = last.best.q
     else:
         q = feasible_poses(problem, anchor, rng, 6)
+    q = unwound(problem, q)
     q = q[in_order(problem, q, anchor)]
     return problem, q, legs(problem, q, anchor)
 
