@@ -15,11 +15,13 @@ import pandas as pd
 from pipeline import tables
 from pipeline.answer import archive
 from pipeline.answer.answer import answer as answer_of
+from pipeline.answer.both import Both
 from pipeline.answer.contract import Answer, Which
 from pipeline.answer.findings import Findings
 from pipeline.answer.kept import kept, predicted
 from pipeline.answer.recommended import (
     Basis,
+    beside_positions,
     decide,
     identified,
     joint_springs,
@@ -27,6 +29,7 @@ from pipeline.answer.recommended import (
     standing,
 )
 from pipeline.answer.reliability import control
+from pipeline.answer.standing import identified as positions
 from pipeline.answer.standing import stood
 from pipeline.base.errors import InputError, at
 from pipeline.diagnosis.settle import settle
@@ -176,11 +179,16 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
 
 
 def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
+    read = None
     if raw.settings.positions is not None:
-        end = stood(name, raw, keep, step)
-        return Answered(end.answer, end.shown, end.model, end.files)
+        read = positions(name, raw, keep, step)
+        if raw.settings.of_positions:
+            end = stood(read, keep, step)
+            return Answered(end.answer, end.shown, end.model, end.files)
     raw.settings.within_reach(raw.files[_LAST_RESORT].decode("utf-8", "replace"))
     case = ingested(raw, keep, step, plausible=False)
+    both = None if read is None else Both.of(case, read, step)
+    case = case if both is None else both.case
     path = asked(raw.settings.tolerance, raw.files, case.robot, case.tool)
     case, reduced, pose = step(as_measured)(case, bring(case, keep, step))
     _enough(reduced.data, raw.robot)
@@ -190,17 +198,22 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
     given = given if screened.findings else right
 
     facts = replace(diagnosis.facts, mistakes=screened.findings)
+    stands = standing(right, diagnosis)
+    if both is not None:
+        both = step(both.beside)(stands, diagnosis)
+        facts = both.facts(facts)
     word = verdict(facts)
     row = decide(Basis.of(facts, diagnosis))
-    stands = standing(right, diagnosis)
-    values = recommend(row, stands, diagnosis, where)
+    values = alone = recommend(row, stands, diagnosis, where)
+    if both is not None and both.agrees:
+        values = step(beside_positions)(alone)
     told = predicted(values.model(name, word, row), values, where, step)
-    if row.model != Which.JOINT_SPRINGS or stands is not given:
-        springs = joint_springs(given)
+    if both is not None or row.model != Which.JOINT_SPRINGS or stands is not given:
+        springs = joint_springs(given if both is None else both.given(step))
         paper = predicted(springs.model(name, word, row), springs, where, step)
     else:
         paper = told
-    controls, carried = step(control)(values, where)
+    controls, carried = step(control)(alone, where)
     shown_m = Shown(told.model.held_out_m, right.data.pulls.range_n[1])
     most_m = 1e-3 * raw.settings.tolerance.deflection_mm if raw.settings.tolerance else np.inf
     found = Findings(
@@ -221,7 +234,10 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
         one_pose=pose,
     )
     shown = {**right.reduced.shown, "rejected": case.rejected, **kept(found, keep, step)}
-    return Answered(answer_of(found), shown, told.model)
+    if both is None:
+        return Answered(answer_of(found), shown, told.model)
+    shown |= both.shown(shown, keep)
+    return Answered(both.answer(found, answer_of(found)), shown, told.model, both.files)
 
 
 def _enough(data: Measured, robot: Robot) -> None:

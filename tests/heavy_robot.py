@@ -31,6 +31,7 @@ class Truth:
     balancer: object = None  # angle of joint 3 -> torque on it [N m]
     turned: object = None  # q, weight's torque (m, 7) -> how far joints stand off (m, 7)
     mass: np.ndarray = field(default_factory=lambda: MASS)
+    centre: np.ndarray = field(default_factory=lambda: CENTRE)
 
 
 def errors_of_table(n, rng, length=4e-4, angle=4e-4):
@@ -59,7 +60,7 @@ class HeavyRobot:
                 for name in ("rx", "ry"):
                     parent = self._joint(parent, SMALL[name](), pin.SE3.Identity(), self.small,
                                          ("tilt", j + 1, name))  # fmt: skip
-            body = pin.Inertia(truth.mass[j], CENTRE[j], np.eye(3))
+            body = pin.Inertia(truth.mass[j], truth.centre[j], np.eye(3))
             self.model.appendBodyToJoint(parent, body, pin.SE3.Identity())
         end = pin.SE3(robot.flange) * pin.exp6(off[-1])
         self.end = self.model.addFrame(pin.Frame("flange", parent, 0, end, pin.FrameType.OP_FRAME))
@@ -70,13 +71,18 @@ class HeavyRobot:
         kept.append((joint - 1, name))
         return joint
 
-    def flange(self, q):
-        """Where the flange is at commanded joint values (n,), 4 x 4."""
+    def flange(self, q, pull=None):
+        """Where the flange is at commanded joint values (n,), 4 x 4.
+
+        Under a pull of some size [N] at a point of the flange frame [m] to an anchor in F_b [m].
+        """
         t, x = self.truth, np.zeros(self.model.nv)
         own = [k for k, _ in self.own]
         bed = np.zeros(6) if t.rail is None else t.rail(q[0])
         for _ in range(12):
             weight = -pin.computeGeneralizedGravity(self.model, self.data, x)
+            if pull is not None:
+                weight = weight + self._pulled(x, *pull)
             tau = weight[own]
             if t.balancer is not None:
                 tau = tau.copy()
@@ -95,6 +101,15 @@ class HeavyRobot:
             x = new
         pin.framesForwardKinematics(self.model, self.data, x)
         return self.data.oMf[self.end].homogeneous
+
+    def _pulled(self, x, size, tip, anchor):
+        """Torques of a chain from a point of the flange to its anchor, (nv,)."""
+        J = pin.computeFrameJacobian(self.model, self.data, x, self.end, pin.LOCAL_WORLD_ALIGNED)
+        pin.updateFramePlacements(self.model, self.data)
+        flange = self.data.oMf[self.end]
+        along = anchor - flange.act(tip)
+        force = size * along / np.linalg.norm(along)
+        return J[:3].T @ force + J[3:].T @ np.cross(flange.rotation @ tip, force)
 
 
 TOOL = np.array([[0.25, 0.1, 0.12], [-0.15, 0.24, 0.2], [-0.1, -0.22, 0.05]])

@@ -217,6 +217,7 @@ OUTBUILDINGS = {
         "reduction.settings": "it writes campaign.toml",
         "reduction.limits": "whether a robot can stand where a log says",
     },
+    "live": {"readers.logs": "which of the planned poses nothing was read of yet"},
     "page": {"app.commands._shared": _COMMAND},
     "programs": {
         "app.commands._shared": _COMMAND,

@@ -882,6 +882,35 @@ class PositionStep(Fact):
     series_mm: Number = Field(description="one series left out; null where there is one only")
 
 
+class Known(Fact):
+    """A compliance with its standard uncertainty [m/N] or [rad/(N m)]."""
+
+    value: float
+    std: float
+
+
+class SpringBy(Fact):
+    """One joint by each kind of reading; null where that tells nothing of it."""
+
+    name: str
+    by_weight: Known | None
+    by_pulls: Known | None
+
+
+class SpringsBy(Fact):
+    """Springs by the arm's weight in absolute positions, and by pulls, in one campaign."""
+
+    chi2: float = Field(description="squared difference in its uncertainty")
+    dof: int = Field(description="springs, or mixes of them, that both tell")
+    p_value: float
+    joined: bool = Field(description="they agree: the stiffnesses are from both together")
+    lighter: float | None = Field(
+        description="springs over those that the arm would have if it weighed what is usual for "
+        "its payload; null where the robot file states masses"
+    )
+    each: tuple[SpringBy, ...]
+
+
 class Repaired(Fact):
     """Work after which some joints are no longer what they were."""
 
@@ -1131,6 +1160,11 @@ class Answer(Values, Heading):
         exclude_if=_nothing,
         description="what each part of the model is worth; absent without positions",
     )
+    springs_by: SpringsBy | None = Field(
+        default=None,
+        exclude_if=_nothing,
+        description="springs by weight and by pulls; absent without both",
+    )
     common_factor: CommonFactor | None = Field(
         default=None,
         exclude_if=_nothing,
@@ -1144,7 +1178,11 @@ class Answer(Values, Heading):
     @property
     def of_positions(self) -> bool:
         """Whether absolute positions were measured, and no displacements."""
-        return bool(self.position_steps)
+        return bool(self.position_steps) and self.springs_by is None
+
+    def called(self, name: str) -> str:
+        """A stiffness as people call it, by the axis of the controller."""
+        return next(one.called for one in self.stiffness if one.name == name)
 
     @property
     def axes(self) -> dict[int, str]:

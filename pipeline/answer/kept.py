@@ -42,7 +42,7 @@ def predicted(model: Model, values: Values, where: Where, step: Step) -> Told:
 def kept(found: Findings, keep: Keep, step: Step) -> dict[str, pd.DataFrame]:
     """The tables of the answer, and of the joint springs beside it."""
     values, paper, where = found.told.values, found.springs.values, found.where
-    system, said = values.first.system, found.diagnosis
+    system, said = values.first.system.of_pulls, found.diagnosis
     if found.mistakes:  # what the answer rests on stands under the usual names
         given, used = found.given.reduced.shown, found.right.reduced.shown
         for name, promise in _CORRECTED:

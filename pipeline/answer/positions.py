@@ -92,6 +92,10 @@ class Positions:
         row = decide(Basis(bool(mistakes), rest, bool(facts.causes), rivals=False))
         return cls(campaign, raw, found, facts, row, rejected)
 
+    def ending(self, found: Study) -> Positions:
+        """The same with another estimate of the whole model."""
+        return Positions.of(self.campaign, self.raw, found, self.facts.mistakes, self.rejected)
+
     @property
     def usable(self) -> bool:
         """Whether a controller may have the values."""
@@ -447,19 +451,24 @@ _NOT_JUDGED = (
 
 
 def _wrong(said: Positions) -> Iterator[str]:
-    found, facts, left_out = said.found, said.facts, len(said.rejected)
+    found, facts = said.found, said.facts
     if facts.moved or not said.row.reason.holds_for_its_readings:
         yield wrong(facts, 0)
     elif facts.causes:
         yield from _named(facts.causes)
-    yield from _instrument(found)
-    erring = _erring(found, said.raw.robot)
-    if erring:
-        yield erring
-    elif facts.mistakes and clear(facts):
+    beside = list(beside_causes(said))
+    if facts.mistakes and clear(facts) and _erring(found, said.raw.robot) is None:
         yield wrong(facts, 0)
-    elif not (facts.causes or found.moved or left_out) and clear(facts):
+    elif not (facts.causes or beside) and clear(facts):
         yield "Nothing detectable in these readings."
+    yield from beside
+
+
+def beside_causes(said: Positions) -> Iterator[str]:
+    """What is wrong beside causes: the instrument, a joint, rows that were left out."""
+    left_out = len(said.rejected)
+    yield from _instrument(said.found)
+    yield from filter(None, [_erring(said.found, said.raw.robot)])
     if left_out:
         rows = "1 row of the files was" if left_out == 1 else f"{left_out} rows of the files were"
         yield f"{rows} left out; see Rejected rows for file and line of each."

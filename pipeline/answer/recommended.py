@@ -24,6 +24,8 @@ from pipeline.diagnosis.average import (
 )
 from pipeline.diagnosis.facts import Diagnosis, Facts
 from pipeline.diagnosis.finding import Verdict
+from pipeline.diagnosis.hypotheses import usual
+from pipeline.diagnosis.joined import joined
 from pipeline.diagnosis.unloaded_geometry import corrected
 from pipeline.diagnosis.verdict import verdict
 from pipeline.prediction import model as handover
@@ -239,6 +241,26 @@ def recommend(row: Row, stands: Fitted, diagnosis: Diagnosis, where: Where) -> V
         every = weighed([replace(alone.first, weight=rest), *diagnosis.too_small])
         return replace(alone, hypotheses=every, where=where)
     return Values(stands, diagnosis.hypotheses, _left_out(diagnosis), where)
+
+
+def beside_positions(values: Values) -> Values:
+    """The same values with what absolute positions in the same campaign say of springs and table.
+
+    Errors of left-out poses are those of the joint model too, but for causes, which each fold of
+    the pulls has chosen by itself.
+    """
+    data, left = values.fitted.data, values.left_out_m
+    springs = not values.first.effects  # beside springs alone stand causes of a usual size
+    before = [
+        usual(one.effects[0]) if springs and one.effects else None for one in values.hypotheses
+    ]
+    every = tuple(
+        joined(one, data, size).hypothesis
+        for one, size in zip(values.hypotheses, before, strict=True)
+    )
+    if springs:
+        left = left_out(every[0].system)[: len(left)]
+    return replace(values, hypotheses=every, left_out_m=left)
 
 
 def _left_out(diagnosis: Diagnosis) -> Array:

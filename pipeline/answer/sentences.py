@@ -50,6 +50,7 @@ from pipeline.base.quantities import (
     with_std,
     with_uncertainty,
 )
+from pipeline.base.shown import typed
 from pipeline.diagnosis.facts import APART, Facts
 from pipeline.prediction.decision import Decision
 from pipeline.system.estimate import fits
@@ -128,7 +129,7 @@ def _other(found: Findings, springs: str, data: str, delivered: str) -> list[str
     Joint springs on the table as delivered, where the answer has them on the estimated one.
     """
     alone = [] if found.row.model == Which.JOINT_SPRINGS else [springs]
-    if not alone and found.facts.unloaded.corrects:
+    if not alone and (found.facts.unloaded.corrects or found.facts.positions is not None):
         alone = [delivered]
     return [*alone, *([data] if found.mistakes else [])]
 
@@ -226,8 +227,8 @@ def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
         return said
     return (
         f"{said} A controller's table of joint stiffnesses has no entry for {listed(beside)}: "
-        f"correct paths and programs with `pipeline compensate {found.campaign}`, or enter the "
-        "effective values."
+        f"correct paths and programs with `pipeline compensate {typed(found.campaign)}`, or enter "
+        "the effective values."
     )
 
 

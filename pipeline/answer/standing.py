@@ -63,8 +63,8 @@ class Stood:
     files: dict[str, bytes]
 
 
-def stood(name: str, raw: Raw, keep: Keep, step: Step) -> Stood:
-    """From the tables of positions to the answer."""
+def identified(name: str, raw: Raw, keep: Keep, step: Step) -> Positions:
+    """From the tables of positions to what they say."""
     rows, rejects = step(as_read)(raw.settings, raw.robot, raw.files)
     wrong, sheet = step(position_rows)(Sheet(raw.robot, raw.settings, rows))
     read = usable(raw.settings, raw.robot, sheet.rows, rejects)
@@ -77,20 +77,36 @@ def stood(name: str, raw: Raw, keep: Keep, step: Step) -> Stood:
     off = outliers(found, read.table)
     rejected = keep("13_rejected", _rejected(read, off), tables.REJECTED)
     mistakes = (*wrong, *late, *wrong_entries(found), *accused(off, found))
-    said = Positions.of(name, raw, found, mistakes, rejected)
-    given = positions.answer(said)
-    shown = {
-        "rejected": rejected,
+    return Positions.of(name, raw, found, mistakes, rejected)
+
+
+def stood(said: Positions, keep: Keep, step: Step) -> Stood:
+    """The end of a campaign of nothing but positions."""
+    found, given = said.found, positions.answer(said)
+    laws = {"laws": keep("53_laws", law_table(found), tables.LAWS)}
+    scene = kept_scene(step(scene_of_positions)(found), keep)
+    shown = {"rejected": said.rejected, **pictures(said, keep), **laws, **scene}
+    model = _model(said.campaign, found.final, given)
+    return Stood(given, shown, model, model_file(said))
+
+
+def pictures(said: Positions, keep: Keep) -> dict[str, pd.DataFrame]:
+    """The tables of what only positions show."""
+    found = said.found
+    return {
         "curves": keep("50_curves", _curves(found.final), tables.CURVES),
         "curve_readings": keep(
             "51_curve_readings", _curve_readings(found.final), tables.CURVE_READINGS
         ),
-        "laws": keep("53_laws", _laws(found), tables.LAWS),
         "held_out": keep("60_held_out", _held_out(found), tables.HELD_OUT),
-        **kept_scene(step(scene_of_positions)(found), keep),
     }
-    kept = standing(name, found.final)
-    return Stood(given, shown, _model(name, found.final, given), {MODEL: dumps(kept)})
+
+
+def model_file(said: Positions) -> dict[str, bytes]:
+    """What `pipeline predict` reads, by name."""
+    settings = said.raw.settings
+    tip = None if settings.of_positions else np.array(settings.tool["load_point"])
+    return {MODEL: dumps(standing(said.campaign, said.found.final, tip))}
 
 
 def _studied(raw: Raw, read: Positioned, step: Step) -> Study:
@@ -168,7 +184,7 @@ def _curve_readings(found: Identified) -> pd.DataFrame:
     return table.astype({"joint": "i4", "poses": "i4"})
 
 
-def _laws(whole: Study) -> pd.DataFrame:
+def law_table(whole: Study) -> pd.DataFrame:
     """Table LAWS: what each pose says of each law but curves, all else as identified.
 
     As of a curve; with the standard uncertainty from the scatter of the poses.

@@ -13,6 +13,7 @@ from pipeline.answer import contract
 from pipeline.answer.contract import About, Carried, Combination, Reason
 from pipeline.base.quantities import (
     common_prefix,
+    p_value,
     percent,
     plain,
     prefixed,
@@ -149,6 +150,7 @@ def _told(facts: Facts) -> str:
                 if told and facts.refused and not facts.unloaded.refuted
                 else []
             ),
+            *([] if facts.positions is None else filter(None, [_told(facts.positions)])),
         ]
     )
 
@@ -430,6 +432,17 @@ def _predicts_nothing(facts: Facts) -> str:
     )
 
 
+def _springs_disagree(facts: Facts) -> str:
+    assert facts.agreement is not None
+    held = facts.agreement
+    return (
+        "The springs by the arm's own weight are not those by the pulls (chi-square "
+        f"{plain(held.chi2, 3)} with {held.dof} degrees of freedom, {p_value(held.p)}): masses of "
+        "the robot file, a balancer or the scale are not as stated. The stiffnesses are those of "
+        "the pulls alone."
+    )
+
+
 def _beyond_noise(facts: Facts) -> str:
     bounds = facts.bounds
     tracker = bounds.tracker >= bounds.force
@@ -521,6 +534,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         "robot was pulled in the loaded readings, and whether the forces belong to them."
     ),
     Finding.PREDICTS_NOTHING: _predicts_nothing,
+    Finding.SPRINGS_DISAGREE: _springs_disagree,
     Finding.BEYOND_NOISE: _beyond_noise,
     Finding.SCATTERED: _scattered,
     Finding.NOTHING: lambda _: "The joint springs explain what was measured.",

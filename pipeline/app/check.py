@@ -24,6 +24,7 @@ from pipeline.app.outcome import Outcome, sentences
 from pipeline.app.wrong_lines import TOML, Wrong, mistaken, text_of, wrong_lines
 from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain as in_digits
+from pipeline.base.shown import typed
 from pipeline.base.toml import line_of
 from pipeline.faults.survey import Clock, Distance, Stand, clock, distances, over_nominal, stands
 from pipeline.machine.effect import HUNG, MOUNTED
@@ -53,7 +54,7 @@ def check(campaign: Campaign) -> Outcome:
         InputError: It cannot be used, and no line of campaign.toml explains why.
     """
     raw = campaign.read()
-    if raw.settings.positions is not None:
+    if raw.settings.of_positions:
         return of_positions(campaign.name, raw)
     wrong = wrong_lines(raw)
     try:
@@ -69,6 +70,8 @@ def check(campaign: Campaign) -> Outcome:
             raise
         return _refused(campaign, wrong, others, problem)
     told = _told(campaign, raw, case, reduced, wrong)
+    if raw.settings.positions is not None:
+        told = _beside(told, of_positions(campaign.name, raw))
     return _with_tolerance(told, raw.settings, path, reduced.data.pulls.range_n)
 
 
@@ -94,6 +97,20 @@ def _with_tolerance(
         content=told.content | {"tolerance": found, "notes": [*told.content["notes"], *notes]},
         complaints=[*told.complaints, *(f"{told.campaign}: {one}" for one in notes)],
         text="\n".join([*above, line, last]),
+    )
+
+
+def _beside(pulls: Outcome, positions: Outcome) -> Outcome:
+    """What is said of the pulls of a campaign, and above the last line what of its positions."""
+    *above, last = pulls.text.split("\n")
+    *more, _ = positions.text.split("\n")
+    text = [*above, *(f"  {line.strip()}" for line in more), last]
+    return replace(
+        pulls,
+        content=pulls.content | {"positions": positions.content},
+        text="\n".join(text),
+        exit_code=max(pulls.exit_code, positions.exit_code),
+        complaints=[*pulls.complaints, *positions.complaints],
     )
 
 
@@ -226,14 +243,17 @@ def _hung(reduced: Reduced) -> dict[str, int]:
 def _next(name: str, wrong: list[Wrong], others: list[str]) -> tuple[str, str]:
     """What is to be done, in words and as a command."""
     if wrong:
-        return f"correct campaign.toml, then: pipeline check {name}", f"pipeline check {name}"
+        return (
+            f"correct campaign.toml, then: pipeline check {typed(name)}",
+            f"pipeline check {typed(name)}",
+        )
     if others:
         return (
             f"look into {'this' if len(others) == 1 else 'these'} while the robot still stands "
-            f"there, then: pipeline check {name}",
-            f"pipeline check {name}",
+            f"there, then: pipeline check {typed(name)}",
+            f"pipeline check {typed(name)}",
         )
-    return f"pipeline run {name}", f"pipeline run {name}"
+    return f"pipeline run {typed(name)}", f"pipeline run {typed(name)}"
 
 
 def _logs(raw: Raw) -> dict[str, bytes]:

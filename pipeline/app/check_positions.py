@@ -8,6 +8,7 @@ from pipeline.answer.inputs import rejected_entries
 from pipeline.app.outcome import Outcome
 from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain
+from pipeline.base.shown import typed
 from pipeline.faults.position_rows import Sheet, position_rows
 from pipeline.geometry.begin import begin
 from pipeline.geometry.leftout import distances
@@ -34,9 +35,9 @@ def of_positions(name: str, raw: Raw) -> Outcome:
     series = listed(str(one) or "one" for one in readings.names)
     notes = [f"{one.file}:{one.line}: {one.reason}" for one in rejected]
     notes += [one.evidence for one in wrong]
-    todo = f"pipeline run {name}"
+    todo = f"pipeline run {typed(name)}"
     if off_m > _FAR_M:
-        todo = f"pipeline check {name}"
+        todo = f"pipeline check {typed(name)}"
         notes.append(
             f"the targets are {plain(1e3 * off_m, 3)} mm from where the robot file "
             "places them, farther than on any real robot: check the units and signs of the joint "

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 import json
 import re
+import shlex
 from collections.abc import Iterator
 
 _ODD = re.compile(
@@ -49,7 +50,7 @@ def is_printable(text: str) -> bool:
     return _ODD.search(text) is None
 
 
-_WORD = r"[ \n](?:--)?\w[\w.,/=%-]*"
+_WORD = r"[ \n](?:(?:--)?\w[\w.,/=%-]*|'[^'`\n]*')"
 _TYPED = re.compile(
     rf"`(pipeline(?:{_WORD})*|dask scheduler|dask worker tcp://[\w.:-]+ --nthreads 1"
     r"|xacro FILE\.xacro > FILE\.urdf)`"
@@ -65,9 +66,16 @@ def runs(text: str) -> Iterator[tuple[str, bool]]:
             yield piece, bool(place % 2)
 
 
+def typed(name: str) -> str:
+    """A name as it is typed behind a command: in quotes where a shell would do more with it."""
+    return shlex.quote(name)
+
+
 def quoted(text: str) -> str:
-    """The text for a terminal: what to type stands in single quotes."""
-    return "".join(f"'{piece}'" if typed else piece for piece, typed in runs(text))
+    """The text for a terminal: what to type stands in single quotes, or has some of its own."""
+    return "".join(
+        f"'{piece}'" if told and "'" not in piece else piece for piece, told in runs(text)
+    )
 
 
 def lines(text: str) -> str:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.base import toml
+from pipeline.base.shown import typed
 from pipeline.design.made import figures, printed
 from pipeline.design.propose import Proposal
 from pipeline.machine.surroundings import tooled
@@ -17,7 +18,7 @@ MADE_BY = "# Made by `pipeline design"
 _HEADER = """\
 {made_by} {name}`: {figure}.
 # Rehearse it:        pipeline simulate {file}
-# Prepare its folder: pipeline init {name} --plan {file}
+# Prepare its folder: pipeline init {typed} --plan {file}
 """
 
 
@@ -29,7 +30,8 @@ def plan_text(proposal: Proposal, file: str) -> str:
         file: Where the plan will be, for the commands in its header.
     """
     name = proposal.problem.spec.name
-    header = _HEADER.format(made_by=MADE_BY, name=name, figure=figures(proposal), file=file)
+    words = {"name": name, "typed": typed(name), "file": typed(file)}
+    header = _HEADER.format(made_by=MADE_BY, figure=figures(proposal), **words)
     return header + toml.dumps(plan_content(proposal))
 
 

@@ -273,7 +273,7 @@ def case_of(
     """
     whole = catalogue(cell.robot, data.pulls) if whole is None else whole
     known = known or twins(cell.robot)
-    never = {*known.unmoved, *known.of_stiffness}
+    never = {*known.unmoved, *known.of_stiffness, *(effect.label for effect, _ in cell.held)}
     suspects = tuple(e for e in whole if not isinstance(e, Noise) and e.label not in never)
     data = replace(data, tool_std=data.tool_std or _POINTS_M, bends=False)
     plain = Case(replace(cell, equilibrium="undeformed"), data, suspects, 1.0)

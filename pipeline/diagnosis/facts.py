@@ -12,6 +12,7 @@ from pipeline.base.linear import rms
 from pipeline.base.tails import NORMAL_95
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.bounds import Bounds
+from pipeline.diagnosis.joined import Agreement
 from pipeline.faults.mistake import Mistake
 from pipeline.geometry.roughness import Cells
 from pipeline.machine.effect import Effect, Observation
@@ -470,6 +471,8 @@ class Facts:
         drift: The same where they call for a drift.
         mistakes: Mistakes in the data, corrected for all the rest.
         bounds: Noise and misfit against what they can be.
+        positions: What absolute positions in a campaign of pulls show; None without any.
+        agreement: Springs by the arm's weight against those by the pulls, where both tell.
     """
 
     detected: bool = False
@@ -494,6 +497,8 @@ class Facts:
     drift: Drift | None = None
     mistakes: tuple[Mistake, ...] = ()
     bounds: Bounds = field(default_factory=Bounds)
+    positions: Facts | None = None
+    agreement: Agreement | None = None
 
     @property
     def helps(self) -> bool:

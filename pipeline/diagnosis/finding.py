@@ -49,6 +49,7 @@ class Finding(StrEnum):
     SCATTER = "scatter"
     NOTHING_DETERMINED = "nothing_determined"
     PREDICTS_NOTHING = "predicts_nothing"
+    SPRINGS_DISAGREE = "springs_disagree"
     BEYOND_NOISE = "beyond_noise"
     SCATTERED = "scattered"
     NOTHING = "nothing"

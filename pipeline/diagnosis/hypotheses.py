@@ -73,13 +73,17 @@ def too_small(case: Case, found: Found) -> tuple[Hypothesis, ...]:
 
 def _usual(estimate: Estimate, effect: Effect) -> Estimate:
     """The same, knowing also that the last parameters, the effect's, are of a usual size."""
-    k = len(effect.parameters)
-    std = _USUAL * effect.size * np.array([p.typical for p in effect.parameters])
+    k, std = len(effect.parameters), usual(effect)
     C = estimate.cov
     gain = linear.solve((C[-k:, -k:] + np.diag(std**2)) / np.outer(std, std), C[-k:] / std[:, None])
     gain = gain / std[:, None]
     value = estimate.value - gain.T @ estimate.value[-k:]
     return replace(estimate, value=value, cov=C - C[:, -k:] @ gain)
+
+
+def usual(effect: Effect) -> Array:
+    """Standard deviations of the parameters of a cause that acts unseen, shape (k,)."""
+    return _USUAL * effect.size * np.array([p.typical for p in effect.parameters])
 
 
 def accepted(case: Case, found: Found) -> Hypothesis:

@@ -101,16 +101,17 @@ def _off(one: Cause) -> Off:
 
 def _listed(one: Listed, robot: Robot) -> Cause:
     """A cause that the catalogue has, with its parameters as positions show them."""
+    noun = _NOUNS.get(one.form) or _NOUNS.get(one.name) or one.name.replace("_", " ")
     known = (e for e in catalogue(robot) if (e.name, e.where, e.form) == _key(one))
     by_name = (e for e in catalogue(robot) if (e.name, e.where) == _key(one)[:2])
-    there = next(known, None) or next(by_name, None)
+    there = None if one.form in _NOUNS else next(known, None) or next(by_name, None)
     effect = there or Effect(
         name=one.name,
         where=one.where,
-        noun=_NOUNS.get(one.name, one.name.replace("_", " ")),
+        noun=noun,
         place="joint" if isinstance(one.where, int) else one.name.split("_")[0],
         parameters=(),
-        signature=_NOUNS.get(one.name, ""),
+        signature=noun,
         needs="pulls of known force in the same poses",
         source="",
         form=one.form,
@@ -137,8 +138,9 @@ _NOUNS = {
     "rail_scale": "a rack whose pitch is not as stated",
     "compensator": "balancer of the arm",
     "gravity_sag": "sag under the arm's own weight",
+    "other masses": "links that weigh other than the robot file states",
 }
-"""What positions alone know, as a noun."""
+"""What positions alone know, as a noun, by its form or name."""
 
 
 def _gain(one: Worth) -> Gain:

@@ -136,7 +136,15 @@ _BOUNDS = (
 """What green means, whatever causes were found: a model that predicts, beside a noise that can
 be."""
 
-TABLE = (_DATA, _BASE, _UNLOADED, _DISPLACEMENTS, _BOUNDS)
+_TOGETHER = (
+    Row(
+        Finding.SPRINGS_DISAGREE,
+        Verdict.UNEXPLAINED,
+        lambda f: f.agreement is not None and f.agreement.p < alarms.MISFIT,
+    ),
+)
+
+TABLE = (_DATA, _BASE, _UNLOADED, _DISPLACEMENTS, _BOUNDS, _TOGETHER)
 """Rows by subject, in the order in which their sentences are read."""
 
 
@@ -146,6 +154,12 @@ def findings(facts: Facts) -> tuple[Row, ...]:
     return tuple(row for row in first if row is not None)
 
 
+def of_both(facts: Facts) -> tuple[Row, ...]:
+    """The same, and what absolute positions in the same campaign show."""
+    beside = () if facts.positions is None else findings(facts.positions)
+    return tuple(dict.fromkeys((*findings(facts), *beside)))
+
+
 def verdict(facts: Facts) -> Verdict:
     """The most severe."""
-    return max((row.verdict for row in findings(facts)), key=lambda one: one.severity)
+    return max((row.verdict for row in of_both(facts)), key=lambda one: one.severity)

@@ -106,7 +106,7 @@ def _search(
 ) -> list[Mistake]:
     singles = list(hypotheses(case))
     for tried in ([(h,) for h in singles], _pairs(singles) if how is miss else []):
-        misses = [_after(case, chosen, how) for chosen in tried]
+        misses = [_after(case, chosen, how, min(gross, before / BETTER)) for chosen in tried]
         best = int(np.argmin([*misses, np.inf]))
         if best < len(tried) and misses[best] < gross and BETTER * misses[best] < before:
             return [_finding(case, h, before, misses[best]) for h in tried[best]]
@@ -119,15 +119,23 @@ def _pairs(singles: Sequence[Hypothesis]) -> list[tuple[Hypothesis, ...]]:
     return [p for p in itertools.combinations(data, 2) if p[0].where != p[1].where]
 
 
-def _after(case: Case, chosen: Sequence[Hypothesis], how: Callable[[Case], float | None]) -> float:
+def _after(
+    case: Case,
+    chosen: Sequence[Hypothesis],
+    how: Callable[[Case], float | None],
+    most: float,
+) -> float:
     """How far the reflectors stand off with some mistakes put right; infinite if unknown.
 
     Nor is anything known of poses that are one: a factor that shrinks all to a point fits a point.
+    That is asked only below `most` [m]: what stands off farther is no answer either way.
     """
     for hypothesis in chosen:
         case = hypothesis.correct(case)
     value = how(case)
-    return np.inf if value is None or BETTER * value > _apart(case) else value
+    if value is None or value >= most:
+        return np.inf
+    return np.inf if BETTER * value > _apart(case) else value
 
 
 def _apart(case: Case) -> float:

@@ -16,6 +16,7 @@ from pipeline.app.outcome import Outcome
 from pipeline.base import files, parquet
 from pipeline.base.arrays import Array
 from pipeline.base.errors import CannotWrite, UsageError
+from pipeline.base.shown import typed
 from pipeline.fleet import tables as fleet
 from pipeline.fleet.overview import (
     NOT_EXPLAINED,
@@ -187,7 +188,9 @@ def _covariance(campaign: Campaign, model: str, stiffness: Sequence[Stiffness]) 
         return np.diag([np.nan if s is None else s**2 for s in std])
     kept = campaign.processed / f"{_COVARIANCES[model]}.parquet"
     if not kept.is_file():
-        raise UsageError(f"{campaign.name} has no covariance: run `pipeline run {campaign.name}`")
+        raise UsageError(
+            f"{campaign.name} has no covariance: run `pipeline run {typed(campaign.name)}`"
+        )
     names = [f"c_{joint.joint_name}" for joint in stiffness]
     return parquet.read(kept).to_pandas().set_index("parameter").loc[names, names].to_numpy(float)
 

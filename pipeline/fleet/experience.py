@@ -109,7 +109,7 @@ def _by_robot(answers: Iterable[Answer]) -> dict[str, list[Answer]]:
     """
     found: dict[str, list[Answer]] = {}
     for one in answers:
-        if one.diagnosis.verdict in _TEACHES and not (one.model.priors or one.of_positions):
+        if one.diagnosis.verdict in _TEACHES and not (one.model.priors or one.position_steps):
             found.setdefault(one.machine, []).append(one)
     return found
 

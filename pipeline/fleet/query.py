@@ -109,6 +109,7 @@ def _prepare(duckdb: Any, base: Any, place: Path) -> None:
             base.execute(
                 f"create view {name} as select {columns} from read_parquet({source}, {options})"
             )
+    base.execute("set temp_directory = ''")  # it is `.tmp` of the current folder, whoever made it
     base.execute(f"set allowed_directories = [{_quoted(f'{place}/')}]")
     base.execute("set enable_external_access = false")
     base.execute("set python_enable_replacements = false")  # else a name may be a variable of ours

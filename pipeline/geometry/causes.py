@@ -230,6 +230,9 @@ def weight(found: Identified) -> Cause:
     return Cause("gravity_sag", None, form, tuple(amounts))
 
 
+OTHER_MASSES = "other masses"
+"""Form of a sag by which links weigh other than their file states."""
+
 _APART = 0.2
 """Relative uncertainty of a compliance below which mass and stiffness are told apart."""
 
@@ -256,6 +259,19 @@ def causes(
             if near.sure:
                 out.append(replace(group.cause, p=p, gain=near, carried=far))
     return tuple(sorted(out, key=lambda one: -one.gain.reduction))
+
+
+def renewed(every: Sequence[Cause], found: Identified) -> tuple[Cause, ...]:
+    """Causes with the sizes that another estimate of the same model has."""
+    now = {(one.cause.name, one.cause.where): one.cause for one in _groups(found, ())}
+    if found.mechanism.unknown:
+        now["gravity_sag", None] = weight(found)
+    out = []
+    for one in every:
+        new = now.get((one.name, one.where), one)
+        form = one.form if one.form == OTHER_MASSES else new.form
+        out.append(replace(one, form=form, amounts=new.amounts))
+    return tuple(out)
 
 
 def chances(found: Identified, groups: Sequence[Ints | slice], signs: Array) -> list[float]:

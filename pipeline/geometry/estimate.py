@@ -278,7 +278,7 @@ def solved(rows: Rows, mechanism: Mechanism, known: Prior) -> Solution:
     """The parameters from all rows; a factor that nobody knows stays where it is."""
     N, b, square = rows.N, rows.b, float(np.sum(rows.y**2))
     if mechanism.unknown:
-        x0, v = mechanism.at(layout(mechanism)), _factor(mechanism, None)
+        x0, v = mechanism.at(layout(mechanism)), softened(mechanism)
         weighed = v[: len(known.std)] / known.std**2
         d = padded(weighed / (weighed @ v[: len(known.std)]) / _DAMPED, len(v))
         N, b, square = N + np.outer(d, d), b + d * (d @ x0), square + float(d @ x0) ** 2
@@ -290,8 +290,11 @@ _DAMPED = 0.02
 """How far springs and weights of unknown masses may part by a common factor in one step [1]."""
 
 
-def _factor(mechanism: Mechanism, x: Array | None) -> Array:
-    """What springs softer by a factor under masses lighter by it move: nothing, to first order."""
+def softened(mechanism: Mechanism, x: Array | None = None) -> Array:
+    """Parameters along which springs are softer by a factor, under masses lighter by it.
+
+    That moves nothing, to first order.
+    """
     where = layout(mechanism)
     x = mechanism.at(where) if x is None else x
     v = np.zeros(len(x))
@@ -307,7 +310,7 @@ def by_a_factor(rows: Rows, mechanism: Mechanism, found: Solution) -> Solution:
     many links together would know that factor; nobody does. Along v, which has the compliances and
     minus the moments, the readings say v'X'X v, where payloads are known; the rest is `_FACTOR`.
     """
-    about, end = _factor(mechanism, None), _factor(mechanism, found.x)
+    about, end = softened(mechanism), softened(mechanism, found.x)
     var = 1 / (float(about @ rows.N @ about) + _FACTOR**-2)
     return replace(found, cov=found.cov + var * np.outer(end, end))
 

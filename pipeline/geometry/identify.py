@@ -61,7 +61,7 @@ class Wanted:
         laws: Laws of joints.
         curves: Joints with a curve of their own, from 0, and its length.
         yields: What yields beside the joints under the arm's weight.
-        moments: Masses and first moments of the links, which no table states.
+        moments: Masses and first moments of the links, which no table states, or a wrong one.
         bed: Length of the curves by which the rail is not straight [m]; None where it is.
     """
 
@@ -243,9 +243,12 @@ def likeliest(found: Identified, choices: Sequence[Wanted]) -> Wanted:
     for wanted in choices:
         mechanism, scatter = _equipped(found.mechanism, found.readings, wanted), found.scatter
         here = found.linear
-        if found.mechanism.curves or wanted.bed is not None:
+        if found.mechanism.curves or wanted.bed is not None or wanted.moments:
             here = linearised(found.readings, mechanism, found.weights)
         known = found.known
+        if len(known.std) != layout(mechanism).dense:
+            new = prior(mechanism, known.stated, found.weights.payloads)
+            known = _only(_scaled(new, mechanism, known), mechanism, wanted)
         for _ in range(_STEPS[0]):
             whitened = rows(here, mechanism, scatter)
             solution = solved(whitened, mechanism, known)

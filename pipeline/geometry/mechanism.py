@@ -147,6 +147,7 @@ class Mechanism(Locked):
         time: Array,
         series: Array,
         force: Array | None = None,
+        tip: Array | None = None,
     ) -> Stand:
         """The robot where it really is at m poses, under its weight and a force.
 
@@ -156,7 +157,8 @@ class Mechanism(Locked):
             temperature: Of the air [degC], shape (m,).
             time: Place of each pose in its series, shape (m,).
             series: Number of its series, shape (m,).
-            force: On the first target [N], F_b, shape (m, 3).
+            force: At `tip` [N], F_b, shape (m, 3).
+            tip: A point of the flange frame [m], shape (3,); the first target when not given.
         """
         robot = self.robot
         bare = configure(robot, q)
@@ -164,7 +166,7 @@ class Mechanism(Locked):
         held = carried(bare, weights.gravity, self.moments, mass, centre)
         inputs = Inputs(q, work(bare.twists, held), temperature, time, series)
         if force is not None and force.any():
-            at = bare.points(self.tool[:1, :3, 3])[:, 0]
+            at = bare.points((self.tool[0, :3, 3] if tip is None else tip)[None])[:, 0]
             held = held + np.concatenate([np.cross(at, force), force], axis=1)[:, None]
         tau = work(bare.twists, held)
         here = configure(robot, q + self.turned(replace(inputs, tau=tau), inputs))

@@ -15,11 +15,11 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Locked
+from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.bootstrap import interval
 from pipeline.geometry import blunders, curves, leftout, search
 from pipeline.geometry.begin import begin
-from pipeline.geometry.causes import Cause, Listed, listed, weight
+from pipeline.geometry.causes import OTHER_MASSES, Cause, Listed, listed, renewed, weight
 from pipeline.geometry.identify import Identified, Wanted, likeliest
 from pipeline.geometry.mechanism import Mechanism, Weights, linearised
 from pipeline.geometry.mistaken import TableMistake, corrected
@@ -125,6 +125,11 @@ class Study(Locked):
         """The whole model."""
         return self.stages[-1].found
 
+    def ending(self, found: Identified) -> Study:
+        """The same with another estimate of the whole model."""
+        stages = (*self.stages[:-1], replace(self.stages[-1], found=found))
+        return replace(self, stages=stages, causes=renewed(self.causes, found))
+
 
 def study(
     robot: Robot,
@@ -152,6 +157,8 @@ def study(
     gross = _gross(every, begun)
     data = every.without(gross)
     base, names = _base(data, begun)
+    other = _otherwise(data, base, rng)
+    base = other.found if other else base
     every, data, base, of, chances = _apart(every, data, base, rng)
     begun = _framed(begun, of)
     data, base, late = _without_blunders(every, data, base, gross)
@@ -173,26 +180,49 @@ def study(
     )
     bad = tuple(_listed(every.readings, late))
     moved = tuple(_moves(whole.found, chances))
-    sag = () if weighs(robot) else tuple(_sag(stages, rng))
+    weighed = other if weighs(robot) else _weigh(stages[1].found, stages[2].found, rng)
+    form = OTHER_MASSES if other else ""
+    sag = (weighed.cause(whole.found, form),) if weighed else ()
     return Study(stages, whole.laws, bad, moved, (*sag, *whole.causes), mistakes, every)
 
 
-def _sag(stages: Sequence[Stage], rng: np.random.Generator) -> Iterator[Cause]:
-    """What a weight that nobody states is worth, where the readings show it."""
-    of = {stage.step: stage for stage in stages}
-    before, after = of[Step.LETTERS], of[Step.SPRINGS]
-    if after.found is before.found:
-        return
-    gains = []
-    for parting in (Parting.BETWEEN, next(reversed(after.errors))):
-        pair = [stage.errors[parting] for stage in (before, after)]
-        seen = np.isfinite(pair[0])
-        block = np.broadcast_to(search.blocks(after.found.readings)[:, None], seen.shape)[seen]
-        one, two = (errors[seen] for errors in pair)
-        gains.append(Gain(linear.rms(one), linear.rms(two), interval(one, two, block, rng)[1]))
-    p = float(np.exp(min(before.found.likely - after.found.likely, 0.0)))
-    if p < alarms.SUSPECT and gains[0].sure:
-        yield replace(weight(stages[-1].found), p=p, gain=gains[0], carried=gains[1])
+class _Weighed(NamedTuple):
+    """A model by which links weigh what the readings say, and what that is worth."""
+
+    found: Identified
+    p: float
+    gains: tuple[Gain, Gain]
+
+    def cause(self, found: Identified, form: str) -> Cause:
+        """It as a cause, with the amounts of the whole model."""
+        one = weight(found)
+        near, far = self.gains
+        return replace(one, form=form or one.form, p=self.p, gain=near, carried=far)
+
+
+def _weigh(before: Identified, after: Identified, rng: np.random.Generator) -> _Weighed | None:
+    """Another weight of the links against that of the model before; None where it is not sure.
+
+    It is sure where the readings are likelier by it than by chance, and poses that were left out
+    nearer for certain.
+    """
+    p = float(np.exp(min(before.likely - after.likely, 0.0)))
+    if after is before or p >= alarms.SUSPECT:
+        return None
+    parts = partings(after.readings, rng, rail(after.mechanism.table))
+    near, far = (
+        _gain(before, after, parts[one], rng) for one in (Parting.BETWEEN, next(reversed(parts)))
+    )
+    return _Weighed(after, p, (near, far)) if near.sure else None
+
+
+def _gain(before: Identified, after: Identified, part: Ints, rng: np.random.Generator) -> Gain:
+    """By what the distances of left-out targets fall."""
+    off = [distances(found, part) for found in (before, after)]
+    seen = np.isfinite(off[0])
+    block = np.broadcast_to(search.blocks(after.readings)[:, None], seen.shape)[seen]
+    one, two = (distance[seen] for distance in off)
+    return Gain(linear.rms(one), linear.rms(two), interval(one, two, block, rng)[1])
 
 
 def _heavy(data: Data, robot: Robot) -> bool:
@@ -216,6 +246,14 @@ def _base(data: Data, begun: Mechanism) -> tuple[Identified, tuple[Listed, ...]]
     found = data.identify(table.mechanism, middle, table)
     best = likeliest(found, [replace(wanted, bed=length) for length in curves.BED])
     return (found if best == middle else data.identify(found.mechanism, best, found)), names
+
+
+def _otherwise(data: Data, found: Identified, rng: np.random.Generator) -> _Weighed | None:
+    """The estimate with links that weigh other than their file says, where that is sure."""
+    other = replace(found.wanted, moments=True)
+    if not weighs(found.mechanism.table) or likeliest(found, [found.wanted, other]) != other:
+        return None
+    return _weigh(found, data.identify(found.mechanism, other, found), rng)
 
 
 def _plain(data: Data, begun: Mechanism) -> Iterator[Identified]:

@@ -18,7 +18,7 @@ from pipeline.machine.effect import Elastic, Loaded, Pulls
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects._anatomy import turning
 from pipeline.machine.robot import Configuration, Robot
-from pipeline.machine.robot.weight import work
+from pipeline.machine.robot.weight import link_moments, weighs, work
 
 _NAMES = {"rail_roll", "rail_pitch", "rail_yaw", "rail_lateral", "rail_vertical", "joint_tilt",
           "link_bending"}  # fmt: skip
@@ -120,10 +120,11 @@ def carried_on(
 
 
 def usual(robot: Robot) -> tuple[Array, Array]:
-    """Masses [kg] and first moments [kg m] of links of which nobody states any, and how uncertain.
+    """Masses [kg] and first moments [kg m] of links if nobody knows them, and how uncertain.
 
-    An arm of six axes weighs some five times what it carries, most of it in its first three links
-    (KUKA KR 500 and ABB IRB 6640, by their data sheets), each about amid its link.
+    Where the robot file states them they are those, however wrong. Else an arm of six axes weighs
+    some five times what it carries, most of it in its first three links (KUKA KR 500 and ABB
+    IRB 6640, by their data sheets), each about amid its link.
 
     Returns:
         Mean and standard deviation, each of shape (n, 4).
@@ -136,7 +137,7 @@ def usual(robot: Robot) -> tuple[Array, Array]:
     half = 0.5 * np.linalg.norm(ends, axis=1) + _WIDE_M
     mean = np.column_stack([mass, 0.5 * mass[:, None] * ends])
     std = np.column_stack([mass, *[mass * half] * 3])
-    return mean, np.maximum(std, 1e-3)
+    return link_moments(robot) if weighs(robot) else mean, np.maximum(std, 1e-3)
 
 
 _ARM = 5.0

@@ -14,7 +14,7 @@ import jinja2
 from pipeline.base import files, toml
 from pipeline.base.errors import InputError, UsageError, listed
 from pipeline.base.quantities import plain
-from pipeline.base.shown import printable
+from pipeline.base.shown import printable, typed
 from pipeline.base.toml import quoted
 from pipeline.machine.instrument import sheet
 from pipeline.machine.robot import SHIPPED, Robot, load
@@ -274,7 +274,7 @@ def vacant(root: Path, name: str) -> Path:
     if (folder / "campaign.toml").exists():
         raise UsageError(
             f"{folder} has a campaign.toml already: fill that in, or remove it and type "
-            f"`pipeline init {name}` again to have it written for the files that lie there now"
+            f"`pipeline init {typed(name)}` again to have it written for the files that lie there"
         )
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is there already: choose another name")

@@ -23,6 +23,7 @@ from pipeline.app.commands._shared import (
 )
 from pipeline.base.doors import opened as behind
 from pipeline.base.errors import UsageError, listed
+from pipeline.base.shown import typed
 
 if TYPE_CHECKING:  # they bring the numerical libraries, which take a second
     from pipeline.intake.blank import Known
@@ -68,7 +69,7 @@ def init(
         _tell("joints.csv has the poses of the plan, loads.csv its load steps without forces.")
         _tell("Next: measure; write the scale's readings into loads.csv, put the tracker's export "
               "beside it, fill in [base_frame] of campaign.toml, then "
-              f"pipeline check {folder.name}")  # fmt: skip
+              f"pipeline check {typed(folder.name)}")  # fmt: skip
 
 
 def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
@@ -96,10 +97,10 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
     typer.echo(folder)
     if said.nothing:
         _tell("No exports or logs lie there yet. To have campaign.toml written for files of other "
-              f"programs, copy them there, remove it, and type `pipeline init {folder.name}` "
-              "again.")  # fmt: skip
+              "programs, copy them there, remove it, and type "
+              f"`pipeline init {typed(folder.name)}` again.")  # fmt: skip
     todo = f"Still open in campaign.toml: {listed(left, most=40)}; fill it in, then" if left else ""
-    _tell(f"{todo or 'Next'}: pipeline check {folder.name}")
+    _tell(f"{todo or 'Next'}: pipeline check {typed(folder.name)}")
 
 
 def _named(root: Path, folder: Path, given: Known) -> str | None:

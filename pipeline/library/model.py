@@ -181,7 +181,8 @@ class PositionModel:
 
         Args:
             q: Joint values [m] or [rad], shape (n,) or (m, n).
-            force_n: Force at the first target [N], F_b, shape (3,) or (m, 3).
+            force_n: Force at the load point, or at the first target where nothing was pulled [N],
+                F_b, shape (3,) or (m, 3).
             payload: One that campaign.toml knows; None for none.
             temperature_c: Of the air [degC]; NaN unknown.
 

@@ -8,6 +8,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import lru_cache
+from typing import TypeVar
 
 import numpy as np
 
@@ -27,6 +28,8 @@ from pipeline.machine.effect import (
 )
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import cross, torque, velocity
+
+_E = TypeVar("_E", bound=Effect)
 
 
 @dataclass(frozen=True, eq=False)
@@ -81,12 +84,14 @@ class Cell:
         effects: What acts, in any order.
         equilibrium: `undeformed`: geometry of the unloaded pose, c = B x as in the paper.
             `deformed`: the wrench acts on the deflected robot (second order in the load).
+        held: What acts beside them by as much as is known from elsewhere: no unknowns.
     """
 
     robot: Robot
     tool: Tool
     effects: tuple[Effect, ...]
     equilibrium: str = "undeformed"
+    held: tuple[tuple[Effect, Array], ...] = ()
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
@@ -103,7 +108,7 @@ class Cell:
         for effect in self.effects:
             begin, end = end, end + len(effect.parameters)
             parts += [(facet, values[begin:end]) for facet in effect.facets]
-        return parts
+        return parts + [(facet, part) for one, part in self.held for facet in one.facets]
 
 
 @dataclass(frozen=True, eq=False)
@@ -152,23 +157,51 @@ def paper_cell(robot: Robot, tool: Tool) -> Cell:
 
 def load(cell: Cell, pulls: Pulls, values: Array) -> Loaded:
     """Compute the kinematics and apply the wrench: geometry first, then the force chain."""
-    parts = cell.split(values)
-    robot, q = cell.robot, pulls.q
+    acting = [
+        (effect, part)
+        for effect, part in cell.split(values)
+        if isinstance(effect, Geometry | Table | Wrench | Reflectors) and part.any()
+    ]
+    of = _loaded if len(pulls) <= _FEW else _loaded.__wrapped__
+    parts = tuple(part.tobytes() for _, part in acting)
+    return of(cell.robot, cell.tool, pulls, _Same(effect for effect, _ in acting), parts)
+
+
+class _Same(tuple[_E, ...]):
+    """Effects that are equal where they are the same objects: what they hold may have no hash."""
+
+    __slots__ = ()
+
+    def __hash__(self) -> int:
+        return hash(tuple(map(id, self)))
+
+    def __eq__(self, other: object) -> bool:
+        return isinstance(other, _Same) and [*map(id, self)] == [*map(id, other)]
+
+
+@lru_cache(maxsize=256)
+def _loaded(
+    cell_robot: Robot, tool: Tool, pulls: Pulls, effects: _Same[Effect], values: tuple[bytes, ...]
+) -> Loaded:
+    """`load` by what it depends on: derivatives by all else ask for the same a hundred times."""
+    parts = [
+        (effect, np.frombuffer(part).copy()) for effect, part in zip(effects, values, strict=True)
+    ]
+    robot, q = cell_robot, pulls.q
     for effect, part in parts:
-        if isinstance(effect, Geometry) and part.any():
-            q = q + (effect.geometry(cell.robot, pulls, part) - pulls.q)
-        elif isinstance(effect, Table) and part.any():
+        if isinstance(effect, Geometry):
+            q = q + (effect.geometry(cell_robot, pulls, part) - pulls.q)
+        elif isinstance(effect, Table):
             robot = effect.true(robot, part)
-    as_logged = q is pulls.q and robot is cell.robot
-    configuration = _as_logged(robot, pulls) if as_logged else configure(robot, q)
-    points = configuration.points(np.vstack([cell.tool.load_point, cell.tool.points]))
+    configuration = configure(robot, q)
+    points = configuration.points(np.vstack([tool.load_point, tool.points]))
     loaded = Loaded(
         pulls=pulls,
         configuration=configuration,
         load_point=_acts_at(configuration, pulls, points[:, 0]),
         force=pulls.force,
         points=points[:, 1:],
-        targets=cell.tool.targets,
+        targets=tool.targets,
     )
     for effect, part in parts:
         if isinstance(effect, Wrench):
@@ -188,23 +221,17 @@ def _acts_at(configuration: Configuration, pulls: Pulls, load_point: Array) -> A
     return np.where(own, configuration.flange_origin + turned, load_point)
 
 
-@lru_cache(maxsize=1)
-def _as_logged(robot: Robot, pulls: Pulls) -> Configuration:
-    """The robot where its log says: derivatives ask for the same pulls a hundred times."""
-    return configure(robot, pulls.q)
-
-
 def columns(effect: Elastic, loaded: Loaded) -> Array:
     """Displacement of the targets per unit of each parameter, Eq. (7): J_m (J_l' f).
 
     Returns:
         Shape (m, t, 3, k).
     """
-    return _columns((effect,), loaded)[0]
+    return _columns(_Same([effect]), loaded)[0]
 
 
-def _columns(effects: Sequence[Elastic], loaded: Loaded) -> list[Array]:
-    """`columns` of many effects at once, as numpy likes it."""
+def _columns(effects: _Same[Elastic], loaded: Loaded) -> tuple[Array, ...]:
+    """`columns` of many elastic effects at once, as numpy likes it."""
     own = [effect.screws(loaded) for effect in effects]
     ends = np.cumsum([twists.shape[1] for twists in own])[:-1]
     twists = np.concatenate(own, axis=1)
@@ -212,10 +239,15 @@ def _columns(effects: Sequence[Elastic], loaded: Loaded) -> list[Array]:
     answers = [effect.response(loaded, one) for effect, one in zip(effects, tau, strict=True)]
     moved = velocity(twists, loaded.points).swapaxes(2, 3)
     moved *= np.concatenate(answers, axis=1)[:, None, None, :]
-    return [
+    moved.flags.writeable = False
+    return tuple(
         part @ np.eye(len(effect.parameters))[list(effect.shared)] if effect.shared else part
         for effect, part in zip(effects, np.split(moved, ends, axis=3), strict=True)
-    ]
+    )
+
+
+_of_springs, _of_suspects = lru_cache(maxsize=256)(_columns), lru_cache(maxsize=4)(_columns)
+"""`_columns`, kept: they do not depend on the values at which a derivative is asked for."""
 
 
 def predict(cell: Cell, pulls: Pulls, values: Array) -> Prediction:
@@ -243,22 +275,31 @@ def predict(cell: Cell, pulls: Pulls, values: Array) -> Prediction:
 
 def _read(cell: Cell, pulls: Pulls, moved: Array) -> Array:
     """What is read of motions of the targets at the logged joint values, `Tool.coordinates`."""
-    return cell.tool.coordinates(_as_logged(cell.robot, pulls), moved) if cell.tool.six else moved
+    if not cell.tool.six:
+        return moved
+    return cell.tool.coordinates(configure(cell.robot, pulls.q), moved)
 
 
 def _elastic(cell: Cell, values: Array) -> list[tuple[Elastic, Array]]:
     return [(e, part) for e, part in cell.split(values) if isinstance(e, Elastic)]
 
 
+@lru_cache(maxsize=256)
+def _with_load_point(loaded: Loaded) -> Loaded:
+    """The load point as the last of the targets."""
+    ends = np.concatenate([loaded.points, loaded.load_point[:, None]], axis=1)
+    return replace(loaded, points=ends)
+
+
 def _undeformed(cell: Cell, loaded: Loaded, values: Array) -> tuple[Array, Array]:
-    here = replace(
-        loaded, points=np.concatenate([loaded.points, loaded.load_point[:, None]], axis=1)
-    )
+    few = len(loaded.pulls) <= _FEW
+    here = (_with_load_point if few else _with_load_point.__wrapped__)(loaded)
     moved = np.zeros_like(here.points)
     acting = [(effect, part) for effect, part in _elastic(cell, values) if part.any()]
     if acting:
         effects, parts = zip(*acting, strict=True)
-        for column, part in zip(_columns(effects, here), parts, strict=True):
+        found = (_of_springs if few else _columns)(_Same(effects), here)
+        for column, part in zip(found, parts, strict=True):
             moved = moved + column @ part
     return moved[:, :-1], loaded.load_point + moved[:, -1]
 
@@ -328,6 +369,9 @@ _FARTHEST = 1.0
 """No joint or link gives way by more [m] or [rad]. A force that asks for it is in another unit, and
 beyond a radian the equilibrium runs away and the series of `_exponential` is none."""
 
+_FEW = 256
+"""Pulls up to which loads and columns are kept, in some 50 MB at most."""
+
 _BLOCK = 1024
 """Pulls computed together: their frames stay in the processor's cache."""
 
@@ -343,6 +387,8 @@ def jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
     """
     values = np.asarray(values, dtype=float)
     m, t = len(pulls), len(cell.tool.read)
+    if m <= _BLOCK:
+        return _jacobian(cell, pulls, values)
     B = np.empty((m, t, 3, len(values)))
     for start in range(0, m, _BLOCK):
         part = slice(start, start + _BLOCK)
@@ -396,7 +442,8 @@ def _linear(cell: Cell, effects: Sequence[Effect], loaded: Loaded) -> dict[int, 
     elastic = {i: effect for i, effect in enumerate(effects) if isinstance(effect, Elastic)}
     if not elastic:
         return {}
-    found = _columns(tuple(elastic.values()), loaded)
+    of = _of_suspects if len(loaded.pulls) <= _FEW else _columns
+    found = of(_Same(elastic.values()), loaded)
     return {i: _read(cell, loaded.pulls, one) for i, one in zip(elastic, found, strict=True)}
 
 

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from html import escape
+from itertools import pairwise
 from pathlib import Path
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -115,3 +116,68 @@ def _ruler(scale: float) -> str:
         f'<line class="ruler" x1="{_MARGIN}" y1="{_HIGH - 8}" x2="{end:.1f}" y2="{_HIGH - 8}"/>'
         f'<text x="{end + 6:.1f}" y="{_HIGH - 4}">{length:g} m</text>'
     )
+
+
+# --- while it is measured -------------------------------------------------------------------------
+
+_PER_CENT = (0.1, 1, 10, 100)
+"""Lines of the scale."""
+
+_COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#555555")
+"""Told apart with every kind of colour vision (Okabe and Ito), and by their names at the end."""
+
+
+def curves(updates: Sequence[Mapping[str, Any]]) -> str:
+    """Relative standard uncertainty of each stiffness over the poses measured, as SVG.
+
+    Args:
+        updates: Lines of `pipeline watch --live --json`.
+    """
+    told = {one["poses"]: one for one in updates if one.get("stiffness")}
+    if not told:
+        return ""
+    most = max(max(told), 2)
+    known: dict[str, list[tuple[float, float]]] = {}
+    for poses, one in sorted(told.items()):
+        for joint in one["stiffness"]:
+            if (share := joint["relative_std"]) is not None:
+                point = (_across(poses, most), _up(100 * share))
+                known.setdefault(str(joint["axis"]), []).append(point)
+    out = [f'<svg viewBox="0 0 {_WIDE} {_HIGH}" role="img" aria-label="Uncertainty over poses">']
+    for line in _PER_CENT:
+        y = _up(line)
+        out.append(f'<line class="grid" x1="{_MARGIN}" x2="{_WIDE - _MARGIN}" y1="{y}" y2="{y}"/>')
+        out.append(f'<text x="2" y="{y + 4}">{line} %</text>')
+    for poses in range(1, most + 1):
+        x = _across(poses, most)
+        out.append(f'<text x="{x}" y="{_HIGH - 8}" text-anchor="middle">{poses}</text>')
+    labels = _spread([points[-1][1] for points in known.values()])
+    for k, (name, points) in enumerate(known.items()):
+        path, colour = " ".join(f"{x},{y}" for x, y in points), _COLOURS[k % len(_COLOURS)]
+        out.append(f'<polyline fill="none" stroke="{colour}" stroke-width="2" points="{path}"/>')
+        x, y = points[-1][0] + 6, labels[k] + 4
+        out.append(f'<text x="{x:.1f}" y="{y:.1f}">{escape(name)}</text>')
+    return "".join([*out, "</svg>"])
+
+
+def _spread(heights: Sequence[float]) -> Array:
+    """Heights of labels, so far apart that each can be read, from the lowest up."""
+    out = np.array(heights, dtype=float)
+    for before, here in pairwise(np.argsort(-out)):
+        out[here] = min(out[here], out[before] - _LETTER)
+    return out
+
+
+_LETTER = 14.0
+"""Height of a line of letters, in pixels."""
+
+
+def _across(poses: int, most: int) -> float:
+    return round(_MARGIN + (_WIDE - 3 * _MARGIN) * (poses - 1) / (most - 1), 1)
+
+
+def _up(per_cent: float) -> float:
+    """Height on a logarithmic scale from `_PER_CENT`'s first to its last."""
+    low, high = np.log10([_PER_CENT[0], _PER_CENT[-1]])
+    share = np.clip((np.log10(max(per_cent, 1e-9)) - low) / (high - low), 0.0, 1.0)
+    return round(float(_HIGH - _MARGIN - share * (_HIGH - 2 * _MARGIN)), 1)

@@ -9,7 +9,7 @@ import os
 import signal
 import sys
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Coroutine, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
@@ -22,6 +22,10 @@ _LONGEST_S = 120.0
 
 _MOST_WORDS = 20_000
 """Letters of what a command says beside its answer that are kept."""
+
+
+_LONGEST_LINE = 2**22
+"""Bytes of a line of records."""
 
 
 @dataclass(frozen=True)
@@ -68,6 +72,7 @@ async def begun(*words: str | Path) -> asyncio.subprocess.Process:
         stderr=asyncio.subprocess.PIPE,
         cwd=NOBODYS,
         start_new_session=True,
+        limit=_LONGEST_LINE,
         env={**os.environ, "COLUMNS": "200", "NO_COLOR": "1"},
     )
 
@@ -138,6 +143,7 @@ class Runs:
     """All campaigns that this page has begun to compute, by name."""
 
     of: dict[str, Run] = field(default_factory=dict)
+    live: dict[str, Live] = field(default_factory=dict)
     _one: asyncio.Lock = field(default_factory=asyncio.Lock)
     _tasks: set[asyncio.Task[None]] = field(default_factory=set)
 
@@ -158,10 +164,27 @@ class Runs:
                 name,
             )
             self.of[name] = run = Run(await begun(*words), time.monotonic())
-            task = asyncio.create_task(run.follow())
-            self._tasks.add(task)
-            task.add_done_callback(self._tasks.discard)
+            self._followed(run.follow())
             return run
+
+    async def look_on(self, root: Path, name: str) -> None:
+        """Judge a campaign while it is measured; one that is judged already goes on."""
+        async with self._one:
+            there = self.live.get(name)
+            if there is None or not there.running:
+                words = ("watch", "--live", "--json", "--root", root, "--", name)
+                self.live[name] = live = Live(await begun(*words))
+                self._followed(live.follow())
+
+    def look_away(self, name: str) -> None:
+        """No longer."""
+        if (live := self.live.get(name)) is not None and live.running:
+            stopped(live.process)
+
+    def _followed(self, work: Coroutine[Any, Any, None]) -> None:
+        task = asyncio.create_task(work)
+        self._tasks.add(task)
+        task.add_done_callback(self._tasks.discard)
 
     def cancel(self, name: str) -> None:
         """Stop one; what it has not finished is discarded, as after Ctrl-C."""
@@ -174,8 +197,41 @@ class Runs:
         """Stop all."""
         for name in self.of:
             self.cancel(name)
+        for name in self.live:
+            self.look_away(name)
         with contextlib.suppress(asyncio.TimeoutError):
             await asyncio.wait_for(asyncio.gather(*self._tasks, return_exceptions=True), 5.0)
+
+
+@dataclass
+class Live:
+    """One campaign that is judged while it is measured.
+
+    Attributes:
+        process: `pipeline watch --live --json`.
+        updates: What it has told so far.
+        words: What it said beside, once it has ended.
+    """
+
+    process: asyncio.subprocess.Process
+    updates: list[dict[str, Any]] = field(default_factory=list)
+    words: tuple[str, ...] | None = None
+
+    async def follow(self) -> None:
+        """Until it ends."""
+        assert self.process.stdout is not None
+        assert self.process.stderr is not None
+        async for line in self.process.stdout:
+            if found := _content(line):
+                self.updates.append(found)
+        words = (await self.process.stderr.read()).decode("utf-8", "replace")
+        self.words = tuple(one for one in words[-_MOST_WORDS:].splitlines() if one.strip())
+        await self.process.wait()
+
+    @property
+    def running(self) -> bool:
+        """Whether it still looks."""
+        return self.words is None
 
 
 def stage(processed: Path, since: float) -> str:

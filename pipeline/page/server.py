@@ -12,7 +12,7 @@ import tempfile
 import time
 import tomllib
 import traceback
-from collections.abc import AsyncIterator, Awaitable, Callable
+from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
 from dataclasses import dataclass, field
 from itertools import zip_longest
 from pathlib import Path
@@ -37,11 +37,12 @@ from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Receive, Scope, Send
 
 from pipeline.base.errors import CannotWrite, InputError, UsageError
+from pipeline.base.quantities import common_prefix, plain, prefixed
 from pipeline.base.shown import printable
 from pipeline.machine.robot import SHIPPED, load
 from pipeline.page import drawing, entries
 from pipeline.page.desk import MOST_BYTES, TOML, Desk, campaigns, named
-from pipeline.page.jobs import Runs, Said, command, stage
+from pipeline.page.jobs import Live, Runs, Said, command, stage
 
 HERE = "127.0.0.1"
 
@@ -197,6 +198,12 @@ class State:
             return await command(*words)
 
 
+def _stiffness(one: Mapping[str, Any]) -> str:
+    """`3.80 MN·m/rad`, of an update."""
+    factor, letter = common_prefix([one["value"]])
+    return f"{plain(one['value'] / factor, 4)} {prefixed(one['unit'], letter)}"
+
+
 _PAGES = jinja2.Environment(
     loader=jinja2.PackageLoader("pipeline.page"),
     autoescape=True,
@@ -206,6 +213,7 @@ _PAGES = jinja2.Environment(
 )
 _PAGES.filters["path"] = lambda text: quote(str(text), safe="")
 _PAGES.filters["shown"] = lambda text: printable(str(text), 400)
+_PAGES.filters["stiffness"] = _stiffness
 
 Handler = Callable[[State, Request], Awaitable[Response]]
 
@@ -427,6 +435,46 @@ async def progress(state: State, request: Request) -> Response:
     )  # fmt: skip
 
 
+async def live_page(state: State, request: Request) -> Response:
+    """The campaign while it is measured."""
+    desk = state.desk(request)
+    live = state.runs.live.get(desk.name)
+    running = live is not None and live.running
+    return await _page(request, state, "live", desk, running=running, shown=_live(desk, live))
+
+
+async def live_now(state: State, request: Request) -> Response:
+    """What was told last, how many updates there were, and how many are suspected."""
+    desk = state.desk(request)
+    live = state.runs.live.get(desk.name)
+    told = live.updates if live else []
+    suspects = len(told[-1].get("suspects", [])) if told else 0
+    return _told(
+        html=_live(desk, live), told=len(told), suspects=suspects,
+        running=live is not None and live.running,
+    )  # fmt: skip
+
+
+def _live(desk: Desk, live: Live | None) -> str:
+    last = live.updates[-1] if live and live.updates else None
+    return _PAGES.get_template("_live.html.jinja").render(
+        campaign=desk.name, last=last, words=live.words if live else None,
+        curves=drawing.curves(live.updates) if live else "",
+    )  # fmt: skip
+
+
+async def look_on(state: State, request: Request) -> Response:
+    """Judge the campaign from now on."""
+    await state.runs.look_on(state.root, state.desk(request).name)
+    return _told()
+
+
+async def look_away(state: State, request: Request) -> Response:
+    """No longer."""
+    state.runs.look_away(state.desk(request).name)
+    return _told()
+
+
 async def answer_page(state: State, request: Request) -> Response:
     """The first sentences, the report, downloads, and a program to correct."""
     desk = state.desk(request)
@@ -530,6 +578,10 @@ _ROUTES: tuple[tuple[str, str, Handler], ...] = (
     ("POST", "/c/{name}/run", run),
     ("POST", "/c/{name}/cancel", cancel),
     ("GET", "/c/{name}/progress", progress),
+    ("GET", "/c/{name}/live", live_page),
+    ("GET", "/c/{name}/live/now", live_now),
+    ("POST", "/c/{name}/live", look_on),
+    ("POST", "/c/{name}/live/stop", look_away),
     ("GET", "/c/{name}/answer", answer_page),
     ("GET", "/c/{name}/report/{path:path}", report),
     ("POST", "/c/{name}/correct/{file}", correct),

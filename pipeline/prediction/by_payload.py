@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import numpy as np
 
 from pipeline.base.arrays import Bools
@@ -12,7 +10,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Settings
 from pipeline.reduction.weights import PULL
 from pipeline.system.estimate import solve
-from pipeline.system.system import Errors, Rows, System
+from pipeline.system.system import System
 
 
 def by_payload(settings: Settings, data: Measured, system: System) -> dict[str, float | None]:
@@ -26,7 +24,7 @@ def by_payload(settings: Settings, data: Measured, system: System) -> dict[str, 
         data: The measurements.
         system: Their linear system, at the model that is asked.
     """
-    body = data.body[system.rows.pull]
+    body = np.where(system.rows.pull < 0, PULL, data.body[system.rows.pull])
     bodies = np.unique(body)
     if len(bodies) < 2:
         return {}
@@ -46,7 +44,7 @@ def _name(settings: Settings, data: Measured, body: int) -> str:
 
 
 def _held_out(system: System, mine: Bools) -> float | None:
-    found = solve(_only(system, ~mine), np.zeros(len(system.parameters)))
+    found = solve(system.part(~mine), np.zeros(len(system.parameters)))
     B = system.B[mine]
     dark = np.isinf(np.diag(found.cov))
     if (np.abs(B * system.typical)[:, dark].max(initial=0.0)) > _NOTHING_M:
@@ -56,13 +54,3 @@ def _held_out(system: System, mine: Bools) -> float | None:
 
 _NOTHING_M = 1e-9
 """A parameter that moves a row less than this at its typical size does not act there [m]."""
-
-
-def _only(system: System, rows: Bools) -> System:
-    """Some rows of a system."""
-    old, errors = system.rows, system.errors
-    kept = Rows(old.pose[rows], old.repeat[rows], old.target[rows], old.axis[rows], old.pull[rows])
-    G = errors.G[np.flatnonzero(rows)]
-    used = np.asarray(abs(G).sum(axis=0)).ravel() > 0
-    few = Errors(G[:, used], errors.source[used], errors.common[used])
-    return replace(system, rows=kept, B=system.B[rows], c=system.c[rows], errors=few)

@@ -49,6 +49,7 @@ class Standing(Locked):
         bodies: Payloads that campaign.toml knows.
         gravity: [m/s^2], F_b, shape (3,).
         series: Whose frame says where F_b is: the one with most poses.
+        tip: Where a force acts, flange frame [m], shape (3,); the first target where None.
     """
 
     campaign: str
@@ -60,6 +61,7 @@ class Standing(Locked):
     bodies: Payloads
     gravity: Array
     series: int
+    tip: Array | None = None
 
     @property
     def payloads(self) -> tuple[str, ...]:
@@ -135,7 +137,7 @@ def predict(
     Args:
         model: Of a campaign.
         q: Joint values [m] or [rad], shape (m, n).
-        force: Force on the first target [N], F_b, shape (m, 3).
+        force: Force at the tip [N], F_b, shape (m, 3).
         payload: 0 for none, k + 1 for `payloads[k]`, shape (m,).
         temperature: Of the air [degC], NaN unknown, shape (m,).
     """
@@ -152,7 +154,7 @@ def _predict(
     mechanism = model.mechanism
     weights = model.weights(payload)
     never = np.full(len(q), np.nan)
-    stand = mechanism.stand(q, weights, temperature, never, never, force)
+    stand = mechanism.stand(q, weights, temperature, never, never, force, model.tip)
     D, Z = derivatives(mechanism, stand, weights)
     D[..., frame_of(mechanism, model.series)] = by_frame(stand.at)
     K, knots = between_knots(mechanism.curves, q, Z)
@@ -192,8 +194,8 @@ def _unknown(law: Law, mechanism: Mechanism, inputs: Inputs) -> Array:
     return np.where(np.isfinite(v), size * beyond**2, size)
 
 
-def standing(campaign: str, found: Identified) -> Standing:
-    """The model of an estimate."""
+def standing(campaign: str, found: Identified, tip: Array | None = None) -> Standing:
+    """The model of an estimate, and where a force acts, as in `Standing`."""
     return Standing(
         campaign=campaign,
         mechanism=found.mechanism,
@@ -204,6 +206,7 @@ def standing(campaign: str, found: Identified) -> Standing:
         bodies=found.weights.payloads,
         gravity=found.weights.gravity,
         series=int(np.argmax(np.bincount(found.readings.series))),
+        tip=tip,
     )
 
 
@@ -222,6 +225,7 @@ def dumps(model: Standing) -> bytes:
         "unknown": there.unknown,
         "series": model.series,
         "yields": bool(there.elements),
+        "tip": None if model.tip is None else model.tip.tolist(),
     }
     arrays: dict[str, Any] = {
         "said": np.frombuffer(json.dumps(said).encode(), dtype=np.uint8),
@@ -283,4 +287,5 @@ def _loaded(kept: dict[str, Any]) -> Standing:
         bodies=Payloads(tuple(said["payloads"]), kept["mass"], kept["centre"], kept["stated"]),
         gravity=kept["gravity"],
         series=said["series"],
+        tip=None if said.get("tip") is None else np.array(said["tip"]),
     )

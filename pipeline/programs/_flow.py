@@ -197,6 +197,8 @@ class _Flow:
             self.now = block.entry
             return
         ends = {*block.ends, self.now, *(() if block.every else (block.entry,))}
+        if block.begun.kind == "loop":  # it may be left at any place
+            ends |= self.within[block.begun.at]
         if len(ends) > 1:
             self.now = self._depends(block.begun)
 

@@ -55,11 +55,13 @@ class Reading:
         named: Points that motions name.
         read: Points that something else is computed from.
         uses: The motions.
+        last: The place of the point that the last motion went to.
         left: What is not corrected.
         following: Motions by a distance, and the place of the point before them.
         tools: Frames by name, each (4, 4).
         bases: Likewise.
         steady: Names of points that no motion needs: frames.
+        framed: Names of points that also serve as a tool or a frame.
     """
 
     sources: Sequence[Source]
@@ -69,11 +71,14 @@ class Reading:
     named: set[str] = field(default_factory=set)
     read: set[str] = field(default_factory=set)
     uses: list[Use] = field(default_factory=list)
+    last: tuple[str, int] | None = None
     left: list[Left] = field(default_factory=list)
     following: list[tuple[Left, tuple[str, int] | None]] = field(default_factory=list)
     tools: dict[str, Array] = field(default_factory=dict)
     bases: dict[str, Array] = field(default_factory=dict)
     steady: set[str] = field(default_factory=set)
+    framed: set[str] = field(default_factory=set)
+    _met: set[tuple[str, int, str, str]] = field(default_factory=set)
     _known: dict[str, bytearray] = field(default_factory=dict)
 
     def account(self, source: Source, start: int, end: int) -> None:
@@ -88,7 +93,21 @@ class Reading:
 
     def change(self, name: str, source: Source, at: int) -> None:
         """Note that the program itself gives a point or a frame another value."""
-        self.changed.setdefault(name, f"is changed at run time on line {source.line(at)}")
+        self.unsettle(name, f"is changed at run time on line {source.line(at)}")
+
+    def unsettle(self, name: str, why: str) -> None:
+        """Note why a name does not mean what is taught; an element that is computed may be any."""
+        self.changed.setdefault(name if constant(name) else array(name), why)
+
+    def unsettled(self, name: str) -> str | None:
+        """Why a name, or the array that it is an element of, does not mean what is taught."""
+        return self.changed.get(name) or self.changed.get(array(name))
+
+    def enclose(self, name: str, source: Source, start: int, end: int) -> None:
+        """Note coordinates in a value of another kind: who gets it may move to them."""
+        if self.lexicon.literal.search(source.plain, start, end):
+            why = f"{name} has coordinates in a value that is no point"
+            self.points.setdefault(name, []).append(Left(source.file, source.line(start), why))
 
     def leave(self, source: Source, at: int, why: str) -> None:
         """Note what is not corrected."""
@@ -110,13 +129,30 @@ class Reading:
         if why := unfit or unsure:
             return why
         for one in targets:
-            self.uses.append(Use(one, str(tool), str(base) if posed else ""))
+            self.note(Use(one, str(tool), str(base) if posed else ""))
         return None
 
-    @property
-    def last(self) -> tuple[str, int] | None:
-        """The place of the point that the last motion went to."""
-        return self.uses[-1].target.place if self.uses else None
+    def note(self, use: Use) -> None:
+        """Note a motion, of those that are alike the first."""
+        self.last = use.target.place
+        alike = (*use.target.place, use.tool, use.base)
+        if alike not in self._met:
+            self._met.add(alike)
+            self.uses.append(use)
+
+
+_CONSTANT = re.compile(r"(?:(?:\d+|#\w+)(?:,(?:\d+|#\w+))*\])?")
+"""The index of an element that the text names."""
+
+
+def array(name: str) -> str:
+    """The array of an element; other names as they are."""
+    return name.partition("[")[0]
+
+
+def constant(name: str) -> bool:
+    """Whether a name is no element whose index is computed."""
+    return _CONSTANT.fullmatch(name.partition("[")[2]) is not None
 
 
 def finished(found: Reading, file: str, text: str, notation: Notation) -> Program:
@@ -126,8 +162,9 @@ def finished(found: Reading, file: str, text: str, notation: Notation) -> Progra
         _overlooked(found, source)
     changed = {
         one.place: why
-        for name, why in found.changed.items()
-        for one in found.points.get(name, ())
+        for name, several in found.points.items()
+        if (why := found.unsettled(name) or (_FRAMED if name in found.framed else None))
+        for one in several
         if isinstance(one, Target)
     }
     targets, left = gathered([*_steady(found)], changed)
@@ -140,14 +177,18 @@ def finished(found: Reading, file: str, text: str, notation: Notation) -> Progra
     )
 
 
+_FRAMED = "is a frame of other points, which would move with it"
+
+
 def _steady(found: Reading) -> Iterator[Use]:
     """Motions whose tool and frame are as declared; the others are left."""
     for use in found.uses:
-        moved = next((one for one in (use.tool, use.base) if one in found.changed), None)
+        frames = (use.tool, use.base)
+        moved = next((one for one in frames if found.unsettled(one)), None)
         if moved is None:
             yield use
         else:
-            why = f"{use.target.name} stands in {moved}, which {found.changed[moved]}"
+            why = f"{use.target.name} stands in {moved}, which {found.unsettled(moved)}"
             found.left.append(Left(use.target.file, use.target.line, why))
 
 
@@ -163,7 +204,8 @@ def _overlooked(found: Reading, source: Source) -> None:
 
 def _hand_over(found: Reading, source: Source) -> None:
     """Points, frames and coordinates that other routines get: they may be changed or moved to."""
-    known, names = found._mask(source), {*found.points, *found.tools, *found.bases} - {""}
+    names = {*found.points, *found.tools, *found.bases}
+    known, names = found._mask(source), (names | {array(name) for name in names}) - {""}
     for at, name, to in _mentions(source, found.lexicon, names):
         if known[at]:
             continue
@@ -177,7 +219,7 @@ def _hand_over(found: Reading, source: Source) -> None:
             found.change(name, source, at)
         else:
             why = f"is handed to {to} on line {source.line(at)}, which may change it or move there"
-            found.changed.setdefault(name, why)
+            found.unsettle(name, why)
 
 
 _TOKEN = re.compile(
@@ -217,6 +259,7 @@ class _Statement:
         head: Its first word.
         before: The word just before.
         assigned: Whether it assigns.
+        optional: Whether the name of an optional argument is just before.
     """
 
     lexicon: Lexicon
@@ -224,6 +267,7 @@ class _Statement:
     head: str = ""
     before: str = ""
     assigned: bool = False
+    optional: bool = False
 
     def follow(self, token: re.Match[str]) -> None:
         """Go on behind a token."""
@@ -231,9 +275,10 @@ class _Statement:
         if sign == self.lexicon.end and not (self.calls and self.lexicon.cased):
             self.calls, self.head, self.assigned = [], "", False
         elif sign == ":=":
-            self.assigned = True
+            self.assigned |= not self.optional
         elif sign:
             self._bracket(sign)
+        self.optional = bool(token["switch"])
         self.head = "" if word.lower() in _STARTS else self.head or word
         self.before = word
 
@@ -258,11 +303,11 @@ class _Statement:
 def _spare(found: Reading) -> Iterator[Left]:
     """Points that no motion names: they count where something else does."""
     for name, several in found.points.items():
-        if name in found.named or name in found.steady:
+        if name in found.named | found.steady | found.framed:
             continue
+        why = found.unsettled(name)
+        counts = why is not None or not found.read.isdisjoint((name, array(name)))
         for one in several:
-            why = found.changed.get(name, "is taught, and no motion here goes to it")
             word = one.name if isinstance(one, Target) else name
-            yield Left(
-                one.file, one.line, f"{word} {why}", name in found.changed or name in found.read
-            )
+            said = why or "is taught, and no motion here goes to it"
+            yield Left(one.file, one.line, f"{word} {said}", counts)

@@ -16,7 +16,8 @@ LARGEST = 2**26
 """Bytes of a program; milling programs of 100 000 points have a tenth of it."""
 
 _MARK = "\xef\xbb\xbf"
-"""Byte order mark of UTF-8, as letters: editors put it before the first word."""
+"""Byte order mark of UTF-8, as letters: editors put it before the first word of a file, which may
+then be copied behind another."""
 _PLAIN = re.compile(rf"\s*({NUMBER})\s*")
 
 
@@ -27,7 +28,7 @@ class Source:
     Attributes:
         file: Its name.
         text: Its letters, one for each byte.
-        silent: What comments and strings look like.
+        silent: What comments and strings look like, each within a line.
     """
 
     file: str
@@ -36,9 +37,12 @@ class Source:
 
     @cached_property
     def plain(self) -> str:
-        """The text with blanks for comments and strings; every letter stands where it stood."""
-        begun = self.text.removeprefix(_MARK).rjust(len(self.text))
-        return self.silent.sub(lambda found: re.sub(r"[^\r\n]", " ", found[0]), begun)
+        """The text with blanks for comments and strings; every letter stands where it stood.
+
+        Lines end with a line feed, also those of a carriage return alone.
+        """
+        begun = re.sub(r"\r(?!\n)", "\n", self.text).replace(_MARK, " " * len(_MARK))
+        return self.silent.sub(lambda found: " " * len(found[0]), begun)
 
     @cached_property
     def closing(self) -> dict[int, int]:

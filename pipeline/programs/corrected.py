@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.base import files
 from pipeline.base.errors import InputError, UsageError, place
+from pipeline.base.shown import typed
 from pipeline.prediction.program import FINE_M
 
 if TYPE_CHECKING:
@@ -240,7 +241,7 @@ def _model(root: Path, name: str) -> Model:
 
     kept = _kept(root, name)
     if not kept.is_file():
-        raise UsageError(f"{name} has no model yet: run `pipeline run {name}` first")
+        raise UsageError(f"{name} has no model yet: run `pipeline run {typed(name)}` first")
     return Model.load(kept)
 
 

@@ -19,7 +19,7 @@ from pipeline.machine.robot.inverse import Range
 from pipeline.prediction.notation import KUKA
 from pipeline.prediction.program import NUMBER, Left, Number, Program, Target, Use, number
 from pipeline.programs._flow import Held, Kind, Step, Unsure, holding, interrupted
-from pipeline.programs._reading import Lexicon, Reading, finished
+from pipeline.programs._reading import Lexicon, Reading, array, constant, finished
 from pipeline.programs._text import Entry, Source, entries
 
 SUFFIXES = (".src", ".dat")
@@ -41,7 +41,23 @@ _COMPONENT = re.compile(
     rf"([A-Za-z]\w*)\s+(?:({NUMBER})|'\s*B\s*([01]{{1,32}})\s*'|'\s*H\s*([0-9A-F]{{1,8}})\s*')",
     re.IGNORECASE,
 )
-_BAS = re.compile(r"\s*BAS\s*\(\s*#(BASE|TOOL|INITMOV)\s*,\s*([^)]*)\)", re.IGNORECASE)
+_BAS = re.compile(r"\s*BAS\s*\(\s*#(\w+)\s*(?:,\s*([^)]*))?\)", re.IGNORECASE)
+_OF_FORM = ("frames", "ptp_params", "cp_params")
+"""What BAS takes tool and base from FDAT_ACT for."""
+_NO_FRAME = re.compile(r"(?:vel|acc)_(?:ptp|cp)|(?:ptp|cp)_dat|out_a?sync|group")
+"""What BAS leaves tool and base alone for."""
+_SETTING = re.compile(
+    r"(\$(?:TOOL|BASE|IPO_MODE|ROBROOT|WORLD)|FDAT_ACT)\s*(?:\.[\w\s.]*)?=(?!=)|\b(BAS)\s*\("
+    r"|\w\s*+\([^()]*?(\$TOOL|\$BASE|FDAT_ACT)\b",
+    re.IGNORECASE,
+)
+"""What sets a tool or a frame, wherever it stands; a routine may that gets it."""
+_LENT = re.compile(r"\w\s*+\([^()\n]*?\b((?:TOOL|BASE)_DATA)\b", re.IGNORECASE)
+"""Frames that a routine gets."""
+_DECLARATION = re.compile(
+    r"\s*(?:(?:GLOBAL|DECL|CONST)\s+)*(?:DECL\s+\w+|(?:E[36])?(?:POS|AXIS)|FRAME)\s+\w[^=]*$", re.I
+)
+_ACT = re.compile(r"\s*FDAT_ACT\s*=(?!=)\s*(.*)", re.IGNORECASE)
 _NUMBERED = re.compile(r"(TOOL|BASE)_DATA\[(\d{1,9})\]", re.IGNORECASE)
 _SELECTED = re.compile(
     r"S(?:TOOL2?\((\w+)(?:\.TOOL_NO)?|BASE\((\w+)(?:\.BASE_NO)?|IPO_MODE\((\w+)(?:\.IPO_FRAME)?)\)",
@@ -94,6 +110,7 @@ class _Aggregate:
         start: Its opening brace.
         end: Behind its closing one.
         names: Its components.
+        count: How many it has, those that are there twice twice.
         numbers: Those that are numbers.
     """
 
@@ -101,12 +118,14 @@ class _Aggregate:
     start: int
     end: int
     names: frozenset[str]
+    count: int
     numbers: Mapping[str, Number]
 
     @property
     def complete(self) -> bool:
-        """All of its components are numbers."""
-        return len(self.numbers) == len(self.names)
+        """Each of its components is one number, and they are of one kind."""
+        both = not self.names.isdisjoint(_POSE) and not self.names.isdisjoint(_AXES)
+        return len(self.numbers) == self.count and not both
 
     @property
     def taught(self) -> bool:
@@ -216,6 +235,8 @@ def _all(found: _Krl) -> None:
 def _define(found: _Krl, source: Source) -> None:
     """Points, frames and the data of inline forms, wherever they are declared."""
     depth = 0
+    for lent in _LENT.finditer(source.plain):
+        found.change(lent[1].lower(), source, lent.start(1))
     for start, line in source.lines:
         kind = _block(line)
         depth += (kind in ("open", "loop")) - (kind == "close")
@@ -224,7 +245,9 @@ def _define(found: _Krl, source: Source) -> None:
             found.account(source, start, start + len(line))
             for word in filter(str.strip, routine[2].split(",")):
                 why = f"is given by the caller of the routine in line {source.line(start)}"
-                found.changed.setdefault(_key(word.partition(":")[0]), why)
+                found.unsettle(array(_key(word.partition(":")[0])), why)
+        elif _DECLARATION.match(line):
+            found.account(source, start, start + len(line))
         elif part := _PART.match(line):
             found.account(source, start, start + part.end())
             found.change(_key(part[1]), source, start)
@@ -248,14 +271,18 @@ def _declare(
         if key in found.lines:
             found.change(key, source, start)
         found.lines[key] = _said(value)
-    elif aggregate is None or not aggregate.taught:
+    elif aggregate is None:
         found.change(key, source, start)
+    elif not aggregate.taught:
+        if kind != "load" and not key.startswith("load_data"):
+            found.enclose(key, source, aggregate.start, aggregate.end)
     elif _OF_DATA.match(key):
         _declare_data(found, start, key, aggregate, decided)
     else:
         _declare_point(found, start, kind, key, aggregate)
 
 
+_PLAIN_NAME = re.compile(r"\w+(?:\[[^\[\]]*\])?")
 _OF_DATA = re.compile(r"(?:tool|base)_data\[")
 
 
@@ -263,8 +290,7 @@ def _declare_data(found: _Krl, start: int, key: str, aggregate: _Aggregate, deci
     """An element of TOOL_DATA or BASE_DATA; one that nobody can name may be any of them."""
     known = _NUMBERED.fullmatch(key)
     if decided or key in found.frames or not known:
-        for one in (key,) if known else (key, key.partition("[")[0] + "["):
-            found.change(one, aggregate.source, start)
+        found.change(key, aggregate.source, start)
     found.frames.setdefault(key, []).append(aggregate)
     _keep(found, key.partition("_")[0], _number(key), aggregate)
 
@@ -278,7 +304,9 @@ def _declare_point(found: _Krl, start: int, kind: str, key: str, aggregate: _Agg
     found.frames.setdefault(key, []).append(aggregate)
     found.points.setdefault(key, []).append(aggregate.target(key.upper()))
     if "[" in key:
-        found.parts.setdefault(key.partition("[")[0], []).append(key)
+        if not constant(key):
+            found.change(key, aggregate.source, start)
+        found.parts.setdefault(array(key), []).append(key)
 
 
 def _account_value(found: _Krl, source: Source, start: int, value: str) -> None:
@@ -320,7 +348,7 @@ def _aggregate(source: Source, start: int, value: str) -> _Aggregate | None:
     given = entries(source.plain, first, last)
     names = frozenset((entry.text.split(maxsplit=1) or [""])[0].lower() for entry in given)
     known = [part for part in map(_component, given) if part is not None]
-    return _Aggregate(source, start, last + 1, names, dict(known))
+    return _Aggregate(source, start, last + 1, names, len(given), dict(known))
 
 
 def _component(entry: Entry) -> tuple[str, Number] | None:
@@ -348,18 +376,18 @@ def _block(line: str) -> Kind | None:
 
 def _steps(found: _Krl, source: Source) -> dict[str, list[Step]]:
     """The steps that set the tool, the base and the interpolation, each with all blocks."""
-    out: dict[str, list[Step]] = {one: [] for one in _THINGS}
     routines = {
         one[1].lower() for _, line in source.lines if (one := _ROUTINE.match(line)) is not None
     }
-    for start, line in source.lines:
-        at = source.line(start)
-        for kind in _kinds(line, routines):
-            for steps in out.values():
-                steps.append(Step(start, kind, at))
-        for which, held in _settings(found, source, start, line):
-            out[which].append(Step(start, "set", at, held))
-    return out
+    lines = [(start, source.line(start), line) for start, line in source.lines]
+    blocks = [Step(at, kind, n) for at, n, line in lines for kind in _kinds(line, routines)]
+    forms = [Step(at, "set", n, act[1]) for at, n, line in lines if (act := _ACT.match(line))]
+    form = holding(sorted([*blocks, *forms], key=lambda one: one.at), "", "inline form")
+    out = {one: [*blocks] for one in _THINGS}
+    for at, n, line in lines:
+        for which, held in _settings(found, source, at, line, form(at)):
+            out[which].append(Step(at, "set", n, held))
+    return {one: sorted(steps, key=lambda step: step.at) for one, steps in out.items()}
 
 
 _CALL = re.compile(r"(?<!\w)(\w++)\s*+\(")
@@ -374,39 +402,45 @@ def _kinds(line: str, routines: Set[str]) -> Iterator[Kind]:
         yield kind
 
 
-def _settings(found: _Krl, source: Source, start: int, line: str) -> Iterator[tuple[str, Held]]:
-    """What a line sets for those that follow it."""
+def _settings(
+    found: _Krl, source: Source, start: int, line: str, form: Held
+) -> Iterator[tuple[str, Held]]:
+    """What a line sets for those that follow it, the inline form before it being given."""
     at = source.line(start)
-    assigned, part = _ASSIGNED.match(line), _PART.match(line)
+    assigned = _ASSIGNED.match(line)
     if bas := _BAS.match(line):
-        yield from _bas(bas[1].lower(), bas[2].strip(), at)
+        yield from _bas(found, bas[1].lower(), (bas[2] or "").strip(), form, at)
     elif _SPLINE.match(line) and (found_with := _WITH.fullmatch(line)):
         yield from _with(found, source, start + found_with.start(2), found_with[2])
-    elif part:
-        yield from _part(part[1].lower(), at)
     elif assigned and (which := _MODES.get(assigned[2].lower())):
         yield which, _frame(found, source, start + assigned.start(3), which, assigned[3])
     elif assigned and assigned[2].lower() == "fdat_act":
         yield from _form(found, _key(assigned[3]), at)
+    elif (setting := _SETTING.search(line)) and not _MOTION.match(line):
+        yield from _unsure(setting[setting.lastindex or 1].upper(), at)
 
 
-def _part(name: str, at: int) -> Iterator[tuple[str, Held]]:
-    """What a part of a variable of the system sets: a number of a frame, or which frame it is."""
-    if name in ("$tool", "$base"):
-        yield name[1:], f"line {at}"
-    elif name == "fdat_act":
-        yield "tool", Unsure(f"line {at} changes the tool")
-        yield "base", Unsure(f"line {at} changes the base")
+def _unsure(word: str, at: int) -> Iterator[tuple[str, Held]]:
+    """What a word may have set: nobody knows."""
+    only = "base" if word in ("$ROBROOT", "$WORLD") else _MODES.get(word.lower())
+    for which in (only,) if only else _THINGS:
+        yield which, Unsure(f"what line {at} sets by {word} is not known")
 
 
-def _bas(which: str, value: str, at: int) -> Iterator[tuple[str, Held]]:
+def _bas(found: _Krl, which: str, value: str, form: Held, at: int) -> Iterator[tuple[str, Held]]:
     """What BAS(#TOOL, n) and its like set."""
     if which == "initmov":
         yield "tool", ""
         yield "base", ""
-    else:
-        known = value.isdecimal()
-        yield which, value if known else Unsure(f"{which} {value} of line {at} is not known")
+    elif which in _THINGS:
+        yield (
+            which,
+            value if value.isdecimal() else Unsure(f"{which} {value} of line {at} is not known"),
+        )
+    elif which in _OF_FORM and isinstance(form, str) and form:
+        yield from _form(found, _key(form), at)
+    elif not _NO_FRAME.fullmatch(which):
+        yield from _unsure("BAS", at)
 
 
 def _form(found: _Krl, key: str, at: int) -> Iterator[tuple[str, Held]]:
@@ -437,27 +471,28 @@ def _frame(found: _Krl, source: Source, start: int, which: str, value: str) -> H
     if selected := _SELECTED.fullmatch(key):
         return dict(_form(found, selected[selected.lastindex or 1], at))[which]
     if which == "mode":
-        return "outside" if _OUTSIDE.search(value) else ""
+        outside = Unsure(f"{key.upper()} of line {at} is not known")
+        return {"#tcp": "outside", "#base": ""}.get(key, outside)
     if key in _NULL:
         return "0"
-    if re.match(r"(?:tool|base)_data\[[^\]]*\]$", key):
+    if _OF_DATA.match(key):
         return _data(found, key, at)
     aggregate = _aggregate(source, start, value)
     if aggregate is not None:
         _keep(found, which, f"line {at}", aggregate)
         return f"line {at}"
     known = found.frames.get(key, [])
-    if len(known) > 1:
-        return Unsure(f"{key.upper()} is set more than once")
+    if len(known) > 1 or not _PLAIN_NAME.fullmatch(key) or not constant(key):
+        return Unsure(f"{key.upper()} of line {at} is computed or set more than once")
     if known:
         _keep(found, which, key, known[0])
+        found.framed.add(key)
     return key
 
 
 def _data(found: _Krl, key: str, at: int) -> Held:
     """TOOL_DATA and BASE_DATA by their numbers."""
-    array = key.partition("[")[0] + "["
-    changed = found.changed.get(key, found.changed.get(array))
+    changed = found.unsettled(key)
     if not _NUMBERED.fullmatch(key):
         return Unsure(f"{key.upper()} of line {at} is not known")
     return Unsure(f"{key.upper()} {changed}") if changed else _number(key)

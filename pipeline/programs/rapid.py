@@ -39,7 +39,7 @@ _ROUTINE = re.compile(
 _KNOWN = (
     r"(?:(?:EGM)?Move|Trigg|Search|Arc|ArcMove|SpotM?|Disp|Paint|Cap|FCPress\d?|Contact|Nut|Stud|Glue"
     r"|Laser|Cut)(?:AbsJ|ExtJ|PnP|[LJC])(?:Start|End|DO|AO|GO|Sync|IOs|\d)*"
-    r"|EGMRun(?:Joint|Pose)|Ind[ACDR]Move|StepBwdPath|Conf[LJ]|(?:PDisp|EOffs)(?:On|Set|Off)"
+    r"|EGMRun(?:Joint|Pose)|Ind[ACDR]Move|StepBwdPath|PathRecMove(?:Bwd|Fwd)|Conf[LJ]|(?:PDisp|EOffs)(?:On|Set|Off)"
 )
 _LIKELY = r"(?:Move|EGM|Trigg|Search|(?:Arc|Spot|Disp|Paint|Cap)[LJC]|PDisp|EOffs|FC)\w*+"
 _MOTION = re.compile(
@@ -69,7 +69,9 @@ _LEXICON = Lexicon(
 _WORD = re.compile(r"(\w+)\s*(?:\\.*)?", re.DOTALL)
 _POINT = re.compile(r"(\w+)\s*(?:\{\s*(\w+)\s*\})?$")
 _SWITCHES = re.compile(r"(?<!\s)(?:\s*\\\s*\w+(?:\s*:=\s*[^\\,]+)?)+$")
-_WOBJ = re.compile(r"\\\s*WObj\s*:=\s*([^\\,]*)", re.IGNORECASE)
+_WOBJ = re.compile(r"\\\s*WObj\s*(?::=)?\s*([^\\,]*)", re.IGNORECASE)
+_BY_NAME = re.compile(r"(?<![\w\\.])Set(?:All)?DataVal\b", re.IGNORECASE)
+"""What sets data whose name is a string."""
 _UNUSED = 1e9
 """An external axis of 9E9 is none."""
 
@@ -92,8 +94,8 @@ _MOTIONS: dict[str, tuple[tuple[int, ...], int]] = {
     "searchc": ((2, 3), 5),
 }
 """Which arguments of a motion are points, and which is the tool."""
-_NO_MOTION = ("trigg",)
-"""How instructions begin that only prepare a motion: TriggIO, TriggEquip."""
+_NO_MOTION = re.compile(r"trigg(?:checkio|data\w+|equip|int|io|rampao|speed|stopproc)")
+"""What only prepares a motion."""
 _FRAMES = ("tooldata", "wobjdata")
 _MORE = ("do", "sync")
 """What has two more arguments behind the tool."""
@@ -113,7 +115,7 @@ _BLOCKS: dict[str, Kind] = {
     "endwhile": "close", "endproc": "close", "endfunc": "close", "endtrap": "close",
     "error": "label", "undo": "label", "backward": "label",
 }  # fmt: skip
-_TOKEN = re.compile(r"(?<![\w.\\])(\w++)(\s*+:(?!=))?|;")
+_TOKEN = re.compile(r"(?<![\w.\\])(\w++)(\s*+:(?!=))?|;|%[^%;]*%")
 
 
 @dataclass
@@ -205,6 +207,10 @@ def _define(found: _Rapid) -> None:
     for one in _ASSIGNED.finditer(plain):
         if one.start(1) not in declared and one.start() >= behind:
             behind = _assign(found, one)
+    if by_name := _BY_NAME.search(plain):
+        why = f"may be set by {by_name[0]} on line {found.source.line(by_name.start())}"
+        for name in found.points:
+            found.unsettle(name, why)
 
 
 def _literal(found: _Rapid, start: int) -> Entry | None:
@@ -235,6 +241,8 @@ def _declare(found: _Rapid, one: re.Match[str]) -> int:
             frames[name] = frame
         if why:
             found.changed.setdefault(name, why)
+    elif value is not None:
+        found.enclose(name, found.source, value.start, value.end)
     return end
 
 
@@ -340,7 +348,9 @@ def _steps(found: _Rapid) -> Iterator[Step]:
     for token in _TOKEN.finditer(plain):
         word, at = (token[1] or "").lower(), token.start()
         kind = _kind(found, word, before, bool(token[2]) and word in jumps)
-        if compact and not word:
+        if token[0].startswith("%"):
+            kind = "call"  # of a routine whose name is computed
+        elif compact and not word:
             kind = "close"
         if kind:
             yield Step(at, kind, found.source.line(at), _DISPLACED.get(word, ""))
@@ -360,7 +370,7 @@ def _kind(found: _Rapid, word: str, before: str, label: bool) -> Kind | None:
         return _BLOCKS[word]
     if label:
         return "label"
-    called = word in found.routines and before not in ("proc", "trap", "func")
+    called = word in (*found.routines, "callbyvar") and before not in ("proc", "trap", "func")
     return "call" if called else None
 
 
@@ -397,7 +407,7 @@ def _switch(entry: Entry) -> bool:
 
 def _moves_nothing(name: str) -> bool:
     """Whether a word that begins as motions do is none."""
-    return name.startswith(_NO_MOTION) and name not in _MOTIONS
+    return _NO_MOTION.fullmatch(name) is not None
 
 
 def _move(found: _Rapid, name: str, start: int, given: Sequence[Entry], displaced: Held) -> None:

@@ -54,9 +54,13 @@ _COMPUTED = re.compile(
 )
 _SELECTED = re.compile(
     r"(?<!\w)\$?(?:MNU)?(UFRAME|UTOOL|FRAME|TOOL)(_?NUM)?\s*"
-    r"(?:\[([^=;\r\n]*)\])?(?:\.\s*\w+)?\s*=\s*([^;\r\n]*)",
+    r"(?:\[((?:[^=;\[\]\r\n]|\[[^=;\[\]\r\n]*\])*)\])?(?:\.\s*\$?\w+)?\s*=\s*([^;\r\n]*)",
     re.IGNORECASE,
 )
+_CURRENT = "f"
+"""The frame of a point that is taught in whichever is chosen."""
+_SHIFTS = re.compile(r"\s*(Touch[ _]?Offset|Track)\b(?!\s*End)", re.IGNORECASE)
+"""What moves the points of all motions behind it."""
 _POSE, _AXES = ("x", "y", "z", "w", "p", "r"), tuple(f"j{k}" for k in range(1, 7))
 _EXTERNAL = tuple(f"e{k}" for k in range(1, 10))
 _LEXICON = Lexicon(
@@ -116,9 +120,8 @@ def _motions(found: _Tp, end: int) -> None:
     first = _MOTIONS.search(source.plain)
     start = first.end() if first else 0
     statements = list(_STATEMENT.finditer(source.plain, start, max(start, end)))
-    for one in statements:
-        for selected in _SELECTED.finditer(one[1]):
-            _select(found, source.line(one.start(1)), selected)
+    for selected in _SELECTED.finditer(source.plain, start, max(start, end)):
+        _select(found, source.line(selected.start()), selected)
     for one in statements:
         if _MOTION.match(one[1]):
             found.account(source, one.start(), one.end())
@@ -134,20 +137,25 @@ def _select(found: _Tp, line: int, selected: re.Match[str]) -> None:
     if not selected[2]:
         which = index if index.isdecimal() else ""
         frames.setdefault(which, f"{selected[1].upper()}[{index}] is set on line {line}")
-    elif not value.isdecimal():
-        word = "UTOOL_NUM" if frames is found.tools_set else "UFRAME_NUM"
+        return
+    word = "UTOOL_NUM" if frames is found.tools_set else "UFRAME_NUM"
+    frames.setdefault(_CURRENT, f"{word} is set on line {line}, and it is taught in any")
+    if not value.isdecimal():
         frames.setdefault("", f"{word} is known at run time only, from line {line} on")
 
 
 def _other(found: _Tp, source: Source, one: re.Match[str]) -> None:
     """What is no motion: registers are computed from points, points from anything."""
     sides = one[1].partition("=")
+    if shift := _SHIFTS.match(one[1]):
+        found.leave(source, one.start(1), f"{shift[1]} moves the points behind it")
     if _READ.match(one[1]):
         found.account(source, one.start(), one.end())
         found.read |= {_number(label) for label in _NAMED.findall(sides[2])}
-    elif "=" in one[1] and (set_ := _NAMED.match(one[1].lstrip())):
+    elif "=" in one[1] and (set_ := _INDIRECT.match(sides[0].lstrip())):
         found.account(source, one.start(), one.end())
-        found.change(_number(set_[1]), source, one.start(1))
+        named = _NAMED.match(set_[0])
+        found.change(_number(named[1]) if named else "P[?]", source, one.start(1))
     elif not _NAMED.search(one[1]) and not re.match(r"\s*[JLCAS]\s", one[1], re.IGNORECASE):
         found.account(source, one.start(), one.end())  # a register by itself moves nothing
 
@@ -182,7 +190,7 @@ def _note(found: _Tp, points: Sequence[Target | Left], source: Source, line: int
         if why:
             found.left.append(Left(source.file, line, f"{point.name}: {why}"))
         else:
-            found.uses.append(Use(point, point.tool, point.base))
+            found.note(Use(point, point.tool, point.base))
 
 
 def _unsteady(found: _Tp, point: Target) -> str | None:

@@ -25,7 +25,8 @@ SUFFIXES = (".script", ".urscript")
 
 _SILENT = re.compile(r'"[^"\r\n]*"|\'[^\'\r\n]*\'|#[^\r\n]*')
 _ASSIGNED = re.compile(
-    r"^[ \t]*(?:(?:global|local)[ \t]+)?(\w+)[ \t]*+((?:\[[^\[\]\r\n]*\][ \t]*+){0,3})=(?!=)[ \t]*",
+    r"^[ \t]*(?:(?:global|local)[ \t]+)?(\w+)[ \t]*+"
+    r"((?:\[[^\[\]\r\n]*\][ \t]*+){0,3})([-+*/]?)=(?!=)[ \t]*",
     re.MULTILINE,
 )
 _CALL = re.compile(
@@ -120,7 +121,7 @@ def _assign(found: _Script, assigned: re.Match[str]) -> int:
     """What a variable is set to; where that ends."""
     name, source = assigned[1], found.source
     value = _value(source, assigned.end())
-    points = [] if assigned[2] else list(_points(found, name, value))
+    points = [] if assigned[2] or assigned[3] else list(_points(found, name, value))
     if points and all(isinstance(point, Target) for point in points):
         found.points.setdefault(name, []).extend(points)
     else:
@@ -206,7 +207,7 @@ def _tool(found: _Script, call: re.Match[str], line: int) -> str:
     if not points:
         points = list(_points(found, "tool", said))
     else:
-        found.named.add(said.text)
+        found.framed.add(said.text)
     if len(points) == 1 and isinstance(points[0], Target) and points[0].kind == "cartesian":
         found.tools[name] = UR.frame(points[0].values)
     return name

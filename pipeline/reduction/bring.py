@@ -116,7 +116,7 @@ def bring(case: Case, keep: Keep = conformed, step: Step = plain) -> Reduced:
     tables = case.joints, got.forces, got.displacements
     data = measured(case.settings, case.robot, got.registration, *tables, got.placed)
     _refuse_crowded(data)
-    data = with_days(data)
+    data = with_days(data).standing(case.stance, case.tool)
     shown = {
         "readings": case.readings,
         "rejected": case.rejected,

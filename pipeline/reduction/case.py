@@ -12,6 +12,7 @@ from pipeline import tables
 from pipeline.base.arrays import Array, Ints
 from pipeline.machine.cell import Cell, Tool, paper_cell
 from pipeline.machine.robot import Robot
+from pipeline.machine.stance import Stance
 from pipeline.readers import Faces
 from pipeline.reduction._shots import Stale
 from pipeline.reduction.settings import Settings
@@ -53,6 +54,7 @@ class Case:
         treated: Exports that were not used as they stand.
         torques: Torques of the joints as logged, see `Ingested`; None where there are none.
         stations: Where else the tracker stood; readings are as from where it stood first.
+        stance: What absolute positions of the same robot say of it, where there are any.
     """
 
     settings: Settings
@@ -68,6 +70,21 @@ class Case:
     treated: tuple[Treated, ...] = ()
     torques: pd.DataFrame | None = None
     stations: tuple[Station, ...] = ()
+    stance: Stance | None = None
+
+    def standing(self, stance: Stance) -> Case:
+        """The same of a robot whose table, tool and joints are as its positions have them."""
+        points = {name: tuple(at.tolist()) for name, at in stance.points.items()}
+        known = {name: at for name, at in points.items() if name in self.settings.tool}
+        q = self.joints[self.joint_columns].to_numpy(float)
+        there = dict(zip(self.joint_columns, (q + stance.unloaded(q)[0]).T, strict=True))
+        return replace(
+            self,
+            settings=self.settings.model_copy(update={"tool": self.settings.tool | known}),
+            robot=stance.robot,
+            joints=self.joints.assign(**there),
+            stance=stance,
+        )
 
     @property
     def tool(self) -> Tool:
@@ -78,7 +95,8 @@ class Case:
     def cell(self) -> Cell:
         """The paper's model of it."""
         cell = paper_cell(self.robot, self.tool)
-        return replace(cell, equilibrium=self.settings.model.equilibrium)
+        cell = replace(cell, equilibrium=self.settings.model.equilibrium)
+        return cell if self.stance is None else self.stance.on(cell)
 
     @property
     def joint_columns(self) -> list[str]:
@@ -87,8 +105,11 @@ class Case:
 
     def q(self, poses: Ints) -> Array:
         """Joint values of some poses [m] or [rad], shape (len(poses), n)."""
-        indexed = self.joints.set_index("pose")[self.joint_columns]
-        return indexed.loc[poses].to_numpy(float)
+        row = pd.Index(self.joints["pose"]).get_indexer_for(poses)
+        if (row < 0).any():  # ingest keeps no pose without a row of the log
+            raise KeyError(f"no joint values of poses {np.asarray(poses)[row < 0]}")
+        columns = [self.joints[name].to_numpy(float) for name in self.joint_columns]
+        return np.column_stack(columns)[row]
 
 
 def tool(settings: Settings) -> Tool:

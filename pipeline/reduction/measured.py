@@ -8,13 +8,15 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.base import covariance
+from pipeline.base import covariance, linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.base.errors import InputError, listed
 from pipeline.machine import six
 from pipeline.machine.cell import Tool
 from pipeline.machine.effect import MOUNTED, Pulls
 from pipeline.machine.robot import Robot, configure
+from pipeline.machine.stance import Stance
+from pipeline.readers.known import GROSS_M
 from pipeline.reduction.case import tool
 from pipeline.reduction.idle import Idle, idle
 from pipeline.reduction.register import Registration
@@ -76,6 +78,7 @@ class Measured(Locked):
         idle: Unloaded readings of poses without a pull, of all poses where `poses`; None where
             there are none.
         tracker: Where the tracker stands in F_b [m], shape (3,); None where nobody knows.
+        stance: What absolute positions of the same robot say of it; None without any.
     """
 
     pulls: Pulls
@@ -111,6 +114,7 @@ class Measured(Locked):
     day_rel: float = 0.0
     idle: Idle | None = None
     tracker: Array | None = None
+    stance: Stance | None = None
 
     def __post_init__(self) -> None:
         """Pulls of which nothing else is said have no weight."""
@@ -125,6 +129,31 @@ class Measured(Locked):
     def shifts(self) -> Bools:
         """Displacements that a shift of the instrument moves: all but rotations, shape (d,)."""
         return np.asarray(~(self.poses & (self.target == 1)))
+
+    def standing(self, stance: Stance | None, tool: Tool) -> Measured:
+        """The same beside absolute positions: where the corrected table alone would have the arm.
+
+        What weight, laws of joints and a crooked rail move the unloaded points by is taken off, and
+        how the instrument's frame of the positions lies in F_b, which no reading of theirs tells.
+
+        Args:
+            stance: What the positions say; None without any.
+            tool: Points of the effector as they have them.
+        """
+        if stance is None:
+            return self
+        blocks = [(self.pulls.q[self.pull], self.target, self.unloaded)]
+        if self.idle is not None:
+            blocks.append((self.idle.pulls.q, self.idle.target, self.idle.at))
+        q, target, at = (np.concatenate(part) for part in zip(*blocks, strict=True))
+        if self.poses:  # targets of displacements are those of a measured pose
+            at[: len(self.target)], target = np.nan, target % len(tool.points)
+        there = configure(stance.robot, q).points(tool.points)[np.arange(len(q)), target]
+        off = stance.moved(q, tool.targets[target])
+        at = _in_frame(at, there + off) - off
+        unloaded, rest = np.split(at, [len(self.target)])
+        alone = self.idle and replace(self.idle, at=rest)
+        return replace(self, unloaded=unloaded, idle=alone, stance=stance)
 
     @property
     def tells_noise(self) -> bool:
@@ -158,6 +187,20 @@ class Measured(Locked):
         if found_m is None:
             return self
         return replace(self.scaled(found_m / (self.found_m or 1.0)), found_m=found_m)
+
+
+def _in_frame(at: Array, there: Array) -> Array:
+    """Points (n, 3) [m] moved as one to where they should be, unless so far that they are not."""
+    seen = np.isfinite(at).all(axis=1)
+    if seen.sum() < _FEWEST:
+        return at
+    R, t = linear.rigid(at[seen], there[seen])
+    moved = at @ R.T + t
+    return moved if np.linalg.norm(moved - at, axis=1)[seen].max() < GROSS_M else at
+
+
+_FEWEST = 12
+"""Points of four poses: fewer are all where any frame puts them."""
 
 
 def measured(

@@ -492,25 +492,31 @@ class Settings(Surrounded):
 
     @model_validator(mode="after")
     def raw_or_reduced(self) -> Settings:
-        """[tracker], with a [scale] where a chain pulls, or [displacements], or [positions]."""
+        """[tracker], with a [scale] where a chain pulls, or [displacements]; [positions], too."""
         ways = (self.tracker, self.displacements, self.positions)
         if ways == (None, None, None):
             raise ValueError(
                 "needs the tables [tracker] and [scale], or [displacements], or [positions]"
             )
-        if self.positions is not None and (*ways[:2], self.scale) != (None, None, None):
+        if self.of_positions and self.scale is not None:
             raise ValueError(
-                "has [positions] beside [tracker], [scale] or [displacements]; keep one of them"
+                "has [scale] beside [positions], but nothing that was pulled; add [tracker], or "
+                "remove [scale]"
             )
         if self.displacements is not None and (self.tracker is not None or self.scale is not None):
             raise ValueError("has [displacements] beside [tracker] or [scale]; keep one of them")
         return self
 
+    @property
+    def of_positions(self) -> bool:
+        """Positions were read, and nothing was pulled."""
+        return self.positions is not None and self.tracker is None and self.displacements is None
+
     @model_validator(mode="after")
     def tool_has_its_points(self) -> Settings:
         """The load point and every measured target need nominal coordinates."""
         lacking = [name for name in ("load_point", *self.measured) if name not in self.tool]
-        if lacking and self.positions is None:
+        if lacking and not self.of_positions:
             spare = [name for name in self.tool if name not in ("load_point", *self.measured)]
             near = get_close_matches(lacking[0], spare, 1)
             way_out = f"is it {near[0]}? Then rename that" if near else ""
@@ -523,7 +529,7 @@ class Settings(Surrounded):
         """A tolerance holds at a test pose or along a path, of what deflects under a force."""
         if self.tolerance is None:
             return self
-        if self.positions is not None:
+        if self.of_positions:
             raise ValueError(
                 "has [tolerance] beside [positions], which has no forces to predict a deflection "
                 "from; remove one of the two"
@@ -537,7 +543,7 @@ class Settings(Surrounded):
     @model_validator(mode="after")
     def a_pose_has_three_targets(self) -> Settings:
         """Three targets that are not on one line tell a pose."""
-        if self.positions is not None:
+        if self.of_positions:
             return self
         places = np.array([self.tool[name] for name in self.measured])
         if self.instrument.measures == "poses" and not tells_a_pose(places):
@@ -565,7 +571,7 @@ class Settings(Surrounded):
     @model_validator(mode="after")
     def one_place_each(self) -> Settings:
         """Two reflectors do not stand in one place; a campaign of positions finds where they do."""
-        if self.positions is None:
+        if not self.of_positions:
             places = [self.tool[name] for name in self.measured]
             if same := [n for n in self.measured if places.count(self.tool[n]) > 1]:
                 raise ValueError(f"[tool] has {listed(same)} in one place; give each its own")

@@ -65,13 +65,14 @@ def compose(
             enough(answer, tables),
             registration(answer, tables),
             reliability(answer, tables),
+            *((geometry(answer, tables), laws(answer, tables)) if answer.position_steps else ()),
             letters(answer),
             rejected(answer),
         ]
     )
     sections += [files(beside, previous), method(answer)]
     return Report(
-        kicker=f"{_ABOUT[bool(answer.of_positions)]} · {answer.machine}",
+        kicker=f"{_about(answer)} · {answer.machine}",
         heading=answer.campaign,
         title=f"Joint stiffness of {answer.robot}: {answer.campaign}",
         verdict=title,
@@ -106,8 +107,11 @@ def _judged(answer: Answer) -> Headline | None:
     return Headline(word, tone, tolerated(answer.tolerance, answer.test_pose))
 
 
-_ABOUT = {False: "Joint stiffness", True: "Where the robot stands"}
-"""What a page is about, without and with absolute positions."""
+def _about(answer: Answer) -> str:
+    """What a page is about, without and with absolute positions."""
+    if answer.of_positions:
+        return "Where the robot stands"
+    return f"Joint stiffness{' and where the robot stands' if answer.position_steps else ''}"
 
 
 def _of_positions(answer: Answer, tables: Tables) -> list[Section | None]:

@@ -6,9 +6,10 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Any
 
 import typer
-from typer import Option
+from typer import Argument, Option
 
 from pipeline.app.commands._shared import AsJson, Root
+from pipeline.base.doors import opened
 from pipeline.base.environment import NOBODYS, elsewhere
 from pipeline.base.errors import UsageError
 from pipeline.base.toml import given
@@ -42,11 +43,22 @@ def serve(
 
 
 def watch(
+    campaign: Annotated[
+        str | None, Argument(help="With --live: a campaign under data/raw, or its folder.")
+    ] = None,
+    live: Annotated[
+        bool, Option("--live", help="Judge one campaign pose by pose while it is measured.")
+    ] = False,
     interval: Annotated[float | None, Option(help="Seconds between two scans of data/raw.")] = None,
     as_json: AsJson = False,
     root: Root = Path(),
 ) -> None:
-    """Process campaigns as they arrive, without Prefect."""
+    """Process campaigns as they arrive, without Prefect; or judge one while it is measured."""
+    if live or campaign is not None:
+        if not (live and campaign):
+            raise UsageError("--live and the name of a campaign belong together: give both")
+        opened("pipeline.live.command:live")(campaign, root, interval or _LIVE_S, as_json)
+        return
     from pipeline.base import processes
     from pipeline.service import supervisor
     from pipeline.service import watch as watching
@@ -58,6 +70,10 @@ def watch(
     with supervisor.alone(root, wanted.service):
         for outcome in watching.watch(root, wanted):
             processes.say(outcome.as_json() if as_json else outcome.event)
+
+
+_LIVE_S = 1.0
+"""Between two looks at a folder that grows [s], taste: readings come every few seconds."""
 
 
 def deploy(

@@ -11,6 +11,7 @@ from typer import Argument, Option
 from pipeline.app.commands._shared import Root, Steps, at_work
 from pipeline.base import files
 from pipeline.base.errors import UsageError
+from pipeline.base.shown import typed
 
 
 def simulate(
@@ -77,7 +78,7 @@ def simulate(
     folder, sealed = write(root, plan or plan_file, changes, noise, exact, truth, force)
     typer.echo(folder)
     typer.secho(f"truth: {sealed}", err=True)
-    at_work(f"Next: pipeline run {folder.name}")
+    at_work(f"Next: pipeline run {typed(folder.name)}")
 
 
 def write(

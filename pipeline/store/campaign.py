@@ -27,7 +27,7 @@ from pipeline import tables
 from pipeline.base import files, parquet, toml
 from pipeline.base.errors import InputError, UsageError, listed
 from pipeline.base.patterns import depth, fits, is_glob
-from pipeline.base.shown import in_json, is_printable
+from pipeline.base.shown import in_json, is_printable, typed
 from pipeline.machine.robot import SHIPPED, Robot
 from pipeline.machine.robot import load as load_robot
 from pipeline.machine.robot.mdh import no_robot
@@ -149,16 +149,18 @@ class Campaign:
         path = settings.tolerance.path if settings.tolerance else None
         if own is not None and not (own.endswith(".toml") and os.path.exists(self.folder / own)):
             raise no_robot(own, "campaign.toml")
-        if settings.positions is not None:
-            return [*settings.positions.named, *filter(None, [own, path])]
+        stood = [] if settings.positions is None else settings.positions.named
+        if settings.of_positions:
+            return [*stood, *filter(None, [own, path])]
         if settings.displacements is not None:
             given = settings.displacements
-            return [*filter(None, [given.file, given.forces, settings.joints.file, own, path])]
+            others = [given.file, given.forces, settings.joints.file, own, path]
+            return [*stood, *filter(None, others)]
         assert settings.tracker is not None  # Settings sees to that
         names = self._matching(settings.tracker.files)
         settings.tracker.none_missing(names)
         others = [settings.tracker.assignment, settings.loads_file, settings.joints.file, own, path]
-        return list(dict.fromkeys([*names, *filter(None, others)]))
+        return list(dict.fromkeys([*names, *stood, *filter(None, others)]))
 
     def _matching(self, patterns: Sequence[str]) -> list[str]:
         """Files that are asked for by name and are there, and those that fit a glob, in order.
@@ -336,7 +338,9 @@ class Campaign:
         """
         path = self.reports / "result.json"
         if not path.is_file():
-            raise UsageError(f"{self.name} has no result: run `pipeline run {self.name}` first")
+            raise UsageError(
+                f"{self.name} has no result: run `pipeline run {typed(self.name)}` first"
+            )
         return path.read_bytes()
 
     def finish(self, key: str, answers: Mapping[str, bytes], about: Mapping[str, Any]) -> None:
@@ -413,7 +417,8 @@ def find(root: Path, name: str) -> Campaign:
             return _at(root, folder)
     if os.path.isdir(raw / name) or os.path.isdir(name):
         raise InputError(
-            f"{name} has no campaign.toml", f"write one, for example with `pipeline init {name}`"
+            f"{name} has no campaign.toml",
+            f"write one, for example with `pipeline init {typed(name)}`",
         )
     known = listed(campaign.name for campaign in every(root))
     raise InputError(f'there is no campaign "{name}"', f"known under data/raw: {known}")
@@ -479,8 +484,8 @@ def unfit(name: str) -> str | None:
     """Why a folder of this name can be no campaign; None where it can."""
     if not is_printable(name):
         return "the name of its folder contains characters that cannot be displayed"
-    if not name.strip() or name[0] == "." or "/" in name or "\\" in name:
-        return "the name of its folder is empty, begins with a dot or contains a slash"
+    if not name.strip() or name[0] in ".-" or "/" in name or "\\" in name:
+        return "the name of its folder is empty, begins with a dot or a dash, or contains a slash"
     if len(os.fsencode(name)) > _LONGEST:
         return f"the name of its folder has more than {_LONGEST} bytes"
     return "the name of its folder is one of our own files" if _OURS.fullmatch(name) else None

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -10,12 +10,16 @@ import scipy.sparse
 
 from pipeline.base import covariance
 from pipeline.base.arrays import Array, Ints
-from pipeline.machine.cell import Cell, jacobian, predict
+from pipeline.machine.cell import Cell, jacobian, predict, sensitivity
+from pipeline.machine.robot import Robot
 from pipeline.reduction.measured import Measured
 from pipeline.system.system import Errors, Rows, System
 
 TRACKED = ("tracker", "zero", "direction")
 """Sources of error that are in proportion to the noise of the tracker."""
+
+POSITIONS = "positions"
+"""Source of what absolute positions of the same robot leave open."""
 
 _WILD = 20.0
 """A compliance beyond so many typical ones, or below zero, is no spring's."""
@@ -109,6 +113,8 @@ def inputs(cell: Cell, data: Measured, values: Array) -> list[Block]:
     } | pulled
     once["payload_center"] = _centers(cell, data, values)
     once["geometry"] = _geometry(cell, data, values)
+    if data.stance is not None:
+        once[POSITIONS] = beside_positions(cell, data, values)
     if data.bends and cell.equilibrium == "undeformed":
         once["second_order"] = second_order(cell, data, values)[..., None]
     blocks += [Block(source, True, part, np.zeros(d, int), 1) for source, part in once.items()]
@@ -231,6 +237,10 @@ def _geometry(cell: Cell, data: Measured, values: Array) -> Array:
     points = np.vstack([cell.tool.load_point, cell.tool.points])
     moves = data.tool_std * np.eye(points.size).reshape(-1, *points.shape)
     turns = data.joint_std[:, None] * np.eye(cell.robot.n)
+    if data.stance is not None:  # these are known by it
+        read = [False, *np.isin(cell.tool.targets.astype(str), list(data.stance.points))]
+        moves[np.repeat(read, 3)] = 0.0
+        turns[[one.joint - 1 for one in data.stance.letters if one.name == "joint_offset"]] = 0.0
     wrong = [(_with_points(cell, points + move), data.pulls) for move in moves if move.any()]
     wrong += [(cell, replace(data.pulls, q=data.pulls.q + turn)) for turn in turns if turn.any()]
     here = predict(cell, data.pulls, values).displacement
@@ -238,6 +248,36 @@ def _geometry(cell: Cell, data: Measured, values: Array) -> Array:
     if not modes:
         return np.zeros((len(data.pull), 3, 0))
     return np.stack([mode[data.pull, data.target] for mode in modes], axis=-1)
+
+
+def by_stance(cell: Cell, data: Measured, values: Array) -> Array:
+    """What each error a of table and points, `Stance.parts`, does to c, shape (d, 3, r) [m]."""
+    assert data.stance is not None
+    stance = data.stance
+
+    def seen(robot: Robot, points: Mapping[str, Array]) -> Array:
+        at = np.array([points.get(name, at) for name, at in cell.tool.named.items()])
+        other = replace(_with_points(cell, at), robot=robot)
+        return predict(other, data.pulls, values).displacement[data.pull, data.target]
+
+    here = seen(stance.robot, stance.points)
+    modes = [here - seen(*one) for one in stance.variants]
+    return np.stack(modes, axis=-1) if modes else np.zeros((*here.shape, 0))
+
+
+def beside_positions(cell: Cell, data: Measured, values: Array) -> Array:
+    """What errors of absolute positions do to c through table, points and elements, (d, 3, r) [m].
+
+    The elements of `Stance` are in the cell as positions have them, and err by K a + W w.
+    """
+    assert data.stance is not None
+    stance, n = data.stance, len(data.stance.compliance)
+    _, K, W = stance.parts
+    of_table = by_stance(cell, data, values)
+    if not stance.held:
+        return of_table
+    held = sensitivity(cell, data.pulls, values, stance.held)[data.pull, data.target]
+    return np.concatenate([of_table - held @ K[n:], -held @ W[n:]], axis=-1)
 
 
 def _centers(cell: Cell, data: Measured, values: Array) -> Array:

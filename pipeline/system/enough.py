@@ -48,7 +48,7 @@ def enough(
 def _ranks(system: System, white: Whitener, order: Ints) -> Ints:
     """Place of the pose of each row in the order of measuring; -1 for priors."""
     place = {pose: k for k, pose in enumerate(order.tolist())}
-    own = [place[pose] for pose in system.rows.pose.tolist()]
+    own = [place.get(pose, -1) for pose in system.rows.pose.tolist()]
     return np.array(own + [-1] * white.common.shape[1], dtype=np.int64)
 
 

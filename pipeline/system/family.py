@@ -17,6 +17,7 @@ nothing is switched on or off.
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cache
 
 import numpy as np
 from scipy import special
@@ -222,7 +223,7 @@ def family(seen: Array, paper: bool) -> tuple[Family, Array]:
         seen: `likelihood` of every reading, shape (n, K).
         paper: The stated family is that of Eq. (18).
     """
-    tried = np.stack([_bulks(np.full(_LAWS, scale), paper) for scale in _WIDTHS], axis=1)
+    tried = _tried(paper)
     own = (seen @ tried.reshape(-1, seen.shape[1]).T).T.reshape(*tried.shape[:2], len(seen))
     odd = seen @ _blunder()
     each = np.stack([np.log((1 - b) * own + b * odd + 1e-300).sum(axis=2) for b in MISTAKES])
@@ -240,6 +241,12 @@ def family(seen: Array, paper: bool) -> tuple[Family, Array]:
     scale[0] = 0.0  # what is stated, or was found in contrasts, holds
     told = Family(weight, scale, mistakes, p, paper, profile)
     return told, _posterior_mean(told, seen)
+
+
+@cache
+def _tried(paper: bool) -> Array:
+    """`_bulks` at every scale, shape (f, widths, K)."""
+    return np.stack([_bulks(np.full(_LAWS, scale), paper) for scale in _WIDTHS], axis=1)
 
 
 def _bulks(log_scale: Array, paper: bool) -> Array:

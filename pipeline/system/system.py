@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import scipy.sparse
@@ -77,6 +77,23 @@ class System(Locked):
     errors: Errors
     noise_stated: bool
     found_m: float | None = None
+
+    def part(self, rows: Bools) -> System:
+        """Some rows of the system, (M,)."""
+        old, errors = self.rows, self.errors
+        kept = Rows(
+            old.pose[rows], old.repeat[rows], old.target[rows], old.axis[rows], old.pull[rows]
+        )
+        G = errors.G[np.flatnonzero(rows)]
+        used = np.asarray(abs(G).sum(axis=0)).ravel() > 0
+        few = Errors(G[:, used], errors.source[used], errors.common[used])
+        return replace(self, rows=kept, B=self.B[rows], c=self.c[rows], errors=few)
+
+    @property
+    def of_pulls(self) -> System:
+        """The rows of displacements alone."""
+        mine = self.rows.pull >= 0
+        return self if mine.all() else self.part(mine)
 
     @property
     def typical(self) -> Array:

@@ -1,8 +1,10 @@
 """What passes for something to type, on a page and on a terminal."""
 
+import subprocess
+
 import pytest
 
-from pipeline.base.shown import quoted, runs
+from pipeline.base.shown import quoted, runs, typed
 
 
 @pytest.mark.parametrize(
@@ -48,3 +50,19 @@ def test_words_of_others_are_not(words):
 
     assert list(runs(text)) == [(text, False)]
     assert quoted(text) == text
+
+
+@pytest.mark.parametrize(
+    "name", ["a;touch x", "a b", "$(touch x)", "`touch x`", "a|b", "it's", "ü", "a"]
+)
+def test_a_name_is_typed_so_that_a_shell_takes_it_for_one_word(name):
+    """Whatever a folder is called: what is proposed to be typed carries nothing else out."""
+    said = subprocess.run(["sh", "-c", f"printf %s {typed(name)}"], capture_output=True, check=True)
+
+    assert said.stdout.decode() == name
+
+
+def test_a_command_with_a_name_in_quotes_is_one_to_type():
+    """It has quotes of its own and gets no others."""
+    assert list(runs("Type `pipeline run 'a;b'`."))[1] == ("pipeline run 'a;b'", True)
+    assert quoted("Type `pipeline run 'a;b'`.") == "Type pipeline run 'a;b'."

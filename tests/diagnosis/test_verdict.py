@@ -14,7 +14,8 @@ from pipeline.diagnosis.diagnose import _refused
 from pipeline.diagnosis.facts import NOTHING, Amplitude, Cause, Facts, Gain, Named
 from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.diagnosis.identify import Rival
-from pipeline.diagnosis.verdict import TABLE, findings, verdict
+from pipeline.diagnosis.joined import Agreement
+from pipeline.diagnosis.verdict import TABLE, findings, of_both, verdict
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.system.far import Far
@@ -104,6 +105,8 @@ USELESS = replace(
 TILTS = (cause("joint_tilt:5", 0.6, rivals=(Named(effect("joint_tilt:6"), 0.4),)),)
 GEAR = (cause("joint_hardening:3"), cause("joint_lost_motion:3"))
 
+APART = Agreement(40.0, 5, np.ones((6, 2)), np.ones((6, 2)), None)
+
 ROWS = {
     Finding.MISTAKE: (Facts(mistakes=(MISTAKE,)), Verdict.BAD_DATA),
     Finding.TRACKER_MOVED: (Facts(drift=drift(undecided=False)), Verdict.EXPLAINED),
@@ -147,6 +150,10 @@ ROWS = {
     Finding.MISFIT: (Facts(stated_p=1e-5, misfit_p=4e-4), Verdict.UNEXPLAINED),
     Finding.SCATTER: (Facts(scatter=(cause("tracker_noise"),)), Verdict.EXPLAINED),
     Finding.BEYOND_A_TRACKER: (Facts(beyond_a_tracker=True), Verdict.UNEXPLAINED),
+    Finding.SPRINGS_DISAGREE: (
+        replace(FOUND, agreement=APART),
+        Verdict.UNEXPLAINED,
+    ),
     Finding.NOTHING: (Facts(), Verdict.ADEQUATE),
     Finding.NOTHING_DETERMINED: (
         replace(FOUND, bounds=Bounds(determined=False)),
@@ -225,6 +232,29 @@ def test_the_most_severe_finding_decides_and_all_are_told():
     assert why(both).index("base reflectors moved") < why(both).index("cannot distinguish between")
     assert verdict(replace(both, mistakes=(MISTAKE,))) is Verdict.BAD_DATA
     assert why(replace(both, mistakes=(MISTAKE,))).startswith("The data contain an error")
+
+
+@pytest.mark.parametrize("kind", ["positions", "pulls"])
+@pytest.mark.parametrize("worse", [Finding.RIVALS, Finding.MISFIT, Finding.GEOMETRY_REFUTED])
+def test_the_worse_of_positions_and_pulls_decides(kind, worse):
+    """A campaign of both is as good as the worse of the two, and says why."""
+    bad, said = ROWS[worse]
+    one, other = (FOUND, bad) if kind == "positions" else (bad, FOUND)
+    both = replace(one, positions=other)
+
+    assert verdict(both) is said
+    assert worse in [row.finding for row in of_both(both)]
+    assert why(bad) in why(both)
+
+
+def test_springs_that_disagree_take_green_away():
+    """Each kind of readings by itself is fine; the difference is told with its chi-square."""
+    apart = replace(FOUND, positions=FOUND, agreement=APART)
+
+    assert verdict(replace(apart, agreement=replace(APART, chi2=4.0))) is Verdict.EXPLAINED
+    assert verdict(apart) is Verdict.UNEXPLAINED
+    assert "chi-square 40" in why(apart)
+    assert "5 degrees of freedom" in why(apart)
 
 
 def test_nothing_is_told_of_displacements_that_hold_nothing():

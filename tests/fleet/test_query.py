@@ -330,3 +330,8 @@ def test_a_table_is_for_people(finished, capsys):
 def test_a_campaign_has_another_name_than_our_folder(tmp_path):
     """`fleet` is where the tables are."""
     assert Campaign(tmp_path, tmp_path / "data" / "raw" / "fleet")._unfit is not None
+
+
+def test_nothing_is_put_aside_into_the_current_folder(project):
+    """DuckDB would take `.tmp` there, which may be somebody's link to elsewhere."""
+    assert ask(project, "SELECT current_setting('temp_directory')").rows == [("",)]

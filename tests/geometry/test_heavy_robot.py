@@ -200,3 +200,34 @@ def test_a_table_as_delivered_has_no_step():
 
     assert right is robot
     assert mistakes == ()
+
+
+def weighing(robot, mass):
+    """The robot with masses in its file, their centres where they are."""
+    joints = tuple(
+        joint.model_copy(update={"mass_kg": one, "centre_of_mass_m": tuple(centre.tolist())})
+        for joint, one, centre in zip(robot.joints, mass.tolist(), CENTRE, strict=True)
+    )
+    return replace(robot, joints=joints)
+
+
+@pytest.mark.parametrize("wrong", [False, True])
+def test_masses_of_the_file_are_believed_only_if_the_readings_agree(wrong):
+    robot, rng = load("kr500_rail_kuka"), np.random.default_rng(9)
+    truth = Truth(robot.nominal_compliance * [0, 1, 1.3, 0.8, 1.2, 0.9, 1.1])
+    machine = HeavyRobot(robot, errors_of_table(8, rng), truth)
+    readings = read(machine, poses(rng, 6, 20, robot), rng)
+    # wrong by a factor for each link: a common one alone would be the springs'
+    file = weighing(robot, MASS * ([1, 1, 0.4, 1.9, 1.7, 0.5, 1.5] if wrong else np.ones(7)))
+
+    found = study(
+        file, readings, under_weight(len(readings)), stated(rng), None, (np.nan, np.nan),
+        np.random.default_rng(0),
+    )  # fmt: skip
+
+    sag = [cause.form for cause in found.causes if cause.name == "gravity_sag"]
+    c, std = found.final.mechanism.compliance, np.sqrt(np.diag(found.final.solution.cov))
+    pulled = [2, 3, 4, 5]  # A2 to A5; A1 carries no weight, A6 hardly any
+    off = (c - truth.joints)[pulled] / std[layout(found.final.mechanism).compliance][pulled]
+    assert sag == (["other masses"] if wrong else [])
+    assert np.abs(off).max() < 3.5

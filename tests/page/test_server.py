@@ -89,19 +89,16 @@ def test_the_cookie_is_for_us_alone(outside):
     assert "samesite=lax" in said
 
 
-@pytest.mark.parametrize(
-    "page",
-    ["/", "/c/hall/files", "/c/hall/setup", "/c/hall/check", "/c/hall/run", "/c/hall/answer"],
-)
-def test_pages_load_nothing_from_elsewhere(demo, page):
+def test_pages_load_nothing_from_elsewhere(demo):
     """And run no script that stands in their text."""
-    answer = demo.get(page)
+    for page in ("/", *(f"/c/hall/{one}" for one in ("files", "setup", "check", "run", "answer"))):
+        answer = demo.get(page)
 
-    assert answer.status_code == 200
-    policy = answer.headers["content-security-policy"]
-    assert "default-src 'none'" in policy
-    assert "unsafe" not in policy
-    assert "http" not in answer.text.replace("http://www.w3.org/2000/svg", "")
+        assert answer.status_code == 200, page
+        policy = answer.headers["content-security-policy"]
+        assert "default-src 'none'" in policy, page
+        assert "unsafe" not in policy, page
+        assert "http" not in answer.text.replace("http://www.w3.org/2000/svg", ""), page
 
 
 HOSTILE = "<script>alert(1)</script>'\"><img src=x onerror=alert(1)>{{7*7}}"

@@ -45,7 +45,7 @@ def script(*lines):
 
 CASES = {
     # KRL: file, text, lines of what is corrected, lines of what is left
-    "with a tool": ("p.src", f"{SET}SLIN {K} WITH $TOOL=foo()\nLIN {K}", [3, 4], []),
+    "with a tool": ("p.src", f"{SET}SLIN {K} WITH $TOOL=foo()\nLIN {K}", [4], [3]),
     "with a load": ("p.src", f"{SET}SLIN {K} WITH $LOAD=L\nLIN {K}", [4], [3]),
     "tool by a variable": ("p.src", f"{SET}LIN {K}\nBAS(#TOOL,N)\nLIN {K}", [3], [5]),
     "data by a variable": ("p.src", f"{SET}LIN {K}\n$TOOL=TOOL_DATA[N]\nLIN {K}", [3], [5]),
@@ -79,6 +79,49 @@ CASES = {
     "distance first": ("p.src", f"LIN_REL {{Z 1}}\n{SET}LIN {K}", [4], [1]),
     "distance behind": ("p.src", f"{SET}LIN {K}\nLIN_REL {{Z 1}}\nPTP XHOME", [3], []),
     "spline": ("p.src", f"{SET}SPLINE WITH $BASE={FRAME}\nSPL {K}\nENDSPLINE", [4], []),
+    "part of any element": ("p.src", f"{SET}LIN {K}\nP[2]={K}\nP[I].Z=5\nLIN P[2]", [3], [4]),
+    "any element": ("p.src", f"{SET}LIN {K}\nP[2]={K}\nP[I]={K}\nLIN P[2]", [3], [4, 5]),
+    "elements for a routine": (
+        "p.src", f"{SET}DECL POS P[9]\nLIN {K}\nP[2]={K}\nLIN P[2]\nweld(P[])", [4], [5],
+    ),
+    "in a structure": (
+        "p.src", f"{SET}LIN {K}\nDECL MY S={{P1 {K},P2 {K}}}\nweld(S)", [3], [4],
+    ),
+    "load": ("p.src", f"{SET}LIN {K}\nDECL LOAD L={{M 5,CM {FRAME}}}\nload(L)", [3], []),
+    "any tool of an array": (
+        "p.src", f"{SET}LIN {K}\nT[2]={FRAME}\n$TOOL=T[2]\nLIN {K}\nT[I].X=5", [3], [6],
+    ),
+    "product of frames": ("p.src", f"{SET}LIN {K}\n$BASE=F1:F2\nLIN {K}", [3], [5]),
+    "base that moves": ("p.src", f"{SET}LIN {K}\n$BASE=EK(R,T,E)\nLIN {K}", [3], [5]),
+    "part of the base": ("p.src", f"{SET}LIN {K}\n$BASE.X=P.X\nLIN {K}", [3], [5]),
+    "foot of the robot": ("p.src", f"{SET}LIN {K}\n$ROBROOT={FRAME}\nLIN {K}", [3], [5]),
+    "point and base": ("p.src", f"P={K}\n{SET}LIN P\n$BASE=P\nLIN {K}", [6], [1]),
+    "interpolation by a variable": (
+        "p.src", f"{SET}LIN {K}\n$IPO_MODE=M\nLIN {K}", [3], [5],
+    ),
+    "loop left early": (
+        "p.src",
+        f"{SET}LOOP\nBAS(#TOOL,2)\nIF X THEN\nEXIT\nENDIF\nBAS(#TOOL,1)\nLIN {K}\nENDLOOP\n"
+        f"LIN {K}",
+        [9], [11],
+    ),
+    "tool behind THEN": ("p.src", f"{SET}LIN {K}\nIF X THEN BAS(#TOOL,2) ENDIF\nLIN {K}", [3], [5]),
+    "tool behind a trigger": (
+        "p.src", f"{SET}LIN {K}\nTRIGGER WHEN PATH=0 DELAY=0 DO $TOOL=T\nLIN {K}", [3], [5],
+    ),
+    "BAS by a variable": ("p.src", f"{SET}LIN {K}\nBAS(CMD,2)\nLIN {K}", [3], [5]),
+    "velocity by BAS": ("p.src", f"{SET}LIN {K}\nBAS(#VEL_CP,2)\nLIN {K}", [3, 5], []),
+    "form again": (
+        "p.src",
+        f"DECL FDAT F={{TOOL_NO 3,BASE_NO 4,IPO_FRAME #BASE}}\nFDAT_ACT=F\n$TOOL=TOOL_DATA[N]\n"
+        f"LIN {K}\nBAS(#CP_PARAMS,1)\nLIN {K}",
+        [6], [4],
+    ),
+    "form of nobody": ("p.src", f"{SET}LIN {K}\nBAS(#FRAMES)\nLIN {K}", [3], [5]),
+    "tool for a routine": ("p.src", f"{SET}LIN {K}\nSREAD(S[],N,$TOOL.X)\nLIN {K}", [3], [5]),
+    "twice in braces": ("p.src", f"{SET}LIN {K}\nLIN {K[:-1]},X 5}}", [3], [4]),
+    "axes and pose": ("p.src", f"{SET}LIN {K}\nPTP {K[:-1]},A1 5}}", [3], [4]),
+    "mark between files": ("p.src", f"{SET}LIN {K}\n\xef\xbb\xbfBAS(#TOOL,N)\nLIN {K}", [3], [5]),
     # RAPID
     "displaced in short": ("m.mod", rapid("IF a PDispOn p10,t;", f"MoveL {R},v1,z1,t;"), [3], [6]),
     "short if": ("m.mod", rapid(f"IF a MoveL {R},v1,z1,t;"), [3, 5], []),
@@ -104,7 +147,30 @@ CASES = {
         rapid(f"MoveL {R},v1,z1,t;", "ENDPROC", "PROC b()", f"VAR robtarget p10:={R};"),
         [3, 5, 8], [],
     ),
+    "routine by name": (
+        "m.mod",
+        rapid('%"b"%;', f"MoveL {R},v1,z1,t;", "ENDPROC", "PROC b()", "PDispSet q;"),
+        [3], [6],
+    ),
+    "data by name": (
+        "m.mod",
+        rapid(f"VAR robtarget p2:={R};", 'SetDataVal "p2",x;', f"MoveL {R},v1,z1,t;",
+              "MoveL p2,v1,z1,t;"),
+        [7], [3, 5],
+    ),
+    "work object of an option": ("m.mod", rapid(f"MoveL {R},v1,z1,t\\WObj?w;"), [3], [5]),
+    "option of somebody": (
+        "m.mod", rapid(f"VAR robtarget p2:={R};", "weld\\at:=p2;", "MoveL p2,v1,z1,t;"), [3], [5],
+    ),
+    "in a record": ("m.mod", rapid(f"VAR rec s:=[{R},5];", "weld s;"), [3], [5]),
+    "with outputs": ("m.mod", rapid("TriggLIOs x,v1,\\TriggData1:=d,z1,t;"), [3], [5]),
+    "recorded": ("m.mod", rapid("PathRecMoveBwd;"), [3], [5]),
+    "only prepared": ("m.mod", rapid("TriggIO g,5\\DOp:=d,1;"), [3], []),
     # FANUC
+    "set on a broken line": (
+        "p.ls", tp("J P[3] 5% FINE", "L P[1] 5mm/sec FINE", names=("1", "3"))
+        .replace("\n2:L", "\nUTOOL[2]=PR[1]\n2:L").replace("UT : 2", "UT : 3", 1), [6], [2, 3],
+    ),
     "no position": ("p.ls", tp("L P[1] 5mm/sec FINE", "L P[7] 5mm/sec FINE"), [5], [3]),
     "bracket in a name": (
         "p.ls",
@@ -124,6 +190,10 @@ CASES = {
         "p.script", script(f"  if x: set_tcp({U}) end", f"  movel({U})"), [2], [4],
     ),
     "element": ("p.script", script(f"  m=[{U}]", "  m[0][2]=0.5", "  movel(m[0])"), [2], [3]),
+    "point and tool": ("p.script", script(f"  a={U}", "  set_tcp(a)", "  movel(a)"), [2], [3]),
+    "bare carriage return": (
+        "p.script", script(f"  a={U}", "  movel(a)", "  b=2\r  a[2]=0.5"), [2], [3],
+    ),
     "another tool": ("p.script", script(f"  movej(get_inverse_kin({U},tcp={U}))"), [2], [3]),
 }  # fmt: skip
 
@@ -145,9 +215,17 @@ def test_every_motion_is_corrected_or_listed(name):
         ("p.src", f"{SET}LIN {K}\nTOOL_DATA[1]=TOOL_DATA[2]:c\n"),
         ("p.src", f"TOOL_DATA[1]={FRAME}\n{SET}LIN {K}\nTOOL_DATA[1]={FRAME}\n"),
         ("p.src", f"TOOL_DATA[N]={FRAME}\n{SET}LIN {K}\n"),
+        ("p.src", f"{SET}LIN {K}\nmeasure(TOOL_DATA[1])\n"),
         ("m.mod", rapid("t:=t2;")),
         ("p.ls", tp("UTOOL[2]=PR[1]", "L P[1] 5mm/sec FINE")),
         ("p.ls", tp("UFRAME_NUM=R[1]", "L P[1] 5mm/sec FINE")),
+        ("p.ls", tp("P[R[1]]=PR[2]", "L P[1] 5mm/sec FINE")),
+        ("p.ls", tp("$MNUTOOL[1,2].$X=5", "L P[1] 5mm/sec FINE")),
+        ("p.ls", tp("UTOOL_NUM=3", "L P[1] 5mm/sec FINE").replace("UT : 2", "UT : F")),
+        (
+            "p.script",
+            script("end", "thread t():", f"  set_tcp({U})").replace("\n", "\r"),
+        ),
         (
             "p.src",
             f"DEF m()\nINTERRUPT DECL 3 WHEN $IN[1] DO s()\n{SET}LIN {K}\nEND\n"

@@ -74,7 +74,7 @@ END
 
 
 def test_krl_frames_are_those_in_force():
-    """The last assignment in the text holds, of whatever kind; a computed frame has no place."""
+    """The last assignment in the text holds, of whatever kind; a computed frame is no frame."""
     lines = [
         "$BASE=BASE_DATA[3]", "$TOOL=TOOL_DATA[2]", f"LIN {{{POSE}}}",
         "BAS(#TOOL,7)", f"LIN {{{POSE}}}",
@@ -88,8 +88,7 @@ def test_krl_frames_are_those_in_force():
     found = read("p.src", "\n".join(lines).encode(), ("p.dat", dat.encode()))
 
     assert [(one.tool, one.base) for one in found.targets] == [
-        ("2", "3"), ("7", "3"), ("4", "5"), ("4", "line 8"), ("4", "base_data[1]:fr"),
-        ("4", "line 12"), ("4", "0"),
+        ("2", "3"), ("7", "3"), ("4", "5"), ("4", "line 8"), ("4", "0"),
     ]  # fmt: skip
     assert found.bases["line 8"][:3, 3] == pytest.approx([1e-3, 2e-3, 3e-3])
     assert found.bases["line 8"][:2, 0] == pytest.approx([1, 0])

@@ -130,6 +130,16 @@ def test_processes_of_ours_take_no_module_from_there(trap, script, tmp_path):
     assert marks(tmp_path) == []
 
 
+def test_no_folder_of_modules_is_looked_for_there(tmp_path):
+    """Not by the way we are installed either: the words of an editable install would be a folder's.
+
+    Python looks into each of these before any program begins, for sitecustomize.
+    """
+    said = carried_out(tmp_path, "-P", "-c", "import sys; print(*sys.path, sep='\\n')").stdout
+
+    assert [line for line in said.split() if not Path(line).is_absolute()] == []
+
+
 def test_python_m_takes_none_of_our_libraries_from_there(trap, tmp_path):
     """`python -m pipeline` has the current folder among its modules until we are there."""
     for name in ("pathlib", "typer", "pydantic", "json", "numpy"):

@@ -12,6 +12,7 @@ from typer import Argument, Option
 from pipeline.app.commands._shared import Named, Root
 from pipeline.base import files
 from pipeline.base.errors import InputError, UsageError
+from pipeline.base.shown import typed
 
 
 class Of(StrEnum):
@@ -63,7 +64,9 @@ def predicted(root: Path, name: str, file: Path, model: Of = Of.RECOMMENDED) -> 
     reports = campaigns.find(root, name).reports
     kept, pulled = reports / "positions.npz", reports / "model.toml"
     if not (kept.is_file() or pulled.is_file()):
-        raise UsageError(f"{name} has no model yet: it has one once `pipeline run {name}` is done")
+        raise UsageError(
+            f"{name} has no model yet: it has one once `pipeline run {typed(name)}` is done"
+        )
     try:
         data = file.read_bytes()
     except OSError as problem:

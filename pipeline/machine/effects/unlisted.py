@@ -17,7 +17,7 @@ from __future__ import annotations
 from collections import Counter
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 from itertools import combinations, product
 
 import numpy as np
@@ -77,6 +77,7 @@ _MOST = 20.0
 """Bounds of an amplitude, in typical sizes."""
 
 
+@lru_cache(maxsize=2)
 def effects(robot: Robot, loaded: Loaded, odds: float = 1.0) -> tuple[Effect, ...]:
     """Every law that these pulls could show, each with its share of the odds that one is there.
 

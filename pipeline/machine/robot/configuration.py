@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -67,6 +68,20 @@ def configure(robot: Robot, q: Array) -> Configuration:
         q: Joint values [m] or [rad], shape (m, n).
     """
     q = np.asarray(q, dtype=float)
+    return _kept(robot, q.tobytes(), len(q)) if len(q) <= _FEW else _configured(robot, q)
+
+
+_FEW = 256
+"""Poses up to which frames are kept: a diagnosis asks for those of the same poses 300 times."""
+
+
+@lru_cache(maxsize=32)
+def _kept(robot: Robot, q: bytes, m: int) -> Configuration:
+    """The same from joint values as bytes, which may be compared."""
+    return _configured(robot, np.frombuffer(q).reshape(m, robot.n))
+
+
+def _configured(robot: Robot, q: Array) -> Configuration:
     m, n = q.shape
     values = np.ascontiguousarray(q.T)
     cos, sin = np.cos(values), np.sin(values)

@@ -33,6 +33,7 @@ for (const form of document.querySelectorAll("form[data-post]")) {
     if (said.go) location.href = said.go;
     else if (said.problem) return;
     else if (form.dataset.then === "progress") { watched.dataset.running = "yes"; watch(); }
+    else if (form.dataset.then === "live") follow();
     else if ("reload" in form.dataset) location.reload();
   });
 }
@@ -176,6 +177,39 @@ async function watch() {
 }
 
 if (watched) watch();
+
+// --- while it is measured
+
+const live = document.getElementById("live");
+let following = false;
+
+function beep() {
+  const sound = new AudioContext(), tone = sound.createOscillator();
+  tone.frequency.value = 660;
+  tone.connect(sound.destination);
+  tone.start();
+  tone.stop(sound.currentTime + 0.4);
+}
+
+async function follow() {
+  if (following) return;
+  following = true;
+  const [begin, stop] = live.querySelectorAll("form"), shown = live.querySelector("section");
+  for (let told = 0, suspects = 0; ;) {
+    let now;
+    try { now = await (await fetch(live.dataset.now)).json(); } catch { break; }
+    begin.hidden = now.running;
+    stop.hidden = !now.running;
+    if (now.told !== told || !now.running) shown.innerHTML = now.html;
+    if (now.suspects > suspects && document.getElementById("sound").checked) beep();
+    ({ told, suspects } = now);
+    if (!now.running) break;
+    await new Promise((done) => setTimeout(done, 1000));
+  }
+  following = false;
+}
+
+if (live && live.dataset.running === "yes") follow();
 
 // --- answer
 

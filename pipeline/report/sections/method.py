@@ -72,6 +72,8 @@ def _told(answer: Answer) -> str:
             "In addition to the joint springs the model includes what was identified, "
             "c = B x + Z z."
         )
+    if answer.position_steps:
+        told.append(OF_POSITIONS)
     size = plain(answer.fit.second_order_rms_mm, 2)
     told.append(f"The second order in the load amounts to {size} mm rms")
     return " ".join(told) + ("." if deformed else _LEFT_OUT)

@@ -6,7 +6,16 @@ from collections.abc import Iterator, Mapping, Sequence
 from functools import partial
 
 from pipeline.answer import remarks
-from pipeline.answer.contract import Answer, Believed, Combination, Fit, Stiffness, Weighed
+from pipeline.answer.contract import (
+    Answer,
+    Believed,
+    Combination,
+    Fit,
+    Known,
+    SpringBy,
+    Stiffness,
+    Weighed,
+)
 from pipeline.answer.history import Change, changes, of_one_day, trusted
 from pipeline.answer.words import capital
 from pipeline.base.quantities import (
@@ -53,12 +62,34 @@ def stiffness(answer: Answer, previous: Answer | None, wear: str | None = None) 
             *(_changed(change, before, called) for change in since if change.sure and told),
             _stiffness_table(answer, since, before),
             _combinations_table(answer.combinations),
+            _springs_by(answer),
             _hypotheses_table(answer.recommended.hypotheses),
             *figures(("stiffness",), answer, {}),
             _compliance_table(answer.stiffness),
             _fit_text(answer.fit),
         ],
     )
+
+
+def _springs_by(answer: Answer) -> Table | None:
+    """Springs by weight and by pulls beside each other, where both were measured."""
+    both = answer.springs_by
+    if both is None:
+        return None
+    columns: list[Cells[SpringBy]] = [
+        said("Joint", lambda one: answer.called(one.name)),
+        measured("By the arm's weight [nrad/(N m), nm/N]", lambda one: _nano(one.by_weight)),
+        measured("By the pulls [nrad/(N m), nm/N]", lambda one: _nano(one.by_pulls)),
+    ]
+    note = (
+        f"Chi-square of the difference {plain(both.chi2, 3)}, {both.dof} degrees of freedom, "
+        f"{p_value(both.p_value)}."
+    )
+    return table_of("springs_by", "Compliances by weight and by pulls", columns, both.each, note)
+
+
+def _nano(one: Known | None) -> tuple[float | None, float | None]:
+    return (None, None) if one is None else (1e9 * one.value, 1e9 * one.std)
 
 
 def _since(answer: Answer, previous: Answer | None) -> list[Change]:

@@ -1,0 +1,291 @@
+"""What is known of a campaign after each pose: who is suspected, what is open, when to stop."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+
+import numpy as np
+import pandas as pd
+
+from pipeline.answer.contract import Answer, Tip, Tolerance
+from pipeline.base.arrays import Array, Bools, Ints
+from pipeline.library.campaign import Campaign, Result
+from pipeline.machine.robot import axes
+from pipeline.readers import logs
+
+CERTAIN = 3.0
+"""Standard uncertainties between the predicted deflection and the tolerance from which to stop: a
+decision is looked at after each of some ten poses, each time wrong by chance in 1.4 of 1000."""
+
+_FEWEST = 4
+"""Poses before the end is proposed: three determine six joints, the fourth checks them."""
+
+_LIKELY = 0.5
+"""Probability from which a cause is told while measuring."""
+
+
+@dataclass(frozen=True)
+class Suspect:
+    """A reading, row or pull that does not agree with the others.
+
+    Attributes:
+        name: Kind of mistake, as in `diagnosis.causes`.
+        where: Reading, pose or target.
+        readings: `file:line` of all that it concerns.
+        text: What is wrong with it, and what to do.
+    """
+
+    name: str
+    where: str
+    readings: tuple[str, ...]
+    text: str
+
+
+@dataclass(frozen=True)
+class Open:
+    """How far a stiffness is known; value and std in `unit`, None where not determined."""
+
+    name: str
+    axis: str
+    value: float | None
+    std: float | None
+    unit: str
+    relative_std: float | None
+
+
+@dataclass(frozen=True)
+class Next:
+    """A pose to measure next.
+
+    Attributes:
+        pose: Its number in the joint log where it is planned, None where it is proposed.
+        axes: What to type: axis of the controller, value, unit.
+        worth: What it tells, in bits: log2 of how much the volume of what is unknown shrinks; None
+            where it determines a joint that nothing has determined.
+        text: Why.
+    """
+
+    pose: int | None
+    axes: tuple[tuple[str, float, str], ...]
+    worth: float | None
+    text: str
+
+
+@dataclass(frozen=True)
+class Stop:
+    """Whether to stop, why, and how many planned poses that saves."""
+
+    now: bool
+    text: str
+    saved_poses: int = 0
+
+
+@dataclass(frozen=True)
+class Update:
+    """What is known after a pose.
+
+    Attributes:
+        pose: Number of the last pose that has readings; None before the first.
+        poses: How many have.
+        accepted: Nothing of that pose is suspected.
+        suspects: All that are suspected now, of any pose.
+        stiffness: Of each joint.
+        warnings: Causes that are likely, as sentences: a tracker that wanders, warmth, a scale.
+        next: The planned poses that are left, the most telling first, or one that is proposed.
+        stop: Whether to stop.
+        verdict: Of what is there.
+        why: In place of all that, why nothing can be said yet.
+    """
+
+    pose: int | None
+    poses: int
+    accepted: bool
+    suspects: tuple[Suspect, ...] = ()
+    stiffness: tuple[Open, ...] = ()
+    warnings: tuple[str, ...] = ()
+    next: tuple[Next, ...] = ()
+    stop: Stop = Stop(now=False, text="")
+    verdict: str | None = None
+    why: str | None = None
+
+    def as_json(self) -> str:
+        """It as one line."""
+        return json.dumps(asdict(self), ensure_ascii=False, allow_nan=False)
+
+
+def judged(campaign: Campaign, result: Result) -> Update:
+    """What is known of a campaign as far as it is measured.
+
+    Args:
+        campaign: Its files.
+        result: What they say.
+    """
+    answer, readings = result.answer, result.tables["readings"]
+    poses = list(dict.fromkeys(measured(result)))
+    last = poses[-1] if poses else None
+    suspects = tuple(_suspects(answer))
+    mine = _Of(readings[readings["pose"] == last])
+    left = _left(campaign, result, poses)
+    return Update(
+        pose=last,
+        poses=len(poses),
+        accepted=not any(mine.concerned(one) for one in suspects),
+        suspects=suspects,
+        stiffness=tuple(_stiffness(answer)),
+        warnings=tuple(_warnings(answer)),
+        next=tuple(left) or tuple(_proposed(answer)),
+        stop=_stop(answer, len(poses), len(left), bool(suspects)),
+        verdict=str(answer.diagnosis.verdict),
+    )
+
+
+def measured(result: Result) -> list[int]:
+    """The pose of each reading that belongs to one, in the order in which they came."""
+    pose = result.tables["readings"]["pose"].to_numpy(dtype=float)
+    return [int(one) for one in pose if np.isfinite(one) and one > 0]
+
+
+class _Of:
+    """The readings of a pose: what is suspected of it has one of its groups, or of its lines."""
+
+    def __init__(self, readings: pd.DataFrame) -> None:
+        self._groups = set(readings["group"].astype(str))
+        self._lines = set(readings["file"].astype(str) + ":" + readings["line"].astype(str))
+
+    def concerned(self, one: Suspect) -> bool:
+        """Readings that are left out are in no table; their groups are, with other targets."""
+        return one.where.rpartition("/")[0] in self._groups or bool(self._lines & {*one.readings})
+
+
+def _suspects(answer: Answer) -> Iterator[Suspect]:
+    for one in answer.diagnosis.causes:
+        if one.evidence is not None:
+            again = "Measure it again, or correct the file."
+            said = one.evidence.sentence
+            text = f"{said[:1].upper()}{said[1:]}. {again}"
+            yield Suspect(str(one.name), str(one.where or ""), tuple(one.readings), text)
+
+
+def _warnings(answer: Answer) -> Iterator[str]:
+    for one in answer.diagnosis.causes:
+        if one.evidence is None and (one.probability or 0.0) >= _LIKELY:
+            at = f" ({one.where})" if one.where is not None else ""
+            yield f"{str(one.name).replace('_', ' ')}{at}: probability {one.probability:.2f}"
+
+
+def _stiffness(answer: Answer) -> Iterator[Open]:
+    for one in answer.stiffness:
+        axis = one.axis or one.joint_name
+        yield Open(one.name, axis, one.value, one.std, one.unit, one.relative_std)
+
+
+# --- what comes next ------------------------------------------------------------------------------
+
+
+def _left(campaign: Campaign, result: Result, done: Sequence[int]) -> list[Next]:
+    """Planned poses that nothing was read of, the most telling first."""
+    log = campaign.raw.settings.joints
+    if log.file not in campaign.files or result.positions is not None:
+        return []
+    robot = campaign.robot
+    rows = logs.of_poses(logs.joints(log.file, campaign.files[log.file], robot, log))
+    q = logs.joint_values(rows, robot)
+    number = rows.number["pose"].astype(int)
+    ahead = np.flatnonzero(~np.isin(number, list(done)))
+    if not len(ahead):
+        return []
+    worth = _worth(result, q[ahead])
+    return [
+        Next(
+            pose=int(number[ahead[k]]),
+            axes=_axes(campaign, q[ahead[k]]),
+            worth=float(worth[k]) if np.isfinite(worth[k]) else None,
+            text="planned; it determines a joint that nothing has determined"
+            if not np.isfinite(worth[k])
+            else f"planned; worth {worth[k]:.1f} bits",
+        )
+        for k in _first(worth)
+    ]
+
+
+def _first(worth: Array) -> Ints:
+    """The most telling first; those that determine a joint before all others."""
+    return np.argsort(-np.where(np.isfinite(worth), worth, np.inf), kind="stable")
+
+
+def _worth(result: Result, q: Array) -> Array:
+    """What a pull in each pose would tell, shape (m,) [bit].
+
+    I = sum over three directions of 1/2 log2 det(1 + C / s^2), C the covariance of the deflection
+    that is predicted under the hardest pull so far, s the noise of a coordinate: nobody knows yet
+    which way the chain will lead. Infinite where a joint acts that nothing has determined.
+    """
+    force = result.tables["forces"][["fx_n", "fy_n", "fz_n"]].to_numpy(dtype=float)
+    most = float(np.linalg.norm(force, axis=1).max())
+    fit = result.answer.fit
+    noise = 1e-3 * float(fit.residual_std_mm or fit.rms_mm or 0.0) or np.inf
+    model, bits = result.model.identified, np.zeros(len(q))
+    for direction in np.eye(3):
+        cov = model.predict(q, np.tile(most * direction, (len(q), 1)), None).cov
+        known: Bools = np.asarray(np.isfinite(cov).reshape(len(q), -1).all(axis=1))
+        shrunk = np.eye(3) + np.where(known[:, None, None], cov, 0.0) / noise**2
+        bits += np.where(known, 0.5 * np.linalg.slogdet(shrunk)[1] / np.log(2), np.inf)
+    return bits
+
+
+def _axes(campaign: Campaign, q: Array) -> tuple[tuple[str, float, str], ...]:
+    """Joint values as the controller shows them."""
+    of = axes.of(campaign.robot)
+    values = of.values(q[None])[0]
+    return tuple(
+        (name, float(value if slides else np.rad2deg(value)), "m" if slides else "deg")
+        for name, slides, value in zip(of.names, of.slides, values, strict=True)
+    )
+
+
+def _proposed(answer: Answer) -> Iterator[Next]:
+    """Poses that the answer proposes where no plan is left."""
+    for one in answer.diagnosis.next_poses:
+        at = tuple((axis.name, axis.value, axis.unit) for axis in one.axes)
+        apart = " from ".join(one.separates)
+        yield Next(None, at, None, f"it tells {apart}")
+    best = answer.diagnosis.best_pose
+    if best is not None and not answer.diagnosis.next_poses:
+        at = tuple((axis.name, axis.value, axis.unit) for axis in best.axes)
+        after = best.relative_std_after
+        expected = "" if after is None else f", to {100 * after:.0f} %"
+        yield Next(None, at, None, f"it determines {best.name} best{expected}")
+
+
+# --- when to stop ---------------------------------------------------------------------------------
+
+
+def _stop(answer: Answer, poses: int, left: int, suspected: bool) -> Stop:
+    """Whether the decision by the tolerance would stay the same."""
+    asked = answer.tolerance
+    if asked is None or asked.worst is None:
+        return Stop(now=False, text="campaign.toml states no tolerance: measure as planned")
+    if suspected:
+        return Stop(now=False, text="first settle what is suspected")
+    if poses < _FEWEST:
+        return Stop(now=False, text=f"{_FEWEST - poses} more poses before anything is decided")
+    if str(answer.diagnosis.verdict) not in {"adequate", "explained"}:
+        return Stop(now=False, text="the model does not explain the readings yet")
+    decided = _decided(answer, asked)
+    if decided is None:
+        return Stop(now=False, text="the tolerance is not decided with certainty yet")
+    return Stop(now=True, text=f"the tolerance is decided: {decided}", saved_poses=left)
+
+
+def _decided(answer: Answer, asked: Tolerance) -> str | None:
+    """Pass where d + 3 u <= T wherever it is asked, fail where d - 3 u > T anywhere, else None."""
+    tips: list[Tip] = [] if asked.path is None else list(asked.path.stretches)
+    if asked.test_pose is not None and answer.test_pose is not None:
+        tips.append(answer.test_pose)
+    d = np.array([np.nan if tip.deflection_mm is None else tip.deflection_mm for tip in tips])
+    u = np.array([np.inf if tip.std_mm is None else tip.std_mm for tip in tips])
+    if (d - CERTAIN * u > asked.deflection_mm).any():
+        return "fail"
+    return "pass" if len(d) and (d + CERTAIN * u <= asked.deflection_mm).all() else None

@@ -1,0 +1,158 @@
+"""What absolute positions say of a robot, for pulls of the same robot.
+
+Of the robot's table, of points of its tool and of what yields under its own weight they know
+
+    estimate = truth + e,    e ~ N(0, C),
+
+with the full covariance C of all of these together. Pulls take it as it is: what they know no
+better (table and tool) are errors common to all pulls, and what they know, too (springs, elements),
+are rows beside theirs. Both together are then the least squares of all readings at once, as both
+are linear where the positions ended.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Bools, Locked, Strings
+from pipeline.machine.cell import Cell
+from pipeline.machine.effect import Elastic
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.letters import Letter, changed
+
+_KNOWN = 1e-9
+"""Part of the largest variance, each error in its own standard uncertainty, that is rounding."""
+
+_ROUNDS = 20
+_LEAST = 0.01
+"""An arm that is a hundred times lighter or heavier than usual is none."""
+
+
+@dataclass(frozen=True, eq=False)
+class Stance(Locked):
+    """Where a robot stands and what bends it, as its absolute positions have it.
+
+    Attributes:
+        robot: With its table corrected.
+        letters: Entries of that table that may be off, k of them.
+        points: Points of the tool that were read [m], flange frame, by name, t of them.
+        compliance: Of each joint [m/N] or [rad/(N m)], shape (n,).
+        told: Joints of which the weight tells the compliance, shape (n,).
+        held: Elements beside the joints of which it tells how they yield.
+        yields: Their parameters, one after the other, shape (e,).
+        cov: C, of springs, elements, letters of the table and points, (n + e + k + 3 t) squared.
+        unloaded: Joint values of the controller (m, n) -> how far the joints are from them (m, n)
+            and the points from where the corrected table then has them [m], F_b, (m, t, 3).
+        factor: Variance of the factor by which all springs may be softer under masses lighter by
+            it, which moves nothing; 0 where the robot file states the masses [1].
+    """
+
+    robot: Robot
+    letters: tuple[Letter, ...]
+    points: dict[str, Array]
+    compliance: Array
+    told: Bools
+    held: tuple[Elastic, ...]
+    yields: Array
+    cov: Array
+    unloaded: Callable[[Array], tuple[Array, Array]]
+    factor: float = 0.0
+
+    @property
+    def springs(self) -> int:
+        """How many of the parameters springs and elements are."""
+        return len(self.compliance) + len(self.yields)
+
+    @property
+    def effects(self) -> tuple[tuple[Elastic, Array], ...]:
+        """The elements with their values."""
+        ends = np.cumsum([len(one.parameters) for one in self.held])[:-1]
+        return tuple(zip(self.held, np.split(self.yields, ends), strict=True)) if self.held else ()
+
+    @property
+    def apart(self) -> Array:
+        """Covariance of springs and elements but for that factor, (n + e, n + e)."""
+        both = np.append(self.compliance, self.yields)
+        return self.cov[: self.springs, : self.springs] - self.factor * np.outer(both, both)
+
+    def lighter(self, value: Array, cov: Array, known: Bools) -> float:
+        """The factor that pulls tell; 1 where none has to be told, or no joint tells it.
+
+        s for which (c - s c0)' (V + s^2 V0)^-1 (c - s c0) is smallest, V0 as of `apart`.
+
+        Args:
+            value: Compliances c by the pulls alone, shape (n,).
+            cov: Their covariance V, shape (n, n).
+            known: Joints that these determine, shape (n,).
+        """
+        mine = np.flatnonzero(known & self.told & (self.compliance > 0) & (value > 0))
+        if not self.factor or not len(mine):
+            return 1.0
+        own, both = self.compliance[mine], np.ix_(mine, mine)
+        s = float(np.median(value[mine] / own))
+        for _ in range(_ROUNDS):
+            P = linear.inverse(cov[both] + s**2 * self.apart[both])
+            s = max(float(own @ P @ value[mine]) / float(own @ P @ own), _LEAST)
+        return s
+
+    def softer(self, factor: float) -> Stance:
+        """The same of an arm that is lighter by a factor, which the positions cannot tell."""
+        scale = np.ones(len(self.cov))
+        scale[: self.springs] = factor
+        return replace(
+            self,
+            compliance=self.compliance * factor,
+            yields=self.yields * factor,
+            cov=self.cov * scale * scale[:, None],
+        )
+
+    @cached_property
+    def parts(self) -> tuple[Array, Array, Array]:
+        """F, K and W: table and points err by F a, springs and elements by K a + W w.
+
+        a and w are independent unit errors; shapes (k + 3 t, r), (n + e, r), (n + e, n + e).
+        """
+        C, s = self.cov, self.springs
+        size = np.sqrt(np.diag(C)[s:])
+        share, along = linear.directions(C[s:, s:] / size / size[:, None])
+        seen = share > _KNOWN * share.max(initial=0.0)
+        root = np.sqrt(share[seen])
+        F = size[:, None] * along[:, seen] * root
+        K = C[:s, s:] @ (along[:, seen] / root / size[:, None])
+        own = np.sqrt(np.diag(C)[:s])
+        W = own[:, None] * linear.factor((C[:s, :s] - K @ K.T) / own / own[:, None])
+        return F, K, W
+
+    @cached_property
+    def variants(self) -> tuple[tuple[Robot, dict[str, Array]], ...]:
+        """Robot and points off by each of the errors a, one standard uncertainty."""
+        k = len(self.letters)
+        return tuple(
+            (changed(self.robot, self.letters, one[:k]), self._moved(one[k:].reshape(-1, 3)))
+            for one in self.parts[0].T
+        )
+
+    def _moved(self, off: Array) -> dict[str, Array]:
+        return {name: at + by for (name, at), by in zip(self.points.items(), off, strict=True)}
+
+    def moved(self, q: Array, names: Strings) -> Array:
+        """How far points are from where the corrected table has them [m], F_b, (m, 3).
+
+        Args:
+            q: Joint values [m] or [rad], shape (m, n).
+            names: Of one point each, shape (m,); one that was not read moves as the others' mean.
+        """
+        off = self.unloaded(q)[1]
+        out = off.mean(axis=1)
+        for k, name in enumerate(self.points):
+            out[names == name] = off[names == name, k]
+        return np.asarray(out)
+
+    def on(self, cell: Cell) -> Cell:
+        """A cell in which the elements act as the weight shows them."""
+        return replace(cell, held=self.effects)

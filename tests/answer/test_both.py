@@ -1,0 +1,92 @@
+"""Campaigns of positions and pulls of one robot, from their files to one answer."""
+
+import numpy as np
+import pytest
+from mixed_campaign import LOAD_POINT, mixed
+
+import pipeline
+from pipeline.base.errors import InputError
+from pipeline.base.linear import rigid
+from pipeline.reduction.settings import parse
+
+
+@pytest.fixture(scope="module")
+def made():
+    """An arm of which nobody states the masses: weight alone cannot tell its springs."""
+    return mixed(5, poses=50, masses=False)
+
+
+@pytest.fixture(scope="module")
+def found(made):
+    """Its answer."""
+    return pipeline.identify(pipeline.load_campaign(made.encoded()))
+
+
+def test_one_answer_has_springs_table_and_positions(found):
+    """Nothing is wrong with it, and it says which springs come from what."""
+    answer = found.answer
+
+    assert answer.diagnosis.verdict in ("adequate", "explained")
+    assert answer.springs_by.joined
+    assert answer.springs_by.lighter > 0
+    assert not answer.of_positions
+    assert answer.recommended.table == "estimated"
+    assert {one.name for one in answer.geometry} >= {"joint_offset", "link_length"}
+    assert answer.position_steps
+    assert answer.test_pose is not None
+    assert "the pulls tell how heavy the arm is" in " ".join(answer.verdict_sentence)
+
+
+def test_springs_hold_and_are_known_no_worse_than_by_either_kind(made, found):
+    """The truth is within four standard uncertainties, none of which is larger than alone."""
+    for joint, one, c in zip(
+        found.answer.stiffness, found.answer.springs_by.each, made.compliance, strict=True
+    ):
+        assert abs(joint.compliance - c) < 4 * joint.compliance_std
+        for alone in (one.by_weight, one.by_pulls):
+            assert alone is None or joint.compliance_std < 1.001 * alone.std
+
+
+def test_weight_alone_knows_no_spring_of_an_arm_of_unknown_mass(found):
+    """What the pulls tell of the mass the weight then tells of springs."""
+    both = [one for one in found.answer.springs_by.each if one.by_weight is not None]
+
+    assert both
+    assert all(one.by_weight.std > 0.9 * one.by_weight.value for one in both)
+
+
+def test_positions_are_predicted_with_the_springs_of_both(made, found):
+    """Unloaded and under a force at the load point, against Pinocchio, to three uncertainties."""
+    rng = np.random.default_rng(9)
+    low, high = np.array(found.model.robot.lower), np.array(found.model.robot.upper)
+    q = np.clip(rng.uniform(-0.8, 0.8, (12, 6)) + np.array([0, -1.2, 0.5, 0, 0, 0]), low, high)
+    anchor = np.array([0.0, 0.0, -500.0])  # so far that its direction does not change
+    R, t = np.eye(3), np.zeros(3)
+    for size in (0.0, 2000.0):
+        force = np.tile([0.0, 0.0, -size], (len(q), 1))
+        told = found.positions.predict(q, force)
+        flange = [made.machine.flange(one, (size, LOAD_POINT, anchor)) for one in q]
+        at = np.array([made.tool @ T[:3, :3].T + T[:3, 3] for T in flange])
+        if not size:  # where F_b lies only the instrument's place tells
+            R, t = rigid(told.position_m.reshape(-1, 3), at.reshape(-1, 3))
+        off = told.position_m @ R.T + t - at
+        assert np.sqrt(np.mean((off / told.std_m) ** 2)) < 2.0
+        assert np.abs(off).max() < 1.5e-4
+
+
+def test_both_blocks_are_read_and_each_needs_its_own():
+    """Keys of both stand side by side; a scale without a tracker pulls nothing."""
+    text = mixed(1, poses=2, pulled=1).files["campaign.toml"]
+    said = parse(text)
+
+    assert not said.of_positions
+    assert said.positions.named == ["poses.csv"]
+    assert said.tracker.files == ["tracker.csv"]
+    with pytest.raises(InputError, match=r"\[scale\] beside \[positions\]"):
+        parse(
+            text.replace('[tracker]\nfiles = ["tracker.csv"]\n', "[instrument]\n").replace(
+                "[instrument]\nsigma_m = 2e-05\n", ""
+            )
+        )
+    with pytest.raises(InputError, match="load_point"):
+        parse(text.replace("load_point", "elsewhere"))

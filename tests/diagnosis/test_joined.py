@@ -1,0 +1,236 @@
+"""Pulls beside positions against one least squares of all readings, made by Pinocchio and numpy."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+
+from pipeline.diagnosis.average import Hypothesis
+from pipeline.diagnosis.joined import agreement, joined
+from pipeline.machine.cell import Tool, paper_cell
+from pipeline.machine.effect import Pulls
+from pipeline.machine.robot import load
+from pipeline.machine.robot.letters import letters
+from pipeline.machine.robot.model import model as pin_model
+from pipeline.machine.stance import Stance
+from pipeline.reduction.measured import Measured
+from pipeline.reduction.settings import Scale
+from pipeline.system import alarms
+from pipeline.system.assemble import assemble
+from pipeline.system.estimate import solve
+
+TIP = np.array([0.1, 0.02, 0.2])
+POINTS = np.array([[0.25, 0.1, 0.12], [-0.15, 0.24, 0.2], [-0.1, -0.22, 0.05]])
+ELBOW = np.array([0, -1.2, 0.6, 0, 0, 0])
+NOISE, POSES, EACH = 2e-5, 5, 2
+
+
+@dataclass
+class World:
+    """An arm, what its positions say of springs, zeros and tool, and what its pulls moved.
+
+    Unknowns are in the order springs (6), zeros of joints 2 to 6, points of the tool (9).
+    """
+
+    robot: object
+    truth: np.ndarray
+    X: np.ndarray
+    y: np.ndarray
+    q: np.ndarray
+    force: np.ndarray
+    delta: np.ndarray
+
+    def moved(self, u):
+        """Displacements (m, t, 3) by Pinocchio: sum of each joint's own spring, undeformed."""
+        model = pin_model(self.robot)
+        data, out = model.createData(), []
+        frame = model.getFrameId("flange")
+        for q, force in zip(self.q, self.force, strict=True):
+            true = q + np.append(0.0, u[6:11])
+            J = pin.computeFrameJacobian(model, data, true, frame, pin.LOCAL_WORLD_ALIGNED)
+            pin.framesForwardKinematics(model, data, true)
+            R = data.oMf[frame].rotation
+
+            def of(point, J=J, R=R):
+                return J[:3] - pin.skew(R @ point) @ J[3:]
+
+            turn = u[:6] * (of(TIP).T @ force)
+            out.append([of(point) @ turn for point in u[11:].reshape(3, 3)])
+        return np.array(out)
+
+    def columns(self):
+        """Derivatives of the displacements about what the positions have, (3 m t, 20)."""
+        u, steps = self.estimate, np.r_[1e-3 * self.estimate[:6], np.full(14, 1e-6)]
+        ends = [
+            [self.moved(u + s * h * e) for s in (1, -1)]
+            for h, e in zip(steps, np.eye(20), strict=True)
+        ]
+        return np.stack(
+            [(a - b).ravel() / (2 * h) for (a, b), h in zip(ends, steps, strict=True)], axis=1
+        )
+
+    @property
+    def covariance(self):
+        """Of what the positions say of all unknowns."""
+        return np.linalg.inv(self.X.T @ self.X)
+
+    @property
+    def estimate(self):
+        """What the positions say of all unknowns."""
+        return self.covariance @ self.X.T @ self.y
+
+
+def world(seed, off=1.0, stated=True):
+    """A world whose scale reads `off` times the force."""
+    rng = np.random.default_rng(seed)
+    robot = load("kr210_r2700_2")
+    c = robot.nominal_compliance * rng.uniform(0.6, 1.6, 6)
+    truth = np.r_[c, rng.normal(0, 3e-4, 5), POINTS.ravel() + rng.normal(0, 2e-4, 9)]
+    usual = np.r_[0.05 * c, np.full(5, 3e-5), np.full(9, 4e-5)]
+    X = np.linalg.qr(rng.normal(size=(30, 20)))[0] / usual
+    q = np.repeat(rng.uniform(-1.2, 1.2, (POSES, 6)) + ELBOW, EACH, axis=0)
+    force = rng.normal(0, 1, (POSES * EACH, 3))
+    force = 1500 * force / np.linalg.norm(force, axis=1, keepdims=True)
+    one = World(robot, truth, X, X @ truth + rng.normal(size=30), q, force, np.zeros(0))
+    read = replace(one, delta=one.moved(truth) + NOISE * rng.normal(size=(len(q), 3, 3)))
+    return replace(read, force=force * off)
+
+
+def stance_of(one):
+    """What the positions say to the pipeline."""
+    u = one.estimate
+    names = [f"P{k}" for k in (1, 2, 3)]
+    return Stance(
+        robot=one.robot,
+        letters=tuple(x for x in letters(one.robot) if x.name == "joint_offset"),
+        points=dict(zip(names, u[11:].reshape(3, 3), strict=True)),
+        compliance=u[:6],
+        told=np.ones(6, dtype=bool),
+        held=(),
+        yields=np.zeros(0),
+        cov=one.covariance,
+        unloaded=lambda q: (np.zeros_like(q), np.zeros((len(q), 3, 3))),
+    )
+
+
+def hypothesis(one):
+    """Joint springs of the pulls alone, about the table and tool of the positions."""
+    stance, m = stance_of(one), len(one.q)
+    q = one.q + np.append(0.0, one.estimate[6:11])
+    pose = np.repeat(np.arange(1, POSES + 1), EACH)
+    pulls = replace(
+        Pulls.at(q, one.force), pose=pose, repeat=np.tile(np.arange(1, EACH + 1), POSES)
+    )
+    tool = Tool(
+        TIP, np.array(list(stance.points), dtype=object), np.array(list(stance.points.values()))
+    )
+    pull, target = np.repeat(np.arange(m), 3), np.tile(np.arange(3), m)
+    half = 0.5 * NOISE**2 * np.tile(np.eye(3), (3 * m, 1, 1))
+    data = Measured(
+        pulls=pulls,
+        pull=pull,
+        target=target,
+        name=tool.targets[target],
+        delta=one.delta.reshape(-1, 3),
+        unloaded=np.full((3 * m, 3), np.nan),
+        loaded_cov=half,
+        zero_cov=half,
+        zero=3 * (pose[pull] - 1) + target,
+        reading_std=np.zeros(m),
+        direction_cov=np.zeros((m, 3, 3)),
+        rotation_cov=np.zeros((3, 3)),
+        scale=Scale(),
+        noise_stated=True,
+        joint_std=np.zeros(6),
+        stance=stance,
+    )
+    cell = paper_cell(one.robot, tool)
+    system = assemble(cell, data, one.estimate[:6])
+    estimate = solve(system, one.estimate[:6])
+    return Hypothesis(1.0, (), cell, system, estimate), data
+
+
+def stacked(one):
+    """One least squares of both: estimate and covariance of all unknowns."""
+    m = len(one.q)
+    zero = np.repeat(np.arange(POSES), EACH)[:, None] * 9 + np.arange(9)
+    Z = np.eye(9 * POSES)[zero.ravel()] * NOISE / np.sqrt(2)  # a zero has half of the variance
+    J, u = one.columns(), one.estimate
+    pulls = np.hstack([J, Z]) / (NOISE / np.sqrt(2))
+    y = (one.delta.ravel() - one.moved(u).ravel() + J @ u) / (NOISE / np.sqrt(2))
+    top = np.hstack([one.X, np.zeros((len(one.X), Z.shape[1]))])
+    prior = np.hstack([np.zeros((Z.shape[1], 20)), np.eye(Z.shape[1])])
+    A = np.vstack([top, pulls, prior])
+    assert len(pulls) == 9 * m
+    size = np.sqrt(np.sum(A**2, axis=0))
+    x, *_ = np.linalg.lstsq(A / size, np.r_[one.y, y, np.zeros(Z.shape[1])], rcond=None)
+    cov = np.linalg.inv((A / size).T @ (A / size)) / size / size[:, None]
+    return (x / size)[:20], cov[:20, :20]
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_both_together_are_one_least_squares_of_all_readings(seed):
+    """Springs, table and tool with their whole covariance, to what differences can tell."""
+    one = world(seed)
+    springs, data = hypothesis(one)
+    found = joined(springs, data)
+    x, cov = stacked(one)
+
+    std = np.sqrt(np.diag(cov))
+    value = found.value + np.r_[np.zeros(6), one.estimate[6:]]
+    assert np.abs((value - x) / std).max() < 0.01
+    assert np.abs((found.cov - cov) / np.outer(std, std)).max() < 0.01
+    assert np.allclose(found.hypothesis.estimate.value, found.value[:6])
+
+
+@pytest.mark.parametrize("seed", [1, 2, 3])
+def test_neither_kind_of_readings_alone_knows_a_spring_better(seed):
+    """Information adds up: no variance of any mix grows."""
+    one = world(seed)
+    springs, data = hypothesis(one)
+    both = joined(springs, data).hypothesis.estimate.cov
+
+    for alone in (springs.estimate.cov, one.covariance[:6, :6]):
+        scale = np.sqrt(np.diag(alone))
+        assert np.linalg.eigvalsh((alone - both) / scale / scale[:, None]).min() > -1e-9
+
+
+def test_springs_that_agree_have_the_chi_square_of_chance():
+    """Over many worlds its mean is its degrees of freedom."""
+    found = []
+    for seed in range(40):
+        one = world(seed)
+        springs, data = hypothesis(one)
+        found.append(agreement(springs, joined(springs, data), data.stance, 1.0))
+
+    assert {one.dof for one in found} == {6}
+    assert np.mean([one.chi2 for one in found]) == pytest.approx(6, abs=3.5 * np.sqrt(12 / 40))
+
+
+def test_a_scale_that_reads_too_much_contradicts_the_weight():
+    """A quarter more force makes springs stiffer than the arm's weight says."""
+    one = world(1, off=1.25)
+    springs, data = hypothesis(one)
+    held = agreement(springs, joined(springs, data), data.stance, 1.0)
+
+    assert held.p < alarms.MISFIT
+    assert held.pulls[:, 0] / one.truth[:6] == pytest.approx(1 / 1.25, abs=0.05)
+
+
+def test_pulls_tell_the_weight_of_an_arm_of_which_nobody_states_any():
+    """Springs softer by a factor under a lighter arm are one; the pulls find the factor."""
+    one = world(2)
+    known = stance_of(one)
+    C = known.cov.copy()
+    C[:6, :6] += 1.1**2 * np.outer(known.compliance, known.compliance)
+    heavy = replace(known, cov=C, factor=1.1**2).softer(2.5)
+    springs, data = hypothesis(one)
+    pulls = springs.estimate
+    factor = heavy.lighter(pulls.value, pulls.cov, pulls.identifiable)
+    found = joined(springs, replace(data, stance=heavy.softer(factor)))
+
+    assert factor == pytest.approx(1 / 2.5, rel=0.05)
+    std = np.sqrt(np.diag(found.cov))[:6]
+    assert (np.abs(found.value[:6] - one.truth[:6]) < 4 * std).all()
+    assert (std < pulls.std * (1 + 1e-9)).all()
