@@ -110,6 +110,15 @@ def test_a_notebook_shows_a_screen_and_no_bytes(ran, result):
     assert "Any" not in dir(pipeline)
 
 
+def test_a_force_that_no_robot_holds_is_refused(result, q):
+    """Newtons times a thousand: as the commands refuse it, for deflection and stiffness alike."""
+    for asked in (result.model.predict, result.model.compensate):
+        with pytest.raises(pipeline.InputError, match="forces are in N"):
+            asked(q, [0.0, 0.0, -8e5])
+    with pytest.raises(pipeline.InputError, match="forces are in N"):
+        result.model.cartesian_stiffness(q, force_n=[0.0, 0.0, -8e5])
+
+
 def test_in_memory_is_the_command_byte_by_byte(ran, result):
     """The answer from Python is result.json, the model is model.toml."""
     reports = ran / "reports" / "small"
