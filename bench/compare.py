@@ -596,7 +596,7 @@ def thawed(held: Mapping[str, Any]) -> Recipe:
 def freeze() -> None:
     """Write what the present tree answers, and say where that differs from what was written."""
     before = frozen() if FILE.exists() else {}
-    after = {key: _entry(key) for key in CHOSEN}
+    after = {key: _entry(key, before.get(key)) for key in CHOSEN}
     pairs = {key: (before[key]["answer"], after[key]["answer"]) for key in after if key in before}
     told({k: differences(dict(flat(a)), dict(flat(b)), FROZEN) for k, (a, b) in pairs.items()})
     text = json.dumps(after, indent=0, ensure_ascii=False, allow_nan=False)
@@ -604,8 +604,9 @@ def freeze() -> None:
     print(f"{len(after)} campaigns written to {FILE.relative_to(TREE)}")
 
 
-def _entry(key: str) -> dict[str, Any]:
-    how = recipe(key)
+def _entry(key: str, held: Mapping[str, Any] | None) -> dict[str, Any]:
+    """Of the campaign as it was drawn then, whatever a longer catalogue would draw now."""
+    how = recipe(key) if held is None else thawed(held)
     files = how.files()
     answer = {k: v for k, v in answer_of(key, files).items() if k not in SKIPPED}
     kind = {type(how).__name__.lower(): asdict(how)}

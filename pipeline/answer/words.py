@@ -26,7 +26,7 @@ from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.machine.effect import Effect, Table, in_place
 from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP
-from pipeline.system.far import AWAY
+from pipeline.system.family import AWAY
 
 _NOTICED = 1.15
 """Remainder ratio above which what is left is more than chance, and stated [1]:

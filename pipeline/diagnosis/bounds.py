@@ -13,7 +13,8 @@ from pipeline.base import linear
 from pipeline.base.tails import chi2_beyond
 from pipeline.machine import six
 from pipeline.system import alarms
-from pipeline.system.far import AWAY, Far
+from pipeline.system.family import AWAY
+from pipeline.system.far import Far
 from pipeline.system.fit import Fitted
 from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import whitener

@@ -27,8 +27,8 @@ from pipeline.reduction.expected import expected
 from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.reduction.register import timed
 from pipeline.system import alarms
-from pipeline.system.family import Family
-from pipeline.system.far import AWAY, Far, far
+from pipeline.system.family import AWAY, Family
+from pipeline.system.far import Far, far
 from pipeline.system.fit import Fitted, fit
 from pipeline.system.linearised import linearise
 from pipeline.system.shape import Shape, shape, tails
@@ -89,7 +89,7 @@ def _bounded(end: Settled) -> Settled:
     if right.plain.noise_stated:
         seen = replace(said.seen, data=right.shape.off(said.seen.data))
         base = astray(right.reduced.registration, float(right.noise.scale[0]), AWAY)
-        left = far(seen, right.shape.family, base)
+        left = far(seen, right.shape.family, base, right.used)
     best = said.hypotheses[0] if said.hypotheses else right
     told = said.scatter.force > 1 and said.scatter.known_from == "contrasts"
     force = said.scatter.force * said.scatter.tracker if told else 1.0
@@ -128,7 +128,8 @@ def _tails(files: Screened, end: Settled) -> Family | None:
     case = end.screened.without_doubt(files.case)
     reduced = right.reduced if case is right.case else bring(case)
     data = right.as_noisy(reduced.data)
-    return tails(linearise(seen.model, data, seen.suspects), seen.model.accepted)[1]
+    found = tails(linearise(seen.model, data, seen.suspects), seen.model.accepted)[1]
+    return found.of(right.used)
 
 
 def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:

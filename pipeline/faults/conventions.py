@@ -338,7 +338,7 @@ def scaled(factor: float) -> Callable[[Case], Case]:
         if isinstance(noise, InstrumentNoise):
             beam = instrument.beam_covariance(rows[XYZ].to_numpy(float), noise)
             C = np.where(own.to_numpy()[:, None], C, beam)
-        return replace(case, readings=_with_covariance(rows, C))
+        return replace(case, readings=with_covariance(rows, C))
 
     return correct
 
@@ -348,11 +348,12 @@ def _mirrored(case: Case) -> Case:
     rows, flip = case.readings, np.diag([1.0, -1.0, 1.0])
     C = flip @ covariance.matrices(rows) @ flip
     return replace(
-        case, readings=_with_covariance(rows.assign(y_m=-rows["y_m"]), covariance.flat(C))
+        case, readings=with_covariance(rows.assign(y_m=-rows["y_m"]), covariance.flat(C))
     )
 
 
-def _with_covariance(rows: pd.DataFrame, six: Array) -> pd.DataFrame:
+def with_covariance(rows: pd.DataFrame, six: Array) -> pd.DataFrame:
+    """Readings with other covariances, their six numbers each (m, 6) [m^2]."""
     return rows.assign(**dict(zip(covariance.columns(), six.T, strict=True)))
 
 

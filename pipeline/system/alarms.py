@@ -29,6 +29,9 @@ whose readings they are, since chance has to make two of them fit each other by 
 SCALE = READING - EXCHANGED
 """What is left of it for a single reading of the scale [1]."""
 
+FRAME = 1e-4
+"""The same of another frame of the stated covariances [1]."""
+
 DRIFT = 5e-4
 """The same of a motion of the tracker that the base reflectors show [1]."""
 
@@ -67,6 +70,7 @@ ACCUSING = {
     "a reading of a pull that is left out": READING,
     "a pose that moved": READING,
     "a reading that repeats another": READING,
+    "another frame of covariances": FRAME,
     "a tracker that moved": DRIFT,
     "too many readings far off": READING,
     "a misfit": MISFIT,

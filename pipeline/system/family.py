@@ -16,6 +16,7 @@ nothing is switched on or off.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cache
 
@@ -23,19 +24,31 @@ import numpy as np
 from scipy import special
 
 from pipeline.base.arrays import Array, Locked
+from pipeline.system.odds import DECIDES
 
-FREEDOM = (2.5, 3.0, 4.0, 5.0, 7.0, 10.0, 15.0)
+FREEDOM = (3.0, 4.0, 5.0, 7.0, 10.0, 15.0)
 """Degrees of freedom of Student's distribution that are tried; more look normal in any campaign."""
 
-BURSTS = ((0.03, 3.0), (0.03, 5.0), (0.1, 3.0), (0.1, 5.0))
-"""Part of the readings in bursts that is tried, and how much wider these are."""
+BURSTS = ((0.03, 3.0), (0.03, 5.0), (0.1, 3.0))
+"""Part of the readings in bursts that is tried, and how much wider these are.
+
+Noise has a bound: no law that is tried throws more than `THROWN` of its readings beyond `AWAY`
+times the width of its core. What a campaign holds beyond that are mistakes."""
+
+AWAY = 10.0
+"""Widths of the core from which a reading is far off [1]: a normal one is never there."""
+
+THROWN = 0.013
+"""Part of its readings that an instrument in order throws so far at most [1]: of 1000 rows of a
+published stationary series of an absolute tracker 13 are farther off, and these are failed locks.
+Student's with 3 degrees of freedom throws 0.8 %, bursts five times as wide 0.8 %."""
 
 _LAWS = 1 + len(FREEDOM) + len(BURSTS)
 """The stated family, Student's and bursts, in this order."""
 
-_NORMAL = 0.95
-"""Probability of the stated family before the data [1]: an assumption, like every prior. A tracker
-that is as its certificate says is the rule."""
+_OTHER = 0.0045
+"""Probability of each other family before the data [1]: an assumption, like every prior, by which
+some one in twenty is not as stated. A tracker that is as its certificate says is the rule."""
 
 MISTAKES = (1e-4, 1e-3, 1e-2, 1e-1)
 """Parts of all readings that are mistakes, as large as they like, that are tried [1]: nobody knows
@@ -53,16 +66,22 @@ normal reading reaches once in a hundred million."""
 LIKELY = 0.5
 """Probability beyond which something rather is there than not [1]."""
 
+REACH = (2.4, 4.8, 22.0)
+"""Over so many e-folds of lambda the mistakes of a campaign spread, from the least on, that are
+tried [1]: up to 20 or 66 standard uncertainties, or ten metres. Many of one origin are of one
+order, and noise of a part of the readings would pass for them if they had to be of any."""
+
+_ALIKE = (0.025, 0.025, 0.95)
+"""Probability of each before the data [1]: an assumption; of any order is the rule."""
+
 _STEP = 0.1
 _GRID = np.arange(-3.0, 25.0, _STEP)
 """log lambda: up to an error of ten metres where 0.03 mm is stated."""
 
-_SCALES = np.arange(-14, 15) * _STEP
-"""log s^2 that is tried: a scale found in contrasts is known to some ten per cent."""
-
-_WIDTHS = np.append(np.arange(-24, -14) * _STEP, _SCALES)
-"""The same for the width of the core, which where tails make most of a variance is narrower by as
-much: with nu = 2.5 four fifths of it are theirs."""
+_WIDTHS = np.append(np.arange(-34, -14, 2), np.arange(-14, 15)) * _STEP
+"""log s^2 that is tried: a scale found in contrasts holds core, tails and mistakes; a tenth of the
+readings ten standard uncertainties off make nine tenths of it, and tails with nu = 3 two thirds of
+the rest."""
 
 
 @dataclass(frozen=True)
@@ -86,12 +105,13 @@ class Family(Locked):
 
     Attributes:
         weight: Probability of the stated family, each of `FREEDOM` and of `BURSTS`, shape (f,).
-        log_scale: log s^2 of each, shape (f,).
+        log_scale: log s^2 of each, over the noise that was in use, shape (f,).
         mistakes: Part of the readings that are mistakes beside each, posterior mean, shape (f,).
         p_value: Probability of tails as heavy if the stated family were true.
         paper: The stated family is that of Eq. (18).
         profile: Log likelihood at each of `_WIDTHS`, the law beside it the likeliest, shape (k,).
         widest: Variance of a reading where the beam makes it largest, over the stated one [1].
+        reach: Which part of its mistakes spreads over each of `REACH`, shape (f, w).
     """
 
     weight: Array
@@ -101,6 +121,7 @@ class Family(Locked):
     paper: bool
     profile: Array = field(default_factory=lambda: np.zeros(len(_WIDTHS)))
     widest: float = 1.0
+    reach: Array = field(default_factory=lambda: np.tile(np.eye(len(REACH))[-1], (_LAWS, 1)))
 
     @property
     def heavy(self) -> float:
@@ -157,9 +178,15 @@ class Family(Locked):
             axes: Coordinates that the square is the sum of.
         """
         seen = np.exp(-0.5 * (axes * _GRID + square / self.widest * np.exp(-_GRID)))
-        own = np.stack([seen @ bulk for bulk in _bulks(self.log_scale, self.paper)])
-        odd = self.mistakes * float(seen @ _blunder())
-        return float(self.weight @ (odd / (odd + (1 - self.mistakes) * own)))
+        own, odd = (law @ seen for law in self._laws)
+        return float(self.weight @ (odd / (odd + own)))
+
+    @property
+    def _laws(self) -> tuple[Array, Array]:
+        """Share of each log lambda of readings in order, and of mistakes, shape (f, K) each."""
+        part = self.mistakes[:, None]
+        odd = np.einsum("fw,wfk->fk", self.reach, _blunders(self.log_scale))
+        return (1 - part) * _bulks(self.log_scale, self.paper), part * odd
 
     def away(self, distance: float) -> Array:
         """Chance that a reading is so many standard uncertainties off, mistakes apart, (f,).
@@ -171,6 +198,15 @@ class Family(Locked):
         """
         each = special.chdtrc(3, distance**2 * np.exp(-_GRID))
         return (_bulks(self.log_scale, self.paper) @ each)[self.weight >= _COUNTS]
+
+    @property
+    def width(self) -> float:
+        """Width of the core of the likeliest family over the noise that was in use [1]."""
+        return float(np.exp(self.log_scale[int(np.argmax(self.weight))] / 2))
+
+    def of(self, used: float) -> Family:
+        """The same over the stated noise, `used` times which was in use."""
+        return replace(self, log_scale=self.log_scale + 2 * np.log(used))
 
     def drawn(self, n: int, rng: np.random.Generator) -> Array:
         """Lambda of n readings, blunders apart."""
@@ -187,9 +223,8 @@ class Family(Locked):
 
 def _posterior_mean(found: Family, seen: Array) -> Array:
     """Mean of each reading's lambda given what is seen of it, `seen` as of `likelihood`, (n,)."""
-    part = found.mistakes[:, None]
-    kept = (1 - part) * _bulks(found.log_scale, found.paper) + part * _blunder()
-    joint = seen[None] * kept[:, None, :]
+    own, odd = found._laws
+    joint = seen[None] * (own + odd)[:, None, :]
     mean = (joint @ np.exp(_GRID)) / joint.sum(axis=2)
     return np.asarray(found.weight @ mean)
 
@@ -225,21 +260,22 @@ def family(seen: Array, paper: bool) -> tuple[Family, Array]:
     """
     tried = _tried(paper)
     own = (seen @ tried.reshape(-1, seen.shape[1]).T).T.reshape(*tried.shape[:2], len(seen))
-    odd = seen @ _blunder()
-    each = np.stack([np.log((1 - b) * own + b * odd + 1e-300).sum(axis=2) for b in MISTAKES])
-    profile = special.logsumexp(each, axis=0).max(axis=0) - np.log(len(MISTAKES))
-    each = each[:, :, -len(_SCALES) :]
-    logs = special.logsumexp(each, axis=0) - np.log(len(MISTAKES))  # (f, scales)
+    each = np.array([[_logs(own, odd, b) for odd in _odd(seen)] for b in MISTAKES])
+    each += np.log(_ALIKE)[:, None, None]
+    logs = special.logsumexp(each, axis=(0, 1)) - np.log(len(MISTAKES))  # (f, scales)
     best = logs.max(axis=1)
-    free = special.logsumexp(logs, axis=1) - np.log(len(_SCALES))
-    before = np.append(_NORMAL, np.full(_LAWS - 1, (1 - _NORMAL) / (_LAWS - 1)))
+    free = special.logsumexp(logs, axis=1) - np.log(len(_WIDTHS))
+    before = np.append(1 - (_LAWS - 1) * _OTHER, np.full(_LAWS - 1, _OTHER))
     weight = special.softmax(free + np.log(before))
-    scale = _SCALES[logs.argmax(axis=1)]
+    scale = _WIDTHS[logs.argmax(axis=1)]
     student = best[1 : 1 + len(FREEDOM)]
     p = 0.5 * float(special.chdtrc(1, max(2 * (student.max() - best[0]), 0.0)))
-    mistakes = np.array(MISTAKES) @ special.softmax(special.logsumexp(each, axis=2), axis=0)
-    scale[0] = 0.0  # what is stated, or was found in contrasts, holds
-    told = Family(weight, scale, mistakes, p, paper, profile)
+    among = special.softmax(special.logsumexp(each, axis=3), axis=(0, 1))
+    part = np.einsum("b,bwf->fw", np.array(MISTAKES), among)
+    mistakes, reach = part.sum(axis=1), part / part.sum(axis=1, keepdims=True)
+    if 2 * (best[0] - logs[0, np.abs(_WIDTHS).argmin()]) < DECIDES:
+        scale[0] = 0.0  # what is stated, or was found in contrasts, holds
+    told = Family(weight, scale, mistakes, p, paper, logs.max(axis=0), reach=reach)
     return told, _posterior_mean(told, seen)
 
 
@@ -283,8 +319,34 @@ def _student(nu: float, log_scale: float, paper: bool) -> Array:
     return _normed(np.convolve(bulk, own)[start : start + len(_GRID)])
 
 
-def _blunder() -> Array:
-    return _normed((np.log(_SCATTER**2) <= _GRID).astype(float))
+def _least(log_scale: Array) -> Array:
+    """Least log lambda of a mistake, `_SCATTER` standard uncertainties but for bursts, (f,)."""
+    own = np.array([1.0, *(nu / (nu - 2) for nu in FREEDOM), *np.ones(len(BURSTS))])
+    return np.asarray(log_scale + np.log(_SCATTER**2 * own))
+
+
+def _blunders(log_scale: Array) -> Array:
+    """Share of each log lambda of mistakes, spread over each of `REACH`, shape (w, f, K)."""
+    above = _GRID - _least(log_scale)[:, None]
+    reach = np.array(REACH)[:, None, None]
+    inside = (above > -0.5 * _STEP) & (above < reach - 0.5 * _STEP)
+    return np.asarray(inside * _STEP / reach)
+
+
+def _odd(seen: Array) -> Iterator[Array]:
+    """Likelihood of every reading as such a mistake, at all scales, shape (f, scales, n) each."""
+    summed = np.vstack([np.zeros(len(seen)), np.cumsum(seen.T, axis=0)])
+    start = np.array(
+        [np.searchsorted(_GRID + 0.5 * _STEP, _least(np.full(_LAWS, s))) for s in _WIDTHS]
+    ).T
+    for reach in REACH:
+        end = np.minimum(start + round(reach / _STEP), len(_GRID))
+        yield (summed[end] - summed[start]) * _STEP / reach
+
+
+def _logs(own: Array, odd: Array, part: float) -> Array:
+    """Log likelihood of all readings, a part of which are mistakes, shape (f, scales)."""
+    return np.asarray(np.log((1 - part) * own + part * odd + 1e-300).sum(axis=2))
 
 
 def _normed(share: Array) -> Array:

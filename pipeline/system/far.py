@@ -10,12 +10,8 @@ from scipy import special
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.system.assemble import errors
 from pipeline.system.beyond import Beyond, Readings, columns, estimates
-from pipeline.system.family import Family
+from pipeline.system.family import AWAY, Family
 from pipeline.system.linearised import Linearised
-
-AWAY = 10.0
-"""Standard uncertainties from which a reading that is in use is counted [1]: a normal one is never
-there, and of Student's with 3 degrees of freedom one in a hundred."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -46,8 +42,11 @@ class Far(Locked):
         return cls(nothing, nothing, 1.0)
 
 
-def far(seen: Linearised, family: Family, base: tuple[int, int] = (0, 0)) -> Far:
+def far(seen: Linearised, family: Family, base: tuple[int, int] = (0, 0), used: float = 1.0) -> Far:
     """Readings beyond `AWAY` of what all others say of them, and whether tails explain so many.
+
+    In widths of the core that the readings show, which a scatter with mistakes in it is wider than,
+    and no less than the stated uncertainty.
 
     p = P[Bin(n, p_f) >= k], the largest of the families with any weight, n readings of which k are
     so far off and p_f the chance of one in family f, mistakes apart.
@@ -56,6 +55,7 @@ def far(seen: Linearised, family: Family, base: tuple[int, int] = (0, 0)) -> Far
         seen: The campaign linearised at a model, all readings weighed alike.
         family: Tails of its readings.
         base: How many base readings must be as far off, and of how many.
+        used: Noise in use over the stated one [1].
     """
     owner = np.repeat(np.arange(len(seen.suspects)), [len(e.parameters) for e in seen.suspects])
     data, values = replace(seen.data, bends=False), seen.model.values
@@ -66,9 +66,10 @@ def far(seen: Linearised, family: Family, base: tuple[int, int] = (0, 0)) -> Far
     square, variance, good = estimates(beyond.base, readings)
     off = np.where(good, np.sum(square / variance, axis=1), 0.0)
     order = np.argsort(-off, kind="stable")
-    away = order[off[order] > AWAY**2]
+    distance = AWAY * max(family.width, 1 / used)
+    away = order[off[order] > distance**2]
     pose, target = _places(seen, readings)
-    p = _chance(len(away) + base[0], int(good.sum()) + base[1], family.away(AWAY))
+    p = _chance(len(away) + base[0], int(good.sum()) + base[1], family.away(distance))
     return Far(pose[away], target[away], p, base[0])
 
 

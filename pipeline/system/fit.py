@@ -56,6 +56,12 @@ class Fitted:
         """Noise beyond the stated one, each part of it once: what the tails are is no size."""
         return self.noise.beside(self.shape.family) if self.shape.tailed else self.noise
 
+    @property
+    def used(self) -> float:
+        """Noise of the tracker in use over the stated one [1]."""
+        told = self.noise.used and self.noise.replaced[0]
+        return float(self.noise.scale[0]) if told else 1.0
+
     def as_noisy(self, data: Measured) -> Measured:
         """Measurements of the same campaign with the size of the noise that is used."""
         return rescaled(data, self.noise) if self.noise.used else data

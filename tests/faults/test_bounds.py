@@ -10,8 +10,8 @@ from small_case import asked, moved, small, where
 from pipeline.diagnosis.bounds import FAULTY, bounds
 from pipeline.faults.base_reading import astray
 from pipeline.reduction.bring import bring
-from pipeline.system.family import FREEDOM, Family
-from pipeline.system.far import AWAY, Far, _chance, far
+from pipeline.system.family import AWAY, FREEDOM, Family
+from pipeline.system.far import Far, _chance, far
 from pipeline.system.fit import fit
 from pipeline.system.linearised import Model, linearise
 

@@ -27,7 +27,7 @@ def test_all_tests_together_accuse_one_clean_campaign_in_a_hundred(table):
 
 RATES = {
     "SUSPECT", "LACK_OF_FIT", "READING", "DRIFT", "MISFIT", "SCATTER", "COMPONENT", "LAW",
-    "GEOMETRY", "LOOSE", "MOVED", "EXCHANGED", "SCALE",
+    "GEOMETRY", "LOOSE", "MOVED", "EXCHANGED", "SCALE", "FRAME",
 }  # fmt: skip
 
 

@@ -1,12 +1,22 @@
 """Tails of single readings: numpy draws them, the family has to be seen, each reading weighed."""
 
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.system.family import _GRID, FREEDOM, Family, family, likelihood
+from pipeline.system.family import (
+    _GRID,
+    AWAY,
+    BURSTS,
+    FREEDOM,
+    THROWN,
+    Family,
+    family,
+    likelihood,
+)
 
 
 def errors(nu, n, rng):
@@ -150,3 +160,38 @@ def test_what_the_tails_explain_is_no_wider_core(drawn, core, wider):
     assert np.median([one.scale for one in found]) == pytest.approx(core, rel=0.1)
     spread = np.std([np.log(one.scale) for one in found])
     assert 0.4 * spread < np.median([one.std for one in found]) < 2.5 * spread
+
+
+def test_no_law_throws_more_than_an_instrument_in_order():
+    """Chance beyond ten widths of the core, by scipy: noise has a bound, whatever was found."""
+    student = [stats.f.sf(AWAY**2 / 3, 3, nu) for nu in FREEDOM]
+    bursts = [part * stats.chi2.sf((AWAY / width) ** 2, 3) for part, width in BURSTS]
+
+    assert max(*student, *bursts) < THROWN
+
+
+@pytest.mark.parametrize("many", [20, 40])
+@pytest.mark.parametrize("used", [1.0, 2.5])
+def test_many_readings_alike_far_off_are_mistakes_and_no_tails(many, used):
+    """Some of 300 normal readings 12 standard uncertainties off, whatever noise is in use."""
+    rng = np.random.default_rng(many)
+    e = errors(np.inf, 300, rng)
+    direction = rng.standard_normal((many, 3))
+    e[:many] += 12 * direction / np.linalg.norm(direction, axis=1, keepdims=True)
+    found = family(seen(e / used, 0.6 / used**2, rng), False)[0].of(used)
+
+    assert not found.likely_heavy
+    assert found.width == pytest.approx(1.0, rel=0.1)
+    assert found.rather.mistaken(10.0**2) > 0.95
+    assert found.rather.mistaken(3.0**2) < 0.1
+
+
+def test_tails_stay_tails_beside_a_bound():
+    """Student's with 3 degrees of freedom, and bursts: what they throw is no mistake."""
+    found = [
+        family(seen(drawn(rng), 0.6, rng), False)[0].rather
+        for rng in map(np.random.default_rng, range(70, 75))
+        for drawn in (partial(errors, 3.0, 300), partial(bursts, 1.0))
+    ]
+
+    assert sum(one.heavy > 0.5 and one.mistaken(8.0**2) < 0.9 for one in found) >= 9
