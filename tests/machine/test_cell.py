@@ -136,3 +136,24 @@ def test_what_remembers_a_pose_remembers_nothing_of_another_set_of_forces():
         twice = predict(with_it, once.under(np.stack([once.force] * 2)), x).displacement
 
         np.testing.assert_array_equal(twice[12:], twice[:12])
+
+
+def test_what_is_kept_is_asked_for_by_all_it_depends_on():
+    """Robot, tool, pulls, causes and their sizes in turn, each asked twice, as if nothing is kept.
+
+    Of so many pulls nothing is: the same few over and over are the truth for the few.
+    """
+    base = cell()
+    few, other = pulls(base.robot, 4), pulls(base.robot, 4, seed=12)
+    causes = [
+        e for e in catalogue(base.robot, few) if e.place in ("force", "scale", "tool", "joint")
+    ]
+    cells = [base, cell((0.1, 0.1, 0.2)), *(base.with_effects(one) for one in causes[:40])]
+    for asked in (few, other, few):
+        many = asked.part(np.tile(np.arange(4), 80))
+        for here in cells:
+            for much in (1.0, -0.5):
+                x = much * np.array([one.typical for one in here.parameters])
+                ours, plain = (predict(here, p, x) for p in (asked, many))
+                np.testing.assert_allclose(ours.displacement, plain.displacement[:4], atol=1e-15)
+                np.testing.assert_allclose(ours.unloaded, plain.unloaded[:4], atol=1e-12)
