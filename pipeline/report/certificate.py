@@ -33,6 +33,9 @@ from pipeline.store.campaign import dump
 _MOST_FOUND = 24
 """So many words of an error in the data are told here; all of them stand on the page below."""
 
+_MOST_CAUSES = 2
+"""So many causes are named here."""
+
 _DIGEST = 16
 """Digits of the digest that are printed."""
 
@@ -73,7 +76,7 @@ def found(answer: Answer) -> str:
     causes = answer.diagnosis.causes
     if not causes:
         return _NOTHING.get(str(answer.diagnosis.verdict), "")
-    return f"{capital('; '.join(_cause(one) for one in causes))}{_gain(answer)}."
+    return f"{capital(_listed(causes))}{_gain(answer)}."
 
 
 _NOTHING = {
@@ -91,6 +94,13 @@ def _cut(text: str) -> str:
     return " ".join(told[: max(ends, default=_MOST_FOUND)]).rstrip(",:;")
 
 
+def _listed(causes: Sequence[Cause]) -> str:
+    """The first causes, and how many more there are."""
+    more = len(causes) - _MOST_CAUSES
+    rest = [f"{more} more"] if more > 0 else []
+    return "; ".join([*map(_cause, causes[:_MOST_CAUSES]), *rest])
+
+
 def _cause(one: Cause) -> str:
     """A cause with its size, or with what else it may be."""
     if one.rivals:
@@ -103,6 +113,8 @@ def _gain(answer: Answer) -> str:
     """By how much poses left out are predicted better than by joint springs alone."""
     both = (answer.joint_springs.validation, answer.validation)
     before, after = (one.held_out_rms_mm if one else None for one in both)
+    if answer.of_positions:
+        before, after = (answer.position_steps[k].between_mm for k in (0, -1))
     if before is None or after is None or after >= before:
         return ""
     return f"; error at poses left out {plain(before, 2)} → {plain(after, 2)} mm"
@@ -189,12 +201,19 @@ _SUBSTITUTES = (
 """Reasons for which a controller takes the joint springs alone, which make up for the cause."""
 
 
+def _substituted(answer: Answer) -> bool:
+    """Whether a controller takes others in place of the values; pulls alone give such."""
+    said = answer.recommended
+    beside = said.reason in _SUBSTITUTES and said.model is not Which.JOINT_SPRINGS
+    return beside and not answer.of_positions
+
+
 def _entered(answer: Answer) -> dict[str, str]:
     """What a controller takes where that is not the value itself, by name of the stiffness."""
     reason, joints = answer.recommended.reason, answer.stiffness
     if not reason.holds_for_its_readings:
         return {one.name: "none" for one in joints}
-    if reason in _SUBSTITUTES and answer.recommended.model is not Which.JOINT_SPRINGS:
+    if _substituted(answer):
         units = {one.name: one.value for one in joints}
         return {
             one.name: _rounded(one, units.get(one.name)) for one in answer.joint_springs.stiffness
@@ -227,7 +246,7 @@ def _note(answer: Answer, compared: bool) -> str:
         if compared
         else f"Bars: relative uncertainty, the longest {percent(_least_known(answer))}."
     )
-    substitutes = answer.recommended.reason in _SUBSTITUTES and bool(_entered(answer))
+    substitutes = _substituted(answer)
     enter = (
         " A controller has no entry for the cause: its values are effective ones, which make up "
         "for it as far as joint springs can."

@@ -35,6 +35,9 @@ _AROUND = 0.36
 _REACH = 0.16
 """How long what moves most is drawn, over the size of the arm."""
 
+_NAME = 8
+"""Letters of a name that stand above the drawing; a longer one is told by its number."""
+
 _APART = 6.0
 """Marks nearer than this [px] would cover each other."""
 
@@ -213,6 +216,7 @@ def _joints(sheet: Sheet, arm: Arm, stands: dict[int, tuple[Stiffness, Stand]]) 
         tip = f"{joint.called}: {one.said} {'of nominal, ' if joint.nominal else ''}{one.word}"
         sheet.disc((jx, jy), 6.5, tip, **style)
         name = joint.axis or joint.joint_name
+        name = name if len(name) <= _NAME else f"J{joint.joint}"
         middle = {"text_anchor": "middle"}
         sheet.text(x, 16, name, 14, font_weight="bold", **middle)
         colour = INK if one.colour in (MUTED, PAPER) else one.colour
