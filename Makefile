@@ -12,7 +12,7 @@
 #   make worlds   campaigns with other noise, blunders, loads, payloads and instruments
 #   make paper    the paper's tables and figures, computed again
 #   make compare  every number that differs from an earlier commit      make compare BASE=HEAD~1
-#   make example  the report and the pictures that the README shows, from the demo campaign
+#   make example  the report and the pictures that the README shows, from kr500_first
 #   make picture  the picture of the code in docs/code.md
 #   make schema   the keys of result.json in docs/, from their types
 #   make wheel    the package as a wheel, in dist/
@@ -80,10 +80,10 @@ compare: .venv/.ready
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m bench.compare $(BASE) $(ARGS)
 
 example: .venv/.ready
-	@.venv/bin/pipeline run kr500_demo --engine local
+	@.venv/bin/pipeline run kr500_first --engine local
 	@mkdir -p docs/example
-	@cp reports/kr500_demo/report.pdf reports/kr500_demo/figures/workspace.svg docs/example/
-	@$(PY) -m bench.screenshot reports/kr500_demo/index.html docs/example/report.png
+	@cp reports/kr500_first/report.pdf reports/kr500_first/figures/workspace.svg docs/example/
+	@$(PY) -m bench.screenshot reports/kr500_first/index.html docs/example/report.png
 
 schema: .venv/.ready
 	@$(PY) -m bench.schema

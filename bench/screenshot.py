@@ -1,4 +1,4 @@
-"""The first screen of a report as the picture of the README: `make example`."""
+"""The certificate of a report as the picture of the README: `make example`."""
 
 import sys
 from pathlib import Path
@@ -7,7 +7,7 @@ from playwright.sync_api import sync_playwright
 
 from tests.get_browser import browser_path
 
-SIZE = {"width": 1200, "height": 548}
+SIZE = {"width": 1280, "height": 1060}
 
 
 def shoot(page: Path, picture: Path) -> None:

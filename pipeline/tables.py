@@ -301,6 +301,22 @@ SCENE = _promise(
 )
 """What stands in the cell, as capsules (lines with a radius), at the poses that are drawn."""
 
+POSTURE = _promise(
+    "posture",
+    "part,name",
+    _word("part", "base, carriage, arm, tool; joint or place for a point"),
+    _text("name", "joint that carries it, or name of the point"),
+    _count("joint", "number of the joint that carries it, 0 for what stands still"),
+    *_axes("from_{}_m", "m", "one end, F_b"),
+    *_axes("to_{}_m", "m", "other end, F_b; the same for a point"),
+    _number("radius_m", "m", "how thick it is, 0 for a point"),
+    *_axes("from_moved_{}_m", "m", "how far the one end moves at the test pose under its force"),
+    *_axes("to_moved_{}_m", "m", "how far the other end does"),
+    *_axes("from_caused_{}_m", "m", "how far the one end moves by the identified causes alone"),
+    *_axes("to_caused_{}_m", "m", "how far the other end does"),
+)
+"""The robot at the test pose, and how load and causes move its parts."""
+
 POSES = _promise(
     "poses",
     "pose",

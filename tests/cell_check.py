@@ -38,12 +38,16 @@ P1 and the load point sit on its body, P2 and P3 stand free.
 class Checked:
     """A robot in a cell, for one pose at a time."""
 
-    def __init__(self, robot, cell, tool):
+    def __init__(self, robot, cell, tool, hulls=None):
         self.robot, self.cell, self.tool = robot, cell, tool
         self.built = model(robot)
         self.data = self.built.createData()
         rows = tomllib.loads(robot.text).get("capsules", [])
         rows = [(row["link"], row["from"], row["to"], row["radius"]) for row in rows]
+        if hulls is not None:  # of a robot whose file has none
+            names = ["base", *(joint.name for joint in robot.joints)]
+            both = zip(hulls.carrier, hulls.ends[0], hulls.ends[1], hulls.radius, strict=True)
+            rows = [(names[c], a, b, r) for c, a, b, r in both]
         inside = [("flange", c["from"], c["to"], c["radius"]) for c in tool.get("capsules", [])]
         self.rows = rows + inside
         self.order = {"base": 0, **{j.name: k for k, j in enumerate(robot.joints, 1)}}

@@ -9,7 +9,10 @@ import numpy as np
 import pandas as pd
 
 from pipeline.answer.contract import Answer
+from pipeline.answer.posture import standing_posture
 from pipeline.answer.scene import MOST
+from pipeline.machine.cell import Tool
+from pipeline.machine.robot import load
 
 REPEATS, TARGETS = 3, ("P1", "P2", "P3")
 ROLL = {"name": "rail_roll", "where": None, "form": None, "in_catalogue": True}
@@ -348,6 +351,7 @@ def tables(seed: int = 20261103, poses: int = 16) -> dict[str, pd.DataFrame]:
         "covariance": _covariance(),
         "laws": _laws(rng, pulls),
         "arm": _arm(),
+        "posture": _posture(),
         **_cell(points, rows),
     }
 
@@ -401,6 +405,19 @@ def _arm() -> pd.DataFrame:
     ends = [(0.0, 1.0, 0.9, 1.9), (0.9, 1.9, 2.2, 1.6)]
     names = ["from_reach_m", "from_height_m", "to_reach_m", "to_height_m"]
     return pd.DataFrame(ends, columns=names).assign(joint=[2, 3], radius_m=[0.3, 0.2])
+
+
+def _posture() -> pd.DataFrame:
+    """A KR500 whose load point goes down by half a millimetre, a tenth of it by the carriage."""
+    robot = load("kr500_rail")
+    points = {name: np.array([0.1 * k, 0.05, 0.1]) for k, name in enumerate(TARGETS)}
+    tool = Tool.of({"load_point": np.array([0.15, 0.0, 0.25]), **points})
+    q = robot.from_degrees([8.5, -10, 35, 39, 81, 22, -10])
+    table = standing_posture(robot, tool, q)
+    for end in ("from", "to"):
+        far = table[f"{end}_x_m"] / 3.4
+        table[f"{end}_moved_z_m"], table[f"{end}_caused_z_m"] = -5e-4 * far, -5e-5 * far
+    return table
 
 
 def _cell(points: pd.DataFrame, rows: pd.DataFrame) -> dict[str, pd.DataFrame]:

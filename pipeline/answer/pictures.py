@@ -9,6 +9,7 @@ import pandas as pd
 
 from pipeline import tables
 from pipeline.answer.findings import Findings
+from pipeline.answer.posture import posture
 from pipeline.answer.scene import scene
 from pipeline.answer.tables import covariance_table, models_table
 from pipeline.base.arrays import Ints
@@ -35,6 +36,9 @@ def pictured(found: Findings, keep: Keep, step: Step) -> Tables:
         "enough": keep("47_enough", _enough(found, step), tables.ENOUGH),
         "laws": keep("53_laws", seen, tables.LAWS),
         "arm": keep("63_arm", arm, tables.ARM),
+        "posture": keep(
+            "73_posture", step(posture)(found.told.model.hypotheses[0], found.where), tables.POSTURE
+        ),
         **kept_scene(step(scene)(values), keep),
     }
 

@@ -14,6 +14,7 @@ from pipeline.answer import positions
 from pipeline.answer.contract import Answer
 from pipeline.answer.pictures import kept_scene
 from pipeline.answer.positions import Positions
+from pipeline.answer.posture import standing_posture
 from pipeline.answer.scene import scene_of_positions
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
@@ -85,7 +86,8 @@ def stood(said: Positions, keep: Keep, step: Step) -> Stood:
     found, given = said.found, positions.answer(said)
     laws = {"laws": keep("53_laws", law_table(found), tables.LAWS)}
     scene = kept_scene(step(scene_of_positions)(found), keep)
-    shown = {"rejected": said.rejected, **pictures(said, keep), **laws, **scene}
+    drawn = {"posture": keep("73_posture", _posture(found), tables.POSTURE), **scene}
+    shown = {"rejected": said.rejected, **pictures(said, keep), **laws, **drawn}
     model = _model(said.campaign, found.final, given)
     return Stood(given, shown, model, model_file(said))
 
@@ -120,6 +122,14 @@ def _studied(raw: Raw, read: Positioned, step: Step) -> Study:
         raw.robot.roughness,
         np.random.default_rng(_SEED),
     )
+
+
+def _posture(found: Study) -> pd.DataFrame:
+    """The robot at the first pose, for the picture on the certificate."""
+    mechanism, readings = found.final.mechanism, found.final.readings
+    points = mechanism.tool[:, :3, 3]
+    tool = Tool(points[0], np.array(readings.targets, dtype=object), points)
+    return standing_posture(mechanism.robot, tool, readings.q[0])
 
 
 def _rejected(read: Positioned, off: Sequence[Mistake]) -> pd.DataFrame:

@@ -32,6 +32,7 @@ from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import Robot, axes, configure
 from pipeline.prediction.compensate import beside_pulls
 from pipeline.prediction.tolerance import Path, asked
+from pipeline.readers import logs
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
 from pipeline.reduction.expected import expected
@@ -159,7 +160,7 @@ def _told(
     there, ratio = stands(data), over_nominal(case, data)
     when = clock(case, _logs(raw))
     line = ", ".join(f"{count} {what}" for what, count in used.items())
-    found = _Seen(case, there, ratio, when)
+    found = _Seen(case, there, ratio, when, _remarks(raw, case.robot))
     grown = growth_findings(registration_entry(reduced.registration))
     others = [] if wrong else proven(case, reduced)
     overload = overload_entry(raw.robot, reduced.data.pulls)
@@ -260,6 +261,21 @@ def _logs(raw: Raw) -> dict[str, bytes]:
     return {name: raw.files[name] for name in names if name in raw.files}
 
 
+def _remarks(raw: Raw, robot: Robot) -> list[str]:
+    """What the logs remark of their rows."""
+    settings, files = raw.settings, raw.files
+    both = [
+        (settings.loads_file, settings.loads_log, None),
+        (settings.joints.file, settings.joints, robot),
+    ]
+    return [
+        one
+        for file, form, whose in both
+        if file in files
+        for one in logs.remarks(file, files[file], form, whose)
+    ]
+
+
 @dataclass(frozen=True, eq=False)
 class _Seen:
     """What is there, for text and for JSON."""
@@ -268,6 +284,7 @@ class _Seen:
     stands: list[Stand]
     ratio: float | None
     clock: Clock | None
+    remarks: list[str]
 
     @cached_property
     def between(self) -> list[Distance]:
@@ -299,6 +316,7 @@ class _Seen:
                 for one in self.stands
             ],
             "times": self._times(),
+            "remarks": self.remarks,
         }  # fmt: skip
 
     def _times(self) -> dict[str, Any] | None:
@@ -324,6 +342,7 @@ class _Seen:
         yield f"  forces       {least:.0f} to {most:.0f} N{nominal}"
         if self.clock is not None:
             yield f"  times        {_span(self.clock)}"
+        yield from (f"  remark       {one}" for one in self.remarks)
         if self.case.unused:
             yield f"  not used     groups {listed(self.case.unused)}"
         far = self._farthest_off()

@@ -83,6 +83,8 @@ EARLIER = "of an earlier input or program"
 
 
 def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
+    from pipeline.answer.nouns import sizes
+
     name, answer = campaign.name, compute(campaign)
     first, *more = _first_screen(answer)
     lines = [
@@ -90,6 +92,7 @@ def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
         *(f"  {line}" for line in more),
         *_stiffnesses(answer.stiffness),
         *(f"  {mixed(one)}" for one in answer.combinations),
+        *(f"  {size}" for cause in answer.diagnosis.causes for size in sizes(cause)),
         f"  {campaign.reports / 'index.html'}",
     ]
     return Outcome(
@@ -207,6 +210,8 @@ def _brief(problem: Exception) -> str:
 
 _ALIKE = 3
 """How many of the rows that differ in numbers only are told one by one."""
+_KINDS = 4
+"""So many kinds are told, those with most rows: the rest follows from them or fits no screen."""
 
 
 def sentences(rejected: Iterable[Rejected]) -> list[str]:
@@ -215,7 +220,12 @@ def sentences(rejected: Iterable[Rejected]) -> list[str]:
     for row in rejected:
         alike = re.sub(r"[0-9]+", "0", row.reason)
         groups.setdefault((row.file, alike), []).append(row)
-    return [line for rows in groups.values() for line in _told(rows)]
+    most = sorted(groups, key=lambda kind: -len(groups[kind]))[:_KINDS]
+    told = [line for kind in groups if kind in most for line in _told(groups[kind])]
+    rest = [len(rows) for kind, rows in groups.items() if kind not in most]
+    if rest:
+        told.append(f"... and {sum(rest)} more lines of {len(rest)} other kinds; --json has them")
+    return told
 
 
 def _told(rows: Sequence[Rejected]) -> list[str]:

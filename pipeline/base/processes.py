@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import contextlib
+import datetime
 import os
 import signal
 import sys
@@ -92,6 +93,11 @@ def say(line: str, screen: TextIO | None = None) -> None:
     with contextlib.suppress(OSError):
         screen.write(f"{lines(line)}\n")
         screen.flush()
+
+
+def log(line: str) -> None:
+    """One line on stdout with its time, for what runs by itself: it is read the next morning."""
+    say(f"{datetime.datetime.now():%Y-%m-%d %H:%M:%S} {line}")
 
 
 def follow(parent: int) -> None:

@@ -26,7 +26,7 @@ def bodied(robot: Robot) -> Robot:
 
 
 def arm_alone(robot: Robot, tool: Tool, said: Surrounded) -> Room:
-    """What the arm leaves free whatever is read: itself, and the floor where somebody says it.
+    """What the arm leaves free whatever is read: itself, the chain, the floor where somebody says.
 
     Args:
         robot: The robot.
@@ -37,7 +37,7 @@ def arm_alone(robot: Robot, tool: Tool, said: Surrounded) -> Room:
     said = said.model_copy(update={"cell": cell.model_copy(update={"tracker_m": None})})
     room = room_of(bodied(robot), tool.named, said, 0.0)
     assert room is not None  # there is a cell
-    return replace(room, cones=(), crossed=np.zeros_like(room.crossed))
+    return room
 
 
 def hulls(robot: Robot) -> Capsules:

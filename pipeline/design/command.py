@@ -12,7 +12,7 @@ from typer import Argument, Option
 
 from pipeline.app.commands._shared import AsJson, Root, Steps, at_work
 from pipeline.base import files
-from pipeline.base.errors import Interrupted, UsageError
+from pipeline.base.errors import InputError, Interrupted, UsageError
 from pipeline.base.shown import lines
 
 if TYPE_CHECKING:
@@ -100,23 +100,27 @@ def write(root: Path, made: Made, seed: int) -> Made:
         raise UsageError(f"{plan} was written by hand: choose another --name")
     files.write(plan, plan_text(made.proposal, f"data/plans/{name}.toml").encode())
     content = dump(made.content())
+    driven = _programs(made.proposal, at_work)
     robot = made.proposal.problem.robot
     if made.proposal.problem.spec.robot not in SHIPPED:  # beside the plan, which names it
         files.write(plan.parent / Path(made.proposal.problem.spec.robot).name, robot.text.encode())
     for inner, data in plan_files(made.proposal, made.seconds, seed).items():
         files.write(folder / inner, data)
     files.write(folder / "design.json", content)
-    driven = _programs(made.proposal, at_work)
     for inner, data in driven.items():
         files.write(folder / "program" / inner, data)
     programs = [folder / "program" / inner for inner in driven]
-    return replace(made, written=(plan, folder / "sheet.html", folder / "sheet.pdf", *programs))
+    sheets = [folder / f"sheet.{kind}" for kind in ("html", "pdf", "xlsx")]
+    return replace(made, written=(plan, *sheets, *programs))
 
 
 def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, bytes]:
     """Programs that drive the plan, for the maker of the robot or for all.
 
-    None where the arm would meet itself or the floor, which is told with pose and reason.
+    None where the arm would meet itself or the floor and nobody asked it not to, which is told.
+
+    Raises:
+        InputError: It would, and the problem asks it not to; with pose and reason.
     """
     import numpy as np
 
@@ -133,10 +137,19 @@ def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, by
         way = np.append(way, np.resize([1, -1], len(beside.q)))
     zero_after = problem.spec.noise.zero == "before_after"
     q = from_log_units(problem.robot, printed(problem, q))
-    ways = legs(problem, q)
+    ways = legs(problem, q, measurement.anchor)
     wrong = [*standing(problem, q), *(one.sentence for one in ways if one.blocked)]
+    if wrong and problem.spec.limits.clear_of_itself:
+        raise InputError(
+            f"this plan cannot be driven: {'; '.join(wrong[:3])}",
+            "try another --seed or --poses, or narrow limits.joints where the arm folds; with "
+            "limits.clear_of_itself = false the plan is written without a program",
+        )
     for one in wrong:
         tell(f"No program is written: {one}.")
+    lost = {} if wrong else {leg.pose: leg.crossed for leg in ways if leg.crossed}
+    for pose, line in lost.items():
+        tell(f"On the way to pose {pose} no way keeps {line}: the program says so there.")
     via = [np.zeros((0, problem.robot.n)), *(one.via for one in ways)]
-    found = drive(problem.spec.name, problem.robot, q, way, steps, zero_after, via)
+    found = drive(problem.spec.name, problem.robot, q, way, steps, zero_after, via, lost)
     return {} if found is None or wrong else programs(found, brand_of(problem.robot.description))

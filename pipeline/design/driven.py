@@ -1,26 +1,45 @@
-"""Can a plan be driven? The arm from pose to pose, checked against itself and the floor.
+"""Can a plan be driven? The arm from pose to pose, checked against itself, the floor, chain, beams.
 
-Between poses the chain is slack and nothing is read: beams and chain are asked at the poses only.
-Joints move together in a straight line, as joint motions of controllers do.
+Joints move together in a straight line, as joint motions of controllers do. Arm and floor are kept
+on the whole way: an interval is halved until what its ends leave free is more than any point of the
+arm moves in it,
+
+    g_a + g_b >= sum_j |dq_j| L_j,
+
+L_j the length of the arm for a joint that turns, 1 for one that slides. The chain is slack then and
+the tracker follows: a way on which both lines stay free is taken before a shorter one that crosses.
 """
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
 
-from pipeline.base.arrays import Array, Locked
+from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.design.arm import arm_alone
 from pipeline.design.problem import Problem
 from pipeline.machine.gaps import gaps
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.room import Room
 
-_STEP_RAD, _STEP_M = np.deg2rad(0.5), 0.01
-"""Steps in which a motion is looked at: half a degree moves a point at 3 m by 26 mm, and rough
-hulls are good to 50."""
+_STEP_RAD, _STEP_M = np.deg2rad(1.0), 0.02
+"""Steps in which lines are looked at, and with which the halving begins."""
+_FINEST_M = 1e-3
+"""An interval in which nothing moves farther is not halved again: hulls are good to 50 mm."""
+_MOST = 20_000
+"""Points of one way: more of them crawl along something."""
+_DRAWN, _NODES, _ROOM_M = 2000, 250, 0.01
+"""Of so many random points those that leave this room [m] are ways round; so many at most."""
+_NEAREST, _LOOKS = 25, 150
+"""Neighbours of each, and how often a way through them is tried."""
+_ORDERS = 4
+"""So often the order is changed for ways that are blocked."""
+_RAIL_M_S, _JOINT_RAD_S = 1.0, np.deg2rad(90.0)
+"""Speeds by which poses are put in order: only their ratio matters, and carriages of 18 m and arms
+of 200 kg have about these."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -31,30 +50,33 @@ class Leg(Locked):
         pose: Number of the pose it leads to, from 1.
         via: Joint values [m] or [rad] of points on the way, shape (k, n).
         blocked: What is not kept on the way, in words; None where all is.
+        crossed: Which line, chain or beam, is not free all the way; None where both are.
     """
 
     pose: int
     via: Array
     blocked: str | None = None
+    crossed: str | None = None
 
     @property
     def sentence(self) -> str:
         """Why the way cannot be driven."""
         return (
             f"from pose {self.pose - 1} to pose {self.pose} the arm does not keep "
-            f"{self.blocked}, neither straight nor by way of the middle of its joints"
+            f"{self.blocked}, neither straight nor by way of other poses that are free"
         )
 
 
-def legs(problem: Problem, q: Array) -> list[Leg]:
+def legs(problem: Problem, q: Array, anchor: Array) -> list[Leg]:
     """The ways between poses in their order, straight where that is free.
 
     Args:
         problem: Robot, cell and effector.
         q: Joint values of the poses [m] or [rad], shape (m, n).
+        anchor: Of the chain, F_b [m], shape (3,).
     """
-    room = arm_alone(problem.robot, problem.tool, problem.spec)
-    return [_leg(problem, room, k, q[k - 1], q[k]) for k in range(1, len(q))]
+    road, lines = _Roadmap.of(problem, _arm(problem)), _lines(problem)
+    return [_leg(road, lines, anchor, k, q[k - 1], q[k]) for k in range(1, len(q))]
 
 
 def standing(problem: Problem, q: Array) -> list[str]:
@@ -64,25 +86,213 @@ def standing(problem: Problem, q: Array) -> list[str]:
         problem: Robot, cell and effector.
         q: Joint values [m] or [rad], shape (m, n).
     """
-    room = arm_alone(problem.robot, problem.tool, problem.spec)
+    room = _arm(problem)
     found = ((k, _broken(problem, room, one[None])) for k, one in enumerate(q, 1))
     return [f"pose {k} does not keep {rule}" for k, rule in found if rule is not None]
 
 
-def _leg(problem: Problem, room: Room, k: int, start: Array, end: Array) -> Leg:
-    straight = _broken(problem, room, between(problem.robot, start, end))
-    none = np.zeros((0, len(start)))
-    if straight is None:
-        return Leg(k + 1, none)
-    middle = (problem.lower + problem.upper) / 2
-    turning = np.flatnonzero(~problem.robot.prismatic)
-    held = np.arange(len(middle)) <= turning[0]  # rail and first axis turn with the arm folded
-    via = np.stack([np.where(held, start, middle), np.where(held, end, middle)])
-    points = [start, *via, end]
-    ways = [between(problem.robot, a, b) for a, b in pairwise(points)]
-    if _broken(problem, room, np.concatenate(ways)) is None:
-        return Leg(k + 1, via)
-    return Leg(k + 1, none, straight)
+def unwound(problem: Problem, q: Array) -> Array:
+    """The same poses, joints that turn farther than once where the others stand, shape (m, n).
+
+    An arm on a floor cannot wind its shoulder from one turn to the next.
+
+    Args:
+        problem: Robot and limits.
+        q: Joint values of the poses [m] or [rad], shape (m, n).
+    """
+    out = q.copy()
+    for j in np.flatnonzero(~problem.robot.prismatic):
+        mean = float(np.angle(np.exp(1j * q[:, j]).mean()))
+        turns = q[:, j, None] + 2 * np.pi * np.arange(-2, 3)
+        away = np.abs(turns - mean)
+        away[(turns < problem.lower[j]) | (turns > problem.upper[j])] = np.inf
+        near = turns[np.arange(len(q)), away.argmin(axis=1)]
+        out[:, j] = np.where(np.isfinite(away.min(axis=1)), near, q[:, j])
+    return problem.as_printed(out)
+
+
+def in_order(problem: Problem, q: Array, anchor: Array) -> Ints:
+    """In which order poses are driven in the shortest time, and every way is free if any can be.
+
+    The time of a way is that of its slowest joint. From each pose to the nearest one left, then
+    parts are turned round as long as that gains; ways that prove blocked are left out, and again.
+
+    Args:
+        problem: Robot, cell and effector.
+        q: Joint values of the poses [m] or [rad], shape (m, n).
+        anchor: Of the chain, F_b [m], shape (3,).
+    """
+    cost = _times(problem, q)
+    order = np.arange(len(q)) if problem.robot.prismatic.any() else _shortest(cost)  # along a rail
+    road, lines = _Roadmap.of(problem, _arm(problem)), _lines(problem)
+    free: dict[tuple[int, int], bool] = {}
+    for _ in range(_ORDERS * bool(problem.spec.limits.clear_of_itself)):
+        for a, b in pairwise(order.tolist()):
+            if (a, b) not in free:
+                free[a, b] = _leg(road, lines, anchor, b, q[a], q[b]).blocked is None
+                free[b, a] = free[a, b]
+        wrong = [pair for pair in pairwise(order.tolist()) if not free[pair]]
+        if not wrong:
+            break
+        for a, b in wrong:
+            cost[a, b] = cost[b, a] = 1e6
+        order = _shortest(cost)
+    return order
+
+
+def _lines(problem: Problem) -> Room:
+    """What a way had better not cross: chain and beams."""
+    return problem.room or arm_alone(problem.robot, problem.tool, problem.spec)
+
+
+def _times(problem: Problem, q: Array) -> Array:
+    """How long the slowest joint takes from each pose to each other [s], shape (m, m)."""
+    speed = np.where(problem.robot.prismatic, _RAIL_M_S, _JOINT_RAD_S)
+    return np.asarray(np.abs((q[:, None] - q[None]) / speed).max(axis=-1))
+
+
+def _shortest(cost: Array) -> Ints:
+    """An open way through all places of a symmetric matrix of costs (m, m)."""
+    best = min((_turned(_nearest(cost, k), cost) for k in range(len(cost))),
+               key=lambda way: _length(way, cost))  # fmt: skip
+    return np.array(best, dtype=np.int64)
+
+
+def _nearest(cost: Array, first: int) -> list[int]:
+    way, left = [first], {*range(len(cost))} - {first}
+    while left:
+        way.append(min(left, key=lambda k: (cost[way[-1], k], k)))
+        left.remove(way[-1])
+    return way
+
+
+def _turned(way: list[int], cost: Array) -> list[int]:
+    """The way with parts turned round, as long as it gets shorter."""
+    better = True
+    while better:
+        better = False
+        for a in range(len(way)):
+            for b in range(a + 2, len(way) + 1):
+                tried = way[:a] + way[a:b][::-1] + way[b:]
+                if _length(tried, cost) < _length(way, cost) - 1e-9:
+                    way, better = tried, True
+    return way
+
+
+def _length(way: Sequence[int], cost: Array) -> float:
+    return float(sum(cost[a, b] for a, b in pairwise(way)))
+
+
+def _arm(problem: Problem) -> Room:
+    """The arm and the floor: what a motion may not meet."""
+    room = arm_alone(problem.robot, problem.tool, problem.spec)
+    return replace(room, cones=(), crossed=np.zeros_like(room.crossed))
+
+
+def _leg(road: _Roadmap, lines: Room, anchor: Array, k: int, start: Array, end: Array) -> Leg:
+    """The first way on which all is free, else the first that keeps arm and floor."""
+    problem = road.problem
+    blocked, left = _met(problem, road.arm, start, end), None
+    for via in _ways(road, start, end, blocked is None):
+        points = [start, *via, end]
+        every = np.concatenate([between(problem.robot, a, b) for a, b in pairwise(points)])
+        crossed = _broken(problem, lines, every, anchor)
+        if crossed is None:
+            return Leg(k + 1, via)
+        left = left or Leg(k + 1, via, crossed=crossed)
+    return left or Leg(k + 1, np.zeros((0, len(start))), blocked)
+
+
+def _ways(road: _Roadmap, start: Array, end: Array, straight: bool) -> Iterator[Array]:
+    """Points on ways that keep arm and floor, (k, n) each: none, the middle, free poses."""
+    if straight:
+        yield np.zeros((0, len(start)))
+    middle, slides = road.nodes[0], road.problem.robot.prismatic
+    held = np.arange(len(middle)) <= np.flatnonzero(~slides)[0]  # the arm turns folded
+    folded = np.stack([np.where(held, start, middle), np.where(held, end, middle)])
+    ways = pairwise([start, *folded, end])
+    if all(_met(road.problem, road.arm, a, b) is None for a, b in ways):
+        yield folded
+    if not straight and (found := road.way(start, end)) is not None:
+        yield found
+
+
+@dataclass(eq=False)
+class _Roadmap:
+    """Random free poses and the ways between them, looked at only where a way would lead.
+
+    Bohlin and Kavraki, Path planning using lazy PRM, ICRA 2000.
+
+    Attributes:
+        problem: Whose arm drives.
+        arm: What it may not meet.
+        nodes: Free poses, shape (k, n).
+        known: Whether the straight way between two of them is free, where somebody looked.
+    """
+
+    problem: Problem
+    arm: Room
+    nodes: Array
+    known: dict[tuple[int, int], bool]
+
+    @classmethod
+    def of(cls, problem: Problem, arm: Room) -> _Roadmap:
+        """Poses drawn within the limits that leave some room."""
+        size = (_DRAWN, len(problem.lower))
+        drawn = np.random.default_rng(0).uniform(problem.lower, problem.upper, size)
+        free = _widths(problem, arm, drawn, _ROOM_M) >= _ROOM_M
+        middle = (problem.lower + problem.upper)[None] / 2
+        return cls(problem, arm, np.vstack([middle, drawn[free][:_NODES]]), {})
+
+    def way(self, start: Array, end: Array) -> Array | None:
+        """Points on the shortest way that is free, (k, n); None where there is none."""
+        nodes, first = np.vstack([self.nodes, start, end]), len(self.nodes)
+        cost = _times(self.problem, nodes)
+        beyond = np.sort(cost, axis=1)[:, min(_NEAREST, len(cost) - 1), None]
+        cost = np.where((cost <= beyond) | (cost <= beyond).T, cost, np.inf)
+        own = dict(self.known)  # what is known of start and end is of this way alone
+        for (a, b), free in own.items():
+            if not free:
+                cost[a, b] = cost[b, a] = np.inf
+        for _ in range(_LOOKS):
+            found = _path(cost, first, first + 1)
+            if found is None:
+                return None
+            unknown = [k for k in map(_edge, found[:-1], found[1:]) if k not in own]
+            for a, b in unknown:
+                free = _met(self.problem, self.arm, nodes[a], nodes[b]) is None
+                own[a, b] = free
+                if max(a, b) < first:
+                    self.known[a, b] = free
+                if not free:
+                    cost[a, b] = cost[b, a] = np.inf
+                    break
+            else:
+                return nodes[found[1:-1]]
+        return None
+
+
+def _edge(a: int, b: int) -> tuple[int, int]:
+    return min(a, b), max(a, b)
+
+
+def _path(cost: Array, first: int, last: int) -> list[int] | None:
+    """The cheapest way from one node to another (Dijkstra); None where there is none."""
+    far, before = np.full(len(cost), np.inf), np.full(len(cost), -1)
+    far[first], left = 0.0, np.ones(len(cost), dtype=bool)
+    while left.any():
+        here = int(np.argmin(np.where(left, far, np.inf)))
+        if not left[here] or not np.isfinite(far[here]):
+            return None
+        if here == last:
+            break
+        left[here] = False
+        better = left & (far[here] + cost[here] < far)
+        far[better], before[better] = (far[here] + cost[here])[better], here
+    found = [last]
+    while found[-1] != first:
+        found.append(int(before[found[-1]]))
+    return found[::-1]
 
 
 def between(robot: Robot, start: Array, end: Array) -> Array:
@@ -92,13 +302,60 @@ def between(robot: Robot, start: Array, end: Array) -> Array:
     return np.asarray(start + np.linspace(0.0, 1.0, count + 1)[:, None] * (end - start))
 
 
-def _broken(problem: Problem, room: Room, q: Array) -> str | None:
-    """The first rule that some of these joint values (m, n) do not keep; None where all do."""
+def _met(problem: Problem, room: Room, start: Array, end: Array) -> str | None:
+    """The rule that is not kept on the straight way, by halving; None where all are."""
+    share = np.linspace(0.0, 1.0, len(between(problem.robot, start, end)))
+    far = float(np.abs(end - start) @ _lever(problem))
+    near = far * float(share[1]) + _FINEST_M
+    wide = _widths(problem, room, start + share[:, None] * (end - start), near)
+    while len(share) < _MOST:
+        if wide.min() < 0:
+            at = start + share[int(np.argmin(wide))] * (end - start)
+            return _broken(problem, room, at[None]) or Room.ITSELF
+        open_ = (np.diff(share) * far > wide[:-1] + wide[1:]) & (np.diff(share) * far > _FINEST_M)
+        if not open_.any():
+            return None
+        new = (share[:-1] + share[1:])[open_] / 2
+        more = _widths(problem, room, start + new[:, None] * (end - start), near)
+        share, wide = np.append(share, new), np.append(wide, more)
+        order = np.argsort(share)
+        share, wide = share[order], wide[order]
+    return Room.ITSELF
+
+
+def _lever(problem: Problem) -> Array:
+    """How far a point of arm or effector moves at most per metre or radian of a joint, (n,)."""
+    robot = problem.robot
+    at = configure(robot, ((problem.lower + problem.upper) / 2)[None])
+    turns = ~robot.prismatic
+    links = np.diff(np.concatenate([at.origin[0][turns], at.flange_origin]), axis=0)
+    tool = np.vstack([problem.tool.load_point[None], problem.tool.points])
+    reach = np.linalg.norm(links, axis=1).sum() + np.linalg.norm(tool, axis=1).max()
+    return np.where(robot.prismatic, 1.0, reach)
+
+
+def _widths(problem: Problem, room: Room, q: Array, near: float) -> Array:
+    """How wide the narrowest gap is at joint values (m, n) [m], at most `near`, shape (m,)."""
     at = configure(problem.robot, q)
-    points = at.points(np.vstack([problem.tool.load_point[None], problem.tool.points]))
-    places = np.moveaxis(points, 0, -1)
+    places = _places(problem, q)
+    out = np.full(len(q), near)
+    for found in gaps(room, at, places, places[0], near):
+        np.minimum.at(out, found.pose, found.value)
+    return out
+
+
+def _places(problem: Problem, q: Array) -> Array:
+    """Load point and reflectors in F_b [m], shape (1 + t, 3, m)."""
+    tool = np.vstack([problem.tool.load_point[None], problem.tool.points])
+    return np.moveaxis(configure(problem.robot, q).points(tool), 0, -1)
+
+
+def _broken(problem: Problem, room: Room, q: Array, anchor: Array | None = None) -> str | None:
+    """The first rule that some of these joint values (m, n) do not keep; None where all do."""
+    at, places = configure(problem.robot, q), _places(problem, q)
+    end = places[0] if anchor is None else np.broadcast_to(anchor[:, None], places[0].shape)
     for rule in room.rules:
-        found = gaps(room.only(rule), at, places, places[0], 0.0)
+        found = gaps(room.only(rule), at, places, end, 0.0)
         if any(len(one.pose) for one in found):
             return rule
     return None

@@ -41,7 +41,9 @@ def check_reachable(problem: Problem, rng: np.random.Generator) -> None:
         if short > 0:
             raise _refusal(problem, alone, short)
     for rule in room.rules if room else ():
-        short = _shortfall(problem, Limits(chain_m=_ANY_M), room and room.only(rule), start)
+        short = _shortfall(
+            problem, Limits(chain_m=_ANY_M, singular_margin=0), room and room.only(rule), start
+        )
         if short > 0:
             raise _misses(rule, short, "correct [cell], [tool] or the capsules of the robot file")
     raise InputError(
@@ -73,10 +75,17 @@ def _shortfall(problem: Problem, limits: Limits, room: Room | None, start: Array
 
 
 def _one_by_one(limits: Limits) -> list[Limits]:
-    names = ("flange_above_m", "effector_above_m", "chain_clearance_m", "pull_within_deg")
+    names = (
+        "singular_margin",
+        "flange_above_m",
+        "effector_above_m",
+        "chain_clearance_m",
+        "pull_within_deg",
+    )
     rules = {name: getattr(limits, name) for name in names}
     alone = [{name: at, "chain_m": _ANY_M} for name, at in rules.items() if at is not None]
-    return [Limits.model_validate(rule) for rule in ({"chain_m": limits.chain_m}, *alone)]
+    none = {"singular_margin": 0.0}
+    return [Limits.model_validate(none | rule) for rule in ({"chain_m": limits.chain_m}, *alone)]
 
 
 def _refusal(problem: Problem, limits: Limits, short: float) -> InputError:

@@ -13,6 +13,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.design.information import Station
+from pipeline.design.singular import dexterity
 from pipeline.design.spec import Limits
 from pipeline.machine.gaps import Gaps, gaps, pushed
 from pipeline.machine.robot.configuration import velocity
@@ -42,6 +43,10 @@ class Slack:
 def slacks(limits: Limits, at: Station) -> Iterator[Slack]:
     """Every limit that is set, at every pose."""
     yield from _chain_length(limits.chain_m, at)
+    if limits.singular_margin:
+        value, by_q = dexterity(at.configuration)
+        rule = "the arm clear of singular poses, where its wrist, elbow or shoulder is stretched"
+        yield Slack(rule, value - limits.singular_margin, by_q, np.zeros((3, 1)))
     if limits.flange_above_m is not None:
         rule = f"the flange above {limits.flange_above_m:g} m"
         yield _height(rule, at, at.configuration.flange_origin.T, limits.flange_above_m)

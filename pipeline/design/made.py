@@ -11,6 +11,7 @@ from typing import Any
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import percent, plain
 from pipeline.base.shown import in_json
+from pipeline.design.arm import bodied
 from pipeline.design.problem import Problem
 from pipeline.design.propose import Proposal, propose
 from pipeline.design.search import Effort
@@ -196,7 +197,9 @@ def worth_unpulled(found: Unpulled) -> str:
 def _unchecked(problem: Problem) -> tuple[str, ...]:
     if problem.spec.cell is None and problem.room is not None:
         return ("beams, chain, floor and cables: there is no [cell]",)
-    return unchecked(problem.robot, problem.spec.targets, problem.spec)
+    robot = problem.robot
+    own = bodied(robot) if problem.spec.limits.clear_of_itself else robot
+    return unchecked(own, problem.spec.targets, problem.spec)
 
 
 def cell_lines(proposal: Proposal) -> list[str]:

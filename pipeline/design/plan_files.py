@@ -6,6 +6,7 @@ import numpy as np
 
 from pipeline.design.control import controls
 from pipeline.design.curves import ByAnchor, BySize, by_anchor, by_size
+from pipeline.design.plan_book import book
 from pipeline.design.plan_figures import anchor_curve, pose_picture, sight_chart, size_curves
 from pipeline.design.plan_sheet import MM, Extras, sheet
 from pipeline.design.propose import Proposal
@@ -27,7 +28,7 @@ def plan_files(proposal: Proposal, seconds: float, seed: int) -> dict[str, bytes
         seed: Of the searches for the curves.
 
     Returns:
-        Content by path: sheet.html, sheet.pdf, figures/*.svg.
+        Content by path: sheet.html, sheet.pdf, sheet.xlsx, figures/*.svg.
     """
     extras = Extras(
         proposal.sights(),
@@ -39,6 +40,7 @@ def plan_files(proposal: Proposal, seconds: float, seed: int) -> dict[str, bytes
     drawings = _drawn(proposal, extras)
     return {
         "sheet.html": page(report, {n: d.inline for n, d in drawings.items()}).encode(),
+        "sheet.xlsx": book(proposal),
         "sheet.pdf": pdf(report, {n: d.svg for n, d in drawings.items()}),
         **{f"figures/{n}.svg": d.svg.encode() for n, d in drawings.items()},
     }

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import pairwise
 from operator import itemgetter
 
 import numpy as np
@@ -100,8 +101,8 @@ def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
             ]
         ),
         run_time=f"{seconds:.1f} s",
-        elsewhere=f"The same sheet is in sheet.html and sheet.pdf, the numbers in design.json, the "
-        f"plan in data/plans/{name}.toml.",
+        elsewhere=f"The same sheet is in sheet.html and sheet.pdf, to be filled in and read "
+        f"back in sheet.xlsx, the numbers in design.json, the plan in data/plans/{name}.toml.",
     )
 
 
@@ -308,15 +309,10 @@ def expected(problem: Problem, measurement: Measurement) -> list[Array]:
 
 
 def _log(problem: Problem, pose: int, steps: Array, moved: list[Array]) -> Table | None:
-    ways, group = branches(steps), f"pose{pose + 1:02d}_rep"
-
-    def turned(k: int) -> str:
-        again = k > 0 and ways[k] > 0 and abs(steps[k]) == abs(steps[k - 1])
-        return "release, tighten to" if again else "tighten to" if ways[k] > 0 else "slacken to"
-
+    group, turned = f"pose{pose + 1:02d}_rep", turnings(steps)
     columns: list[Cells[int]] = [
         number("Pull", lambda k: k + 1, str),
-        said("Turnbuckle", turned),
+        said("Turnbuckle", lambda k: turned[k]),
         _of_pose("Step [N]", np.abs(steps), 0),
         (Column("Scale reads [N]"), _blank),
         (Column("Time"), _blank),
@@ -330,6 +326,14 @@ def _log(problem: Problem, pose: int, steps: Array, moved: list[Array]) -> Table
     if problem.spec.noise.zero == "before_after":
         note += f" Unloaded after: {group}{len(steps) + 1}_unloaded."
     return table_of(f"log-{pose + 1}", "To write down", columns, range(len(steps)), note)
+
+
+def turnings(steps: Array) -> list[str]:
+    """What is done with the turnbuckle for each load step of a pose, as far as to its size."""
+    ways, size = branches(steps), np.abs(steps)
+    up = ["tighten to", *("release, tighten to" if a == b else "tighten to" for a, b in
+                          pairwise(size))]  # fmt: skip
+    return [one if way > 0 else "slacken to" for one, way in zip(up, ways, strict=True)]
 
 
 def _read_back(robot: Robot, pose: int) -> Table | None:

@@ -11,6 +11,7 @@ from pipeline.base.arrays import Array
 from pipeline.design.bound import Certificate, certify
 from pipeline.design.cost import Cost, cost
 from pipeline.design.discriminate import Sight, lens
+from pipeline.design.driven import in_order, unwound
 from pipeline.design.measurement import Measurement, of_mixed, of_plan, seen_by
 from pipeline.design.problem import Problem
 from pipeline.design.search import Effort, Plan, rounded, search, undetermined
@@ -88,6 +89,8 @@ def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterat
             yield Proposal(problem, plan, None, f"round {progress.round} of {progress.rounds}")
     if plan is None:
         raise undetermined(problem, progress.nearest)
+    q = unwound(problem, plan.q)
+    plan = replace(plan, q=q[in_order(problem, q, plan.anchor)])
     proposal = Proposal(problem, plan, None, "search")
     rounds, starts = effort.bounds, effort.directions
     for certificate in certify(problem, progress.pool, for_bound, rounds, starts):

@@ -148,6 +148,8 @@ class Limits(Strict):
         margin_m: The same of sliding joints [m].
         wrist_within_deg: How far the last three joints turn from the zero of their axes [deg]:
             more winds up hoses, and a controller may take another way.
+        singular_margin: Smallest singular value of the arm's Jacobian [1], see `singular.py`; 0.02
+            is about 5 deg of a stretched wrist, elbow or shoulder.
         clear_of_itself: The bodies of the arm do not meet: [[capsules]] of the robot file, or rough
             ones made from its table.
         flange_above_m: Height that the flange keeps, z of F_b [m].
@@ -164,6 +166,7 @@ class Limits(Strict):
     margin_deg: NotNegative = 5.0
     margin_m: NotNegative = 0.02
     wrist_within_deg: Annotated[float, Field(gt=0, le=720)] = 180.0
+    singular_margin: Annotated[float, Field(ge=0, lt=0.2)] = 0.02
     clear_of_itself: bool = True
     flange_above_m: Length | None = None
     effector_above_m: Length | None = None
@@ -180,7 +183,7 @@ class Limits(Strict):
         return None if self.pull_within_deg is None else float(np.deg2rad(self.pull_within_deg))
 
 
-MARGINS = ("margin_deg", "margin_m", "wrist_within_deg", "clear_of_itself")
+MARGINS = ("margin_deg", "margin_m", "wrist_within_deg", "singular_margin", "clear_of_itself")
 """What keeps poses away from where a robot cannot be driven."""
 
 

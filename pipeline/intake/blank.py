@@ -55,6 +55,9 @@ class Known:
         temperature_c: Of rail and base [degC].
         places: Points of [tool] and [base_frame] [m], by name.
         columns: Our names for titles of the logs that state no unit.
+        words: Other entries of campaign.toml, by key.
+        test_pose: Numbers of [test_pose], by key.
+        notes: What no entry is for.
     """
 
     robot: str | None = None
@@ -66,6 +69,9 @@ class Known:
     temperature_c: float | None = None
     places: Mapping[str, tuple[float, float, float]] = field(default_factory=dict)
     columns: Mapping[str, str] = field(default_factory=dict)
+    words: Mapping[str, str] = field(default_factory=dict)
+    test_pose: Mapping[str, list[float]] = field(default_factory=dict)
+    notes: tuple[str, ...] = ()
 
 
 def write(folder: Path, said: Proposal, known: Known) -> list[str]:
@@ -146,6 +152,9 @@ def _of_a_person(known: Known) -> dict[str, object]:
         "robot": _shown(known.robot, quoted),
         "unit": _shown(known.unit, quoted),
         "instrument": _shown(known.instrument, quoted),
+        "said": {key: quoted(word) for key, word in known.words.items()},
+        "test_pose": [f"{key} = {list(numbers)}" for key, numbers in known.test_pose.items()],
+        "notes": known.notes,
         "sheet": known.instrument is not None and sheet(known.instrument) is not None,
         "sigma_m": _shown(known.sigma_m, "{:.3g}".format),
         "sigma_n": _shown(known.sigma_n, "{:g}".format),

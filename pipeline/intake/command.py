@@ -7,6 +7,7 @@ import math
 import re
 import sys
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -75,17 +76,23 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
     """A campaign.toml for what lies in the folder, with what is known or asked."""
     from pipeline.intake import blank
     from pipeline.intake.files import propose
+    from pipeline.intake.filled import filled_in
 
     if robot is not None:
         robot = blank.brought(folder, robot)
         blank.known(root, folder.name, robot)
     files = blank.there(root, folder)
+    given, wrong = filled_in(files)
     said = _settled(files) if ask else propose(files)
-    for line in _seen(said):
+    for line in [*_seen(said), *wrong]:
         _tell(line)
     if robot is None:
-        robot = _robot(root, folder, said, ask)
-    known = _asked(said, robot) if ask else blank.Known(robot=robot)
+        robot = _named(root, folder, given) or _robot(root, folder, said, ask)
+    known = (
+        _asked(said, robot, given)
+        if ask
+        else replace(given, robot=robot, instrument=given.words.get("instrument.model"))
+    )
     left = blank.write(folder, said, known)
     typer.echo(folder)
     if said.nothing:
@@ -94,6 +101,20 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
               f"`pipeline init {typed(folder.name)}` again.")  # fmt: skip
     todo = f"Still open in campaign.toml: {listed(left, most=40)}; fill it in, then" if left else ""
     _tell(f"{todo or 'Next'}: pipeline check {typed(folder.name)}")
+
+
+def _named(root: Path, folder: Path, given: Known) -> str | None:
+    """The robot that a filled-in sheet names, where it is there."""
+    from pipeline.intake import blank
+
+    name = given.words.get("robot", "").replace("\\", "/").rpartition("/")[2]
+    try:
+        if name:
+            blank.known(root, folder.name, name)
+    except UsageError:
+        _tell(f"The sheet is for {name}: copy that robot file into {folder}, and type this again.")
+        return None
+    return name or None
 
 
 def _settled(files: Mapping[str, bytes]) -> Proposal:
@@ -144,9 +165,12 @@ def _robot(root: Path, folder: Path, said: Proposal, ask: bool) -> str | None:
     return typed
 
 
-def _asked(said: Proposal, robot: str | None) -> Known:
-    """What only a person knows, one question at a time; an empty answer leaves it open."""
-    from pipeline.intake.blank import Known, log_columns
+def _asked(said: Proposal, robot: str | None, given: Known) -> Known:
+    """What only a person knows, one question at a time; an empty answer leaves it open.
+
+    What a filled-in sheet says is not asked again.
+    """
+    from pipeline.intake.blank import log_columns
     from pipeline.machine.instrument import sheet
     from pipeline.readers._coordinates import USUAL_UNITS
     from pipeline.readers.logs import FORCE, LENGTH, MASS
@@ -155,24 +179,24 @@ def _asked(said: Proposal, robot: str | None) -> Known:
     if said.reach is not None:
         unit = _one_of(f"Unit of lengths, the numbers reach {said.reach:.0f}", USUAL_UNITS)
     columns = _columns(log_columns(said, robot))
-    tracker = _instrument()
+    tracker = given.words.get("instrument.model") or _instrument()
     sigma_m = None
     if tracker is None or sheet(tracker) is None:
         sigma_m = _size(
             "Standard uncertainty of one tracker reading per axis [mm]", LENGTH, "mm",
             "Enter: it is found from repeats and misfit",
         )  # fmt: skip
-    sigma_n = mass_sigma_kg = None
-    if "force" in said.unsure:
+    sigma_n, mass_sigma_kg, warm = given.sigma_n, None, given.temperature_c
+    if "force" in said.unsure and sigma_n is None:
         # step / sqrt(12), GUM F.2.2.1
         _tell("Of the scale, its certificate says it; the last digit alone makes 0.29 of a step.")
         sigma_n = _size("Standard uncertainty of one scale reading [N]", FORCE, "n")
     if "mass" in said.unsure:
         mass_sigma_kg = _size("Standard uncertainty of one weight [kg]", MASS, "kg")
-    warm = (
-        _number("Temperature of rail and base [degC]", "Enter: not known") if said.exports else None
-    )
-    return Known(
+    if said.exports and warm is None:
+        warm = _number("Temperature of rail and base [degC]", "Enter: not known")
+    return replace(
+        given,
         robot=robot,
         unit=unit,
         instrument=tracker,
@@ -180,13 +204,15 @@ def _asked(said: Proposal, robot: str | None) -> Known:
         sigma_n=sigma_n,
         mass_sigma_kg=mass_sigma_kg,
         temperature_c=warm,
-        places=_places(said) if said.measured else {},
+        places={**given.places, **(_places(said, given.places) if said.measured else {})},
         columns=columns,
     )
 
 
-def _places(said: Proposal) -> dict[str, tuple[float, float, float]]:
-    """Where reflectors stand that were read [m]; those that stay open are left out."""
+def _places(
+    said: Proposal, known: Mapping[str, tuple[float, float, float]]
+) -> dict[str, tuple[float, float, float]]:
+    """Where reflectors stand that were read [m]; what is known or stays open is left out."""
     from pipeline.readers.logs import LENGTH
     from pipeline.reduction.settings import HALL_M, REACH_M
 
@@ -200,6 +226,7 @@ def _places(said: Proposal) -> dict[str, tuple[float, float, float]]:
         name: _place(f"{name} in {frame}, x y z [m]", LENGTH, most_m)
         for frame, names, most_m in frames
         for name in names
+        if name not in known
     }
     return {name: at for name, at in found.items() if at is not None}
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import pandas as pd
 
@@ -12,7 +13,8 @@ from pipeline import run as stages
 from pipeline.answer import archive
 from pipeline.answer.contract import Answer, Stiffness
 from pipeline.base import files
-from pipeline.base.errors import InputError, UsageError
+from pipeline.base.errors import InputError, UsageError, listed
+from pipeline.base.quantities import with_std
 from pipeline.library.model import (
     Model,
     PositionModel,
@@ -26,7 +28,52 @@ from pipeline.store.campaign import Raw, find, in_memory, unfit
 _POSITIONS = "positions.npz"
 
 
-@dataclass(frozen=True, eq=False)
+class Stiffnesses(tuple[Stiffness, ...]):
+    """The stiffness of each joint in the order of the robot file, also by name."""
+
+    __slots__ = ()
+
+    def __getitem__(self, key: Any) -> Any:
+        """By place; or by axis of the controller, joint or stiffness: `A3`, `theta4`, `k_theta4`.
+
+        Raises:
+            InputError: There is none of that name.
+        """
+        if not isinstance(key, str):
+            return super().__getitem__(key)
+        for one in self:
+            if key in (one.axis, one.joint_name, one.name):
+                return one
+        known = [one.axis or one.joint_name for one in self]
+        raise InputError(f'there is no stiffness "{key}"', f"use one of {listed(known)}")
+
+    def to_frame(self) -> pd.DataFrame:
+        """A row for each joint: axis, joint, value, std, both ends of ci95, unit, identifiable."""
+        return pd.DataFrame(
+            {
+                "axis": [one.axis for one in self],
+                "joint": [one.joint_name for one in self],
+                "value": [one.value for one in self],
+                "std": [one.std for one in self],
+                "ci95_lower": [one.ci95[0] if one.ci95 else None for one in self],
+                "ci95_upper": [one.ci95[1] if one.ci95 else None for one in self],
+                "unit": [one.unit for one in self],
+                "identifiable": [one.identifiable for one in self],
+            }
+        )
+
+    def __repr__(self) -> str:
+        """A line for each joint."""
+        return "\n".join(f"{one.called:14} {_in_short(one)}" for one in self)
+
+
+def _in_short(one: Stiffness) -> str:
+    if one.value is None or one.std is None:
+        return "not identifiable"
+    return f"{with_std(one.value, one.std)} {one.unit}"
+
+
+@dataclass(frozen=True, eq=False, repr=False)
 class Campaign:
     """The files of a campaign, read and with campaign.toml checked; nothing is computed yet.
 
@@ -48,6 +95,11 @@ class Campaign:
         """Content of its files by name."""
         return self.raw.files
 
+    def __repr__(self) -> str:
+        """Its name, robot and files, not their content."""
+        sizes = ", ".join(f"{name} ({len(data)} bytes)" for name, data in self.files.items())
+        return f"Campaign {self.name}, robot {self.robot.name}: {sizes}"
+
     def save(self, root: Path | str = ".") -> Path:
         """Write its files to data/raw/NAME of a project, where `pipeline run` finds them.
 
@@ -62,7 +114,7 @@ class Campaign:
         return folder
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """The answer to a campaign.
 
@@ -84,9 +136,18 @@ class Result:
         return str(self.answer.diagnosis.verdict)
 
     @property
-    def stiffness(self) -> tuple[Stiffness, ...]:
-        """Each joint's stiffness with its standard uncertainty and unit."""
-        return self.answer.stiffness
+    def stiffness(self) -> Stiffnesses:
+        """Each joint's stiffness with its standard uncertainty and unit, by place or by name."""
+        return Stiffnesses(self.answer.stiffness)
+
+    def to_frame(self) -> pd.DataFrame:
+        """The stiffnesses as a table, a row for each joint."""
+        return self.stiffness.to_frame()
+
+    def __repr__(self) -> str:
+        """Verdict and stiffnesses, and where the rest is."""
+        tables = ", ".join(self.tables)
+        return f"Result: {self.verdict}\n{self.stiffness!r}\ntables: {tables}; all of it: .answer"
 
 
 def load_campaign(

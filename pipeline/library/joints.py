@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, listed
-from pipeline.machine.robot import Joint, Robot
+from pipeline.machine.robot import Joint, Robot, rating
 from pipeline.readers.logs import LIMIT_SLACK
 
 _TURN = 2 * np.pi
@@ -70,7 +70,8 @@ def loaded(robot: Robot, q: npt.ArrayLike, force_n: npt.ArrayLike) -> tuple[Arra
         force_n: Force on the robot [N], F_b, shape (3,) or (m, 3).
 
     Raises:
-        InputError: As `joint_values`; or forces are not finite, or not as many as poses.
+        InputError: As `joint_values`; or forces are not finite, not as many as poses, or more
+            than any such robot holds.
     """
     rows, force = joint_values(robot, q), _numbers("force_n", force_n)
     if force.ndim not in (1, 2) or force.shape[-1] != 3 or not force.size:
@@ -84,6 +85,8 @@ def loaded(robot: Robot, q: npt.ArrayLike, force_n: npt.ArrayLike) -> tuple[Arra
             f"there are {len(forces)} forces for {len(rows)} poses",
             "give one force for all poses, or one for each",
         )
+    hardest = float(np.linalg.norm(forces, axis=1).max())
+    rating.refuse_absurd(robot, hardest, "forces are in N")
     return np.broadcast_to(rows, (m, robot.n)), np.broadcast_to(forces, (m, 3))
 
 

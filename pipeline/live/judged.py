@@ -10,6 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.answer.contract import Answer, Tip, Tolerance
+from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.library.campaign import Campaign, Result
 from pipeline.machine.robot import axes
@@ -231,7 +232,7 @@ def _worth(result: Result, q: Array) -> Array:
         cov = model.predict(q, np.tile(most * direction, (len(q), 1)), None).cov
         known: Bools = np.asarray(np.isfinite(cov).reshape(len(q), -1).all(axis=1))
         shrunk = np.eye(3) + np.where(known[:, None, None], cov, 0.0) / noise**2
-        bits += np.where(known, 0.5 * np.linalg.slogdet(shrunk)[1] / np.log(2), np.inf)
+        bits += np.where(known, 0.5 * linear.log_det(shrunk) / np.log(2), np.inf)
     return bits
 
 

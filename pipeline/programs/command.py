@@ -11,7 +11,17 @@ from typer import Argument, Option
 
 from pipeline.app.commands._shared import Named, Root, fitted
 from pipeline.base import files
-from pipeline.programs.corrected import Frame, Given, beside_input, listed_lines, program, write
+from pipeline.base.errors import InputError, UsageError, listed
+from pipeline.programs._text import LARGEST
+from pipeline.programs.corrected import (
+    Frame,
+    Given,
+    beside,
+    beside_input,
+    drawn,
+    listed_lines,
+    write,
+)
 
 _NAMED = "[NAME=]X,Y,Z,A,B,C, as the program writes poses"
 
@@ -22,7 +32,8 @@ def compensate(
         Path,
         Argument(
             metavar="PATH",
-            help="A robot program: .src or .dat (KUKA), .mod (ABB), .ls (FANUC), .script (UR). "
+            help="A robot program, or a folder of them: .src or .dat (KUKA), .mod (ABB), .ls "
+            "(FANUC), .script (UR). "
             "Or a CSV: pose, and joint values or x_mm,y_mm,z_mm with qw,qx,qy,qz, "
             "A_deg,B_deg,C_deg or W_deg,P_deg,R_deg per row, and fx_n,fy_n,fz_n.",
         ),
@@ -32,6 +43,18 @@ def compensate(
         Option(
             metavar="FX,FY,FZ", help="Force on the robot at the tip [N], the same at every point."
         ),
+    ] = None,
+    forces: Annotated[
+        Path | None,
+        Option(
+            metavar="CSV",
+            help="Force at each target of a program: target (or line), fx_n, fy_n, fz_n; none at "
+            "what is not in it. Remarks FORCE and CUT in the program say the same.",
+        ),
+    ] = None,
+    picture: Annotated[
+        Path | None,
+        Option(metavar="SVG", help="Draw the deflection before and after, along the program."),
     ] = None,
     force_frame: Annotated[
         Frame, Option(help="Frame in which forces are given: base (F_b) or tool.")
@@ -96,25 +119,79 @@ def compensate(
     x,y,z,rx,ry,rz in m and rad (UR).
     """
     from pipeline.prediction.aim import Refused
-    from pipeline.programs import dialect
-    from pipeline.store.campaign import outside_raw
 
-    given = Given(tip, force, force_frame, tool or (), base or (), world, flange, start, partial)
+    given = Given(
+        tip, force, force_frame, tool or (), base or (), world, flange, start, partial, forces
+    )
+    if path.is_dir():
+        _folder(root, campaign, path, output, given)
+        return
     try:
-        if not dialect(path.name):
-            written, remarks = write(root, campaign, path, output=output, given=given)
-            typer.echo(written)
-        else:
-            if output is not None:
-                beside_input(path, output)
-            data, remarks = program(root, campaign, path, given)
-            _put(data, None if output is None else outside_raw(root, output))
+        remarks = _one(root, campaign, path, output, given, picture)
     except Refused as wrong:
         for one in listed_lines([str(one) for one in wrong.others]):
             typer.secho(fitted(one, sys.stderr), err=True, fg="red")
         raise
     for line in remarks:
         typer.secho(fitted(line, sys.stderr), err=True)
+
+
+def _one(
+    root: Path, campaign: str, path: Path, output: Path | None, given: Given, picture: Path | None
+) -> list[str]:
+    """Correct one file; what to know about it."""
+    from pipeline.programs import dialect
+    from pipeline.store.campaign import outside_raw
+
+    if not dialect(path.name):
+        if picture is not None or given.forces is not None:
+            raise UsageError("--picture and --forces are for programs: a path has its own columns")
+        written, remarks = write(root, campaign, path, output=output, given=given)
+        typer.echo(written)
+        return remarks
+    if output is not None:
+        beside_input(path, output)
+    data, remarks, shown = drawn(root, campaign, path, given)
+    _put(data, None if output is None else outside_raw(root, output))
+    if picture is not None:
+        files.write(outside_raw(root, picture), shown.encode())
+        typer.echo(picture, err=output is None)
+    return remarks
+
+
+def _folder(root: Path, campaign: str, path: Path, output: Path | None, given: Given) -> None:
+    """Correct every program of a folder into another one, each with its picture.
+
+    Raises:
+        InputError: Some were refused; the others are written.
+    """
+    from pipeline.programs import dialect
+
+    if output is None or (output.exists() and (not output.is_dir() or output.samefile(path))):
+        raise UsageError("a folder of programs is corrected into another one: give --output FOLDER")
+    programs = [one for one in sorted(path.iterdir()) if one.is_file() and dialect(one.name)]
+    if not programs:
+        raise UsageError(f"{path} has no robot program: .src, .dat, .mod, .ls or .script")
+    refused, nothing = [], "contains no motion to a target with coordinates"
+    for one in programs:
+        try:
+            shown = output / f"{one.name}.svg"
+            for line in _one(root, campaign, one, output / one.name, given, shown):
+                _tell(f"{one.name}: {line}")
+        except InputError as problem:
+            if problem.thing == nothing and beside(one):  # its other file has the targets
+                _tell(f"{one.name} {nothing}: copied as it is.")
+                files.write(output / one.name, files.read(one, one.name, LARGEST))
+                continue
+            refused.append(one.name)
+            _tell(str(problem))
+    if refused:
+        thing = f"{len(refused)} of {len(programs)} programs are not corrected: {listed(refused)}"
+        raise InputError(thing, "correct them as the lines above say, or use --partial")
+
+
+def _tell(line: str) -> None:
+    typer.secho(fitted(line, sys.stderr), err=True)
 
 
 def _put(data: bytes, output: Path | None) -> None:

@@ -16,6 +16,7 @@ from pipeline.prediction.compensate import Compensation, Path, compensate, in_ba
 from pipeline.prediction.model import Model
 from pipeline.prediction.notation import Notation
 from pipeline.prediction.program import Left, Program, Target
+from pipeline.programs.forces import Forces, tips_of
 
 _LEFT = 0.01
 """Part of a deflection that may be left [1]: Newton's steps leave a millionth, stiffnesses are
@@ -33,16 +34,18 @@ class Corrected(Locked):
         found: What its targets are moved by.
         rounding: How far the digits of the program leave the tip from where it should be [m].
         singular: Targets whose deflection the joints cannot cancel, and what is left of it [m].
+        tips: Where the force acts at each of its targets, F_b [m], shape (m, 3).
     """
 
     program: Program
     found: Compensation
     rounding: float
     singular: tuple[tuple[Target, float], ...]
+    tips: Array
 
 
 def correct(
-    model: Model, program: Program, setting: Setting, force: Array, partial: bool = False
+    model: Model, program: Program, setting: Setting, force: Array | Forces, partial: bool = False
 ) -> Corrected:
     """The same program for the loaded robot, whole or not at all.
 
@@ -52,7 +55,7 @@ def correct(
         model: The identified model.
         program: The program.
         setting: What it does not say.
-        force: Force on the robot at the tip [N], shape (3,).
+        force: Force on the robot at the tip [N], shape (3,), or what acts at each target.
         partial: Correct what can be corrected while something else is left where it was taught.
 
     Raises:
@@ -61,7 +64,10 @@ def correct(
     if (standing := [_left(one) for one in left_standing(program)]) and not partial:
         raise Refused(standing)
     aimed = aim(model, program.notation, program.targets, setting, program)
-    forces = np.tile(force, (len(aimed.q), 1))
+    if isinstance(force, Forces):
+        forces = force.at(model.robot, aimed)
+    else:
+        forces = np.tile(force, (len(aimed.q), 1))
     found, values = corrected(
         model, program.notation, program.targets, aimed, forces, setting.in_tool
     )
@@ -74,6 +80,7 @@ def correct(
         found.part(own),
         _rounding(model.robot, program, aimed, values, own),
         tuple(left),
+        tips_of(model.robot, aimed)[0][own],
     )
 
 

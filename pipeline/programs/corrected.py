@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import re
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from datetime import UTC, datetime
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from pipeline.prediction.notation import Form, Notation
     from pipeline.programs import Program
     from pipeline.programs.correct import Corrected
+    from pipeline.programs.forces import Forces
 
 _SHOWN = 20
 """Lines of a program that are listed of one kind."""
@@ -48,6 +50,7 @@ class Given:
         flange: Flange of the controller in that of the robot file, likewise.
         start: Axes before the first motion [deg], [mm].
         partial: Write a program although motions of it are left as taught.
+        forces: A table of the force at each target of a program.
     """
 
     tip: tuple[float, float, float] | None = None
@@ -59,6 +62,7 @@ class Given:
     flange: str | None = None
     start: str | None = None
     partial: bool = False
+    forces: Path | None = None
 
 
 def write(
@@ -94,33 +98,64 @@ def write(
 
 
 def program(root: Path, name: str, path: Path, given: Given) -> tuple[bytes, list[str]]:
-    """A robot program with corrected coordinates, and what to know about it.
+    """A robot program with corrected coordinates, and what to know about it; see `drawn`."""
+    data, remarks, _ = drawn(root, name, path, given)
+    return data, remarks
+
+
+def drawn(root: Path, name: str, path: Path, given: Given) -> tuple[bytes, list[str], str]:
+    """A robot program with corrected coordinates, what to know about it, and its picture (SVG).
 
     Raises:
         UsageError: The campaign has no model yet, the program is not there, an option is no good.
         InputError: The program cannot be read, or targets of it cannot be reached or corrected.
     """
-    import numpy as np
-
     from pipeline.programs import read, stamp
     from pipeline.programs.correct import correct
+    from pipeline.programs.picture import picture
 
     model, data = _model(root, name), _content(path)
-    if given.force is None:
-        raise UsageError("a program has no forces: give --force FX,FY,FZ [N]")
-    beside = _beside(path)
-    other = None if beside is None else (beside.name, _content(beside))
+    near = beside(path)
+    other = None if near is None else (near.name, _content(near))
     read_ = read(path.name, data, other)
     setting = _setting(given, read_.notation, model)
-    force = np.array(_numbers("--force", given.force, 3))
+    force = _acting(given, read_, other)
     found = correct(model, read_, setting, force, given.partial)
     remarks = _remarks(read_, found)
-    if beside is not None and any(one.file == beside.name for one in read_.targets):
-        remarks.append(f"{beside.name} has targets of this program, too: correct it as well.")
+    if near is not None and any(one.file == near.name for one in read_.targets):
+        remarks.append(f"{near.name} has targets of this program, too: correct it as well.")
     text = stamp.stamped(
         path.name, found.program.text, _stamp(root, name, given, found.program.text)
     )
-    return text.encode("latin-1"), remarks + _misfit(model)
+    shown = picture(path.name, found.tips, found.found)
+    return text.encode("latin-1"), remarks + _misfit(model), shown
+
+
+def _acting(given: Given, read_: Program, other: tuple[str, bytes] | None) -> Array | Forces:
+    """The force of the command line, else that of a table or of the program's own remarks.
+
+    Raises:
+        UsageError: There is none, or there are two.
+    """
+    from pipeline.programs._text import letters
+    from pipeline.programs.forces import stated, tabled
+
+    texts = {read_.file: read_.text} | ({} if other is None else {other[0]: letters(*other)})
+    said = stated(texts, read_.targets)
+    if given.forces is not None:
+        said = tabled(given.forces.name, _content(given.forces), read_.targets)
+    if given.force is not None and said is None:
+        return _newtons(given.force)
+    if said is None:
+        raise UsageError(
+            "the program says no forces: give --force FX,FY,FZ [N], --forces TABLE.csv, or write "
+            "remarks FORCE and CUT into it (docs/hand-over.md)"
+        )
+    if given.force is not None:
+        raise UsageError("the forces are given twice, for all points and for each: leave out one")
+    if said.cuts and given.frame == Frame.TOOL:
+        raise UsageError("a CUT knows its direction by the motion: leave out --force-frame tool")
+    return said
 
 
 def beside_input(path: Path, output: Path) -> None:
@@ -129,7 +164,7 @@ def beside_input(path: Path, output: Path) -> None:
     Raises:
         InputError: `output` is one of them, by whatever name.
     """
-    for one in (path, _beside(path)):
+    for one in (path, beside(path)):
         if one is not None and output.exists() and output.samefile(one):
             thing = "is the original, which --output would overwrite"
             raise InputError(thing, "write to another file", file=str(output))
@@ -141,7 +176,7 @@ def _stamp(root: Path, name: str, given: Given, text: str) -> str:
     from pipeline.programs import LARGEST, stamp
 
     model = files.read(_kept(root, name), "model.toml", LARGEST)
-    force = "of each row" if given.force is None else f"{given.force} N"
+    force = "of each point" if given.force is None else f"{given.force} N"
     today = datetime.now(tz=UTC).date().isoformat()
     return stamp.words(__version__, name, model, f"{force} in {given.frame}", today, text)
 
@@ -218,7 +253,7 @@ def _content(path: Path) -> bytes:
     return files.read(path, path.name, LARGEST)
 
 
-def _beside(path: Path) -> Path | None:
+def beside(path: Path) -> Path | None:
     """The other file of a program, where there is one."""
     from pipeline.programs import other_suffix
 
@@ -277,9 +312,25 @@ def _poses(
 
 def _force(given: Given) -> Array | None:
     """The force of every point [N], shape (3,); None where each has its own."""
+    return None if given.force is None else _newtons(given.force)
+
+
+def _newtons(text: str) -> Array:
+    """A force [N], shape (3,); in kN where that stands behind it.
+
+    Raises:
+        UsageError: It is no three numbers, or in another unit.
+    """
     import numpy as np
 
-    return None if given.force is None else np.array(_numbers("--force", given.force, 3))
+    from pipeline.readers.logs import FORCE
+
+    numbers, unit = text.rstrip(" ]"), "n"
+    if found := re.fullmatch(r"(.*[0-9.])\s*([A-Za-z]+)", numbers):
+        numbers, unit = found[1], found[2].lower()
+    if unit not in FORCE:
+        raise UsageError(f'--force "{text}": give N or kN, as 0,0,-800 or 0,0,-0.8kN')
+    return FORCE[unit] * np.array(_numbers("--force", numbers, 3))
 
 
 def listed_lines(lines: list[str]) -> list[str]:

@@ -8,7 +8,7 @@ plan says. KUKA (.src and .dat), ABB (.mod), FANUC (.ls) and UR (.script).
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -170,7 +170,7 @@ _SHORT = 24
 def _tp(name: str, drive: Drive) -> dict[str, str]:
     steps: list[str] = []
     places: list[str] = []
-    for number, (_, at, stops) in enumerate(drive.points(), 1):
+    for number, (point, at, stops) in enumerate(drive.points(), 1):
         steps.append(f"J P[{number}] {_SPEED}% FINE")
         for stop in stops:
             steps += [f"!{stop.todo[:30]}", f"MESSAGE[{stop.group[:_SHORT]}]", "PAUSE"]
@@ -180,7 +180,7 @@ def _tp(name: str, drive: Drive) -> dict[str, str]:
             f"\tE{k}= {x:.3f} {u}" for k, (x, u) in enumerate(zip(at[ARM:], units, strict=True), 1)
         ]
         rows = ",\n".join([",\t".join(arm[:3]), ",\t".join(arm[3:]), *more])
-        places.append(f"P[{number}]{{\n   GP1:\n\tUF : 0, UT : 1,\n{rows}\n}};")
+        places.append(f'P[{number}:"{point}"]{{\n   GP1:\n\tUF : 0, UT : 1,\n{rows}\n}};')
     body = [f"{k:4d}:  {step} ;" for k, step in enumerate(steps, 1)]
     head = [
         f"/PROG  {name.upper()}",
@@ -218,6 +218,7 @@ def drive(
     steps: Sequence[Sequence[float]],
     zero_after: bool,
     via: Sequence[Array] = (),
+    lost: Collection[int] = (),
 ) -> Drive | None:
     """What a plan drives, in the controller's axes; None where they are not six and external ones.
 
@@ -230,6 +231,7 @@ def drive(
         zero_after: Whether the unloaded state is read again after the steps.
         via: Joint values of points on the way to each pose, shape (k, n) each; straight where not
             given.
+        lost: Numbers of poses on whose way the chain or a beam is crossed, from 1.
     """
     mapped = axes.of(robot)
     order = np.argsort(_external(mapped), kind="stable")
@@ -242,7 +244,7 @@ def drive(
         axes=axes.shown(robot, q)[:, order].round(6),
         rail=mapped.slides[order],
         approach=np.asarray(approach),
-        stops=tuple(stops(k, own, zero_after, wide) for k, own in enumerate(steps, 1)),
+        stops=tuple(stops(k, own, zero_after, wide, k in lost) for k, own in enumerate(steps, 1)),
         lower=lower[order],
         upper=upper[order],
         via=tuple(axes.shown(robot, one)[:, order].round(6) for one in via),
@@ -270,7 +272,9 @@ def _limits(robot: Robot, mapped: axes.Axes) -> tuple[Array, Array]:
     return lower, upper
 
 
-def stops(pose: int, steps: Sequence[float], zero_after: bool, wide: int = 2) -> tuple[Stop, ...]:
+def stops(
+    pose: int, steps: Sequence[float], zero_after: bool, wide: int = 2, lost: bool = False
+) -> tuple[Stop, ...]:
     """What is read at a pose, in the names of groups that the sheet has.
 
     Args:
@@ -279,9 +283,11 @@ def stops(pose: int, steps: Sequence[float], zero_after: bool, wide: int = 2) ->
             where the pose is read without a load only.
         zero_after: Whether the unloaded state is read again after the steps.
         wide: Digits of the pose in the name of a group.
+        lost: The chain or a beam was crossed on the way.
     """
     group = f"pose{pose:0{wide}d}_rep"
-    out = [Stop(f"{group}0_unloaded", "chain slack: read all")]
+    first = "clear chain and beam, read all" if lost else "chain slack: read all"
+    out = [Stop(f"{group}0_unloaded", first)]
     for k, step in enumerate(steps, 1):
         way = "slacken" if step < 0 else "tighten"
         out.append(Stop(f"{group}{k}_loaded", f"{way} to {abs(step):g} N: read all"))

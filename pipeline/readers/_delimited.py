@@ -253,8 +253,9 @@ def _why_no_number(cell: str, layout: Layout) -> str:
     return ", not a number; correct or remove the row"
 
 
+_FORCES = ("N", "kN", "daN", "kgf", "kg", "kp", "lbf")
 _WITH_UNIT = re.compile(
-    rf"[+-]?[0-9]+(?:[.,][0-9]+)? ?(?:{'|'.join([*UNIT_WORDS, *ANGLE_WORDS])}|\")"
+    rf"[+-]?[0-9]+(?:[.,][0-9]+)? ?(?:{'|'.join([*UNIT_WORDS, *ANGLE_WORDS, *_FORCES])}|\")"
 )
 
 

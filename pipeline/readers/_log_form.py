@@ -11,10 +11,18 @@ from pydantic import Field
 
 from pipeline.base.errors import InputError, at, listed
 from pipeline.base.strict import Name, Strict
+from pipeline.readers import recorded, taught
 from pipeline.readers._cells import MARKS, above, bare, is_plain
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._named import IN_BRACKETS
-from pipeline.readers._text import SAMPLE_LINES, Text, refuse_other_programs, squeezed
+from pipeline.readers._text import (
+    SAMPLE_LINES,
+    Text,
+    is_workbook,
+    refuse_other_programs,
+    squeezed,
+    text,
+)
 from pipeline.readers._workbook import opened as workbook
 
 _ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
@@ -105,7 +113,7 @@ def opened(
             found = _found(one, own, key)
             return 0 if found is None else 1 + holds(_ours(found.titles, own))
 
-        file = workbook(name, data, sheet, mark, table, fits)
+        file = _as_text(name, data, sheet, mark, table, fits)
         head = _found(file, own, key) or _header(file, _no_remark(file))
         with at(line=head.line):
             ours = _ours(head.titles, own)
@@ -116,6 +124,19 @@ def opened(
         return Titled(
             file, head.line, head.first, head.delimiter, tuple(ours), head.written, tuple(early)
         )
+
+
+def _as_text(
+    name: str,
+    data: bytes,
+    sheet: str | None,
+    mark: str | None,
+    table: str | None,
+    fits: Callable[[Text], int],
+) -> Text:
+    """A log as a table: points of a controller and recordings are made one."""
+    made = None if is_workbook(data) else taught.table(data) or recorded.table(data)
+    return text(name, made) if made else workbook(name, data, sheet, mark, table, fits)
 
 
 @dataclass(frozen=True)
@@ -199,7 +220,7 @@ def understood(
 
     with at(name):
         refuse_other_programs(name, data)
-        columns = meant(workbook(name, data, None, None, table, lambda one: meant(one) is not None))
+        columns = meant(_as_text(name, data, None, None, table, lambda one: meant(one) is not None))
     return None if columns is None else LogForm(columns=columns)
 
 

@@ -21,6 +21,10 @@ _CALLED = {
         "branch", "ast", "richtung", "direction", "lastrichtung", "belastungsrichtung",
         "load direction", "direction of load", "verlauf",
     },
+    "remark": {
+        "remark", "remarks", "bemerkung", "bemerkungen", "kommentar", "anmerkung", "notiz",
+        "comment", "comments", "note", "notes",
+    },
     "mass": {"mass", "masse", "gewicht", "weight"},
     "rail": {
         "rail", "track", "linear axis", "linear unit", "lineareinheit", "linearachse", "schiene",
@@ -89,7 +93,7 @@ def of_loads(titles: Sequence[str], units: Mapping[str, Sequence[str]]) -> dict[
     Returns:
         Of a title that does not state its unit all our names for it, with bars between them.
     """
-    roles = ("pose", "repeat", "branch", *units)
+    roles = ("pose", "repeat", "branch", "remark", *units)
     found = _first(titles, {role: units.get(role, ()) for role in roles})
     return _ours(found) if "pose" in found and found.keys() & units.keys() else None
 

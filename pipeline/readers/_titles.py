@@ -5,6 +5,7 @@ from __future__ import annotations
 import re
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass, replace
+from functools import lru_cache
 
 from pipeline.base.errors import InputError
 from pipeline.readers._cells import shown
@@ -212,7 +213,12 @@ def triples(columns: Sequence[Named]) -> list[Triple]:
 
 def name_a_place(cells: Sequence[str] | None) -> bool:
     """Whether the cells of a line are titles of three coordinates."""
-    return bool(cells and triples(titled(cells)))
+    return cells is not None and sum(map(bool, cells)) > 2 and _place(tuple(cells))
+
+
+@lru_cache(maxsize=1024)  # a junk file repeats a few lines a million times
+def _place(titles: tuple[str, ...]) -> bool:
+    return bool(triples(titled(titles)))
 
 
 def _cartesian(columns: Sequence[Named]) -> Iterator[Triple]:

@@ -11,7 +11,7 @@ import io
 import re
 import zipfile
 import zlib
-from collections.abc import Callable, Iterable, Mapping
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from dataclasses import replace
 from typing import Any
 
@@ -25,6 +25,13 @@ _UNPACKED = 1_000_000_000
 """Bytes of all that is packed in a workbook; sheets are XML that shrinks to a tenth."""
 _PIECE = 1 << 20
 """Bytes that are unpacked in one go."""
+_MOST_CELLS = 10_000_000
+"""Of a sheet: ten columns of as many rows as Excel has; each takes a microsecond and more."""
+_CELLS = (b"<c ", b"<c>", b"<c/>")
+_FAR = re.compile(rb'\sr="(?:[A-Z]{4}|[A-Z]{0,3}\d{8})')
+"""Beyond XFD1048576, the last cell that Excel has."""
+_REFERENCE = 16
+"""Letters of a reference."""
 _MILLISECOND = 1000
 """[us]; Excel shows no finer times, and keeps days as numbers that are good for 1 us."""
 _BREAKS = re.compile(r"[\t\r\n]+")
@@ -58,7 +65,7 @@ def opened(
         book = CalamineWorkbook.from_filelike(io.BytesIO(data))
         there = [one.name for one in book.sheets_metadata if one.typ == SheetTypeEnum.WorkSheet]
         wanted = [one for one in there if sheet in (None, one)]
-        lines = {one: _lines(book.get_sheet_by_name(one).iter_rows(), mark) for one in wanted}
+        lines = {one: _lines([*book.get_sheet_by_name(one).iter_rows()], mark) for one in wanted}
     except CalamineError as problem:
         thing = f"the workbook cannot be read ({problem})"
         raise InputError(thing, "save it again, or as CSV") from problem
@@ -97,10 +104,25 @@ def _text(name: str, sheet: str, data: bytes) -> Text:
     return replace(text(name, data), encoding=f'workbook, sheet "{sheet}"')
 
 
-def _lines(rows: Iterable[list[Any]], mark: str | None) -> bytes:
+def _lines(rows: Sequence[list[Any]], mark: str | None) -> bytes:
     """Rows as lines; one without a filled cell is blank."""
-    lines = ("\t".join(_cell(value, mark or ".") for value in row) for row in rows)
+    mark = mark or _mark_of_texts(cell for row in rows for cell in row)
+    lines = ("\t".join(_cell(value, mark) for value in row) for row in rows)
     return "".join(f"{line}\n" if line.strip("\t") else "\n" for line in lines).encode()
+
+
+_COMMA, _POINT = (re.compile(rf"\s*[+-]?[0-9]+{mark}[0-9]+\s*") for mark in (",", r"\."))
+_THOUSANDS = re.compile(r"\s*[+-]?[1-9][0-9]{0,2},[0-9]{3}\s*")
+
+
+def _mark_of_texts(cells: Iterable[Any]) -> str:
+    """The decimal mark of numbers that were typed as text; cells of numbers have none.
+
+    Excel keeps 765,3 as text where its own mark is the point.
+    """
+    texts = [one for one in cells if isinstance(one, str)]
+    commas = any(_COMMA.fullmatch(one) and not _THOUSANDS.fullmatch(one) for one in texts)
+    return "," if commas and not any(map(_POINT.fullmatch, texts)) else "."
 
 
 def _cell(value: Any, mark: str) -> str:
@@ -152,7 +174,16 @@ def _as_said(packed: zipfile.ZipFile, one: zipfile.ZipInfo) -> None:
     longer = copy.copy(one)
     longer.file_size += 1
     del longer.CRC  # which is that of the length it says
+    found = cells = 0
+    before = b""
     with packed.open(longer) as part:
-        found = sum(len(piece) for piece in iter(lambda: part.read(_PIECE), b""))
+        for piece in iter(lambda: part.read(_PIECE), b""):
+            found += len(piece)
+            cells += sum(map(piece.count, _CELLS))
+            if _FAR.search(before[-_REFERENCE:] + piece):
+                raise zipfile.BadZipFile(f"{one.filename} has a cell where no sheet has one")
+            if cells > _MOST_CELLS:
+                raise InputError(f"a sheet has more than {_MOST_CELLS} cells", _SMALLER)
+            before = piece
     if found > one.file_size:
         raise zipfile.BadZipFile(f"{one.filename} is longer than it says")

@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 import pandas as pd
@@ -59,6 +60,7 @@ __all__ = [
     "of_poses",
     "once",
     "refuse_without_poses",
+    "remarks",
     "settled",
     "table",
     "understood_joints",
@@ -88,6 +90,8 @@ POSE = Quantity("pose", {})
 _REPEAT = Quantity("repeat", {})
 _TIME = Quantity("time", {}, "name", needed=False)
 """When a row was taken: `check` holds it against the readings."""
+_REMARK = Quantity("remark", {}, "name", needed=False)
+"""What somebody has to say of a row; `check` says it again."""
 
 
 def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
@@ -109,14 +113,12 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
     """
     wanted = _of_loads()
     _, _, force, *other = wanted
-    kinds = [force, *other[:3]]
-    file = opened(name, data, said, "scale", POSE.stem,
-                  lambda titles: any(suffixed(titles, q) for q in kinds))  # fmt: skip
+    file = opened(name, data, said, "scale", POSE.stem, _has_load)
     named = suffixed(file.titles, other[-1]) is not None
     needed = not any(suffixed(file.titles, q) for q in other[:3])
     wanted[0] = replace(POSE, filled=not named)
     wanted[2] = replace(force, needed=needed, filled=not named)
-    known_columns(said, "scale", [*wanted, _TIME])
+    known_columns(said, "scale", [*wanted, _TIME, _REMARK])
     log = _one_load(_pulls(typed(file, wanted, said, "scale")))
     if "branch" in log.word:
         own = np.array([_log_words.branch(cell) for cell in log.word["branch"]], dtype=object)
@@ -129,6 +131,37 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
 def group_name(name: str) -> str:
     """A group as a log and an export have it in common: 7 in a spreadsheet is 007 in the other."""
     return name.lstrip("0") or "0" if name.isdigit() else name
+
+
+def _has_load(titles: Sequence[str]) -> bool:
+    """Whether columns are those of a log of loads."""
+    return any(suffixed(titles, q) for q in _of_loads()[2:6])
+
+
+def remarks(name: str, data: bytes, said: LogForm, robot: Robot | None = None) -> list[str]:
+    """What the column `remark` of a log says, each with its line, pose and pull.
+
+    Args:
+        name: Name of the file.
+        data: Its content.
+        said: [scale] or [joints] of campaign.toml.
+        robot: Whose joint log it is; None for a log of loads.
+
+    Raises:
+        InputError: The file cannot be read.
+    """
+    holds = _has_load if robot is None else partial(_has_joints, robot)
+    section = "scale" if robot is None else "joints"
+    file = opened(name, data, said, section, POSE.stem, holds)
+    pose, repeat = replace(POSE, filled=False), replace(_REPEAT, needed=False)
+    log = typed(file, [pose, repeat, _REMARK], said, section)
+    out = []
+    for k in np.flatnonzero(log.word.get("remark", np.array([])) != ""):
+        where = [f"{what} {log.number[what][k]:.0f}" for what in ("pose", "repeat")
+                 if what in log.number and np.isfinite(log.number[what][k])]  # fmt: skip
+        said_of = f", {' '.join(where)}" if where else ""
+        out.append(f"{name}, line {log.line[k]}{said_of}: {log.word['remark'][k]}")
+    return out
 
 
 def _of_loads() -> list[Quantity]:
@@ -249,9 +282,7 @@ def joints(
         InputError: A joint is missing; the file cannot be read.
     """
     own, axes = own_joints(robot), controller_axes(robot)
-    kinds = [names for names in (own, axes) if names]
-    file = opened(name, data, said, "joints", POSE.stem,
-                  lambda titles: any(_has(titles, one) for one in kinds))  # fmt: skip
+    file = opened(name, data, said, "joints", POSE.stem, partial(_has_joints, robot))
     from_controller = bool(axes) and not _has(file.titles, own) and _has(file.titles, axes)
     wanted = axes if from_controller else own
     approach = Quantity("approach", {}, needed=False)
@@ -259,7 +290,7 @@ def joints(
                for j, q in enumerate(wanted, 1)]  # fmt: skip
     repeat = replace(_REPEAT, needed=False)
     others = [approach, repeat, *torques]
-    known_columns(said, "joints", [POSE, _TIME, *own, *axes, *others])
+    known_columns(said, "joints", [POSE, _TIME, _REMARK, *own, *axes, *others])
     log = whole_numbers(typed(file, [POSE, *wanted, *others], said, section))
     reason = "approach is neither 1 nor -1; correct it or leave it empty"
     log = log.where("approach", lambda way: np.isin(way, [1, -1, 0]) | np.isnan(way), reason)
@@ -417,6 +448,11 @@ def controller_axes(robot: Robot) -> list[Quantity]:
     slides = robot.prismatic.astype(float) @ np.abs(robot.controller_matrix) > 0
     axes = zip(robot.controller, slides, strict=True)
     return [Quantity(axis, LENGTH if slide else ANGLE) for axis, slide in axes]
+
+
+def _has_joints(robot: Robot, titles: Sequence[str]) -> bool:
+    """Whether columns are all joints of a robot, or all axes of its controller."""
+    return any(_has(titles, one) for one in (own_joints(robot), controller_axes(robot)) if one)
 
 
 def _has(header: Sequence[str], wanted: Sequence[Quantity]) -> bool:

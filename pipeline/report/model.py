@@ -7,10 +7,10 @@ from __future__ import annotations
 
 from collections.abc import Collection
 
-from pipeline.answer.contract import About, Answer
-from pipeline.answer.tolerated import tolerated
+from pipeline.answer.contract import Answer
 from pipeline.answer.words import ABOUT
 from pipeline.report import words
+from pipeline.report.certificate import certificate
 from pipeline.report.record import Headline, Item, Report, Section, present, unlabelled
 from pipeline.report.sections.cell import cell
 from pipeline.report.sections.diagnosis import diagnosis
@@ -51,14 +51,14 @@ def compose(
         wear: What all campaigns of the robot say together; None where they are too few to.
     """
     title, tone = words.VERDICTS[answer.diagnosis.verdict]
-    sections = [identity(answer)] + (
+    sections = (
         _of_positions(answer, tables)
         if answer.of_positions
         else [
-            stiffness(answer, previous, wear),
+            validation(answer, tables),
             diagnosis(answer, tables),
             test_pose(answer, tables),
-            validation(answer, tables),
+            stiffness(answer, previous, wear),
             cell(answer, tables),
             residuals(answer, tables),
             budget(answer),
@@ -70,7 +70,7 @@ def compose(
             rejected(answer),
         ]
     )
-    sections += [files(beside, previous), method(answer)]
+    sections += [files(beside, previous), identity(answer), method(answer)]
     return Report(
         kicker=f"{_about(answer)} · {answer.machine}",
         heading=answer.campaign,
@@ -82,19 +82,16 @@ def compose(
         judged=_judged(answer),
         elsewhere="The same report is in index.html and report.pdf, the numbers in result.json.",
         run_time=None if run_time_s is None else f"{run_time_s:.1f} s",
+        certificate=certificate(answer, tables),
     )
 
 
 def _first(answer: Answer) -> tuple[Item, ...]:
-    """The lines of the first screen; the verdict needs no label under its own word."""
+    """The first screen line by line, with a tolerance in front."""
     lines = answer.first_screen
     if not lines:
         return unlabelled(*answer.verdict_sentence)
-    return tuple(
-        Item("" if one.about is About.VERDICT else ABOUT[one.about], one.text)
-        for one in lines
-        if answer.tolerance is None or one.about is not About.TOLERANCE
-    )
+    return tuple(Item(ABOUT[one.about], one.text) for one in lines)
 
 
 def _judged(answer: Answer) -> Headline | None:
@@ -104,7 +101,7 @@ def _judged(answer: Answer) -> Headline | None:
         return None
     doubtful = words.VERDICTS[answer.diagnosis.verdict][1] == "bad"
     word, tone = words.JUDGED[worst, doubtful]
-    return Headline(word, tone, tolerated(answer.tolerance, answer.test_pose))
+    return Headline(word, tone)
 
 
 def _about(answer: Answer) -> str:

@@ -161,27 +161,82 @@ def unlabelled(*texts: str) -> tuple[Item, ...]:
     return tuple(Item("", text) for text in texts)
 
 
+@dataclass(frozen=True)
+class Bar:
+    """One stiffness of the certificate.
+
+    Attributes:
+        name: Axis and joint.
+        value: With its standard uncertainty.
+        beside: Share of the nominal value, or the relative uncertainty where none is stated.
+        enter: What a controller takes in its place; empty where that is the value.
+        track: Where lower limit, value and upper limit stand between the ends of the bar, 0 to 1;
+            None where there is nothing to draw.
+    """
+
+    name: str
+    value: str
+    beside: str
+    enter: str = ""
+    track: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        """Set numbers and units as they are printed."""
+        for name in ("value", "beside", "enter"):
+            object.__setattr__(self, name, typeset(getattr(self, name)))
+
+
+@dataclass(frozen=True)
+class Certificate:
+    """The first page: what is decided and found, and what it is filed by.
+
+    Attributes:
+        found: What is wrong.
+        to_do: What to do.
+        picture: The robot.
+        gauge: The deflection beside its tolerance; None where nothing is asked.
+        bars: The stiffnesses.
+        nominal: Where the nominal value stands along the bars, 0 to 1; None without one.
+        beside: Heading of what stands beside the bars.
+        note: What has to be known of them.
+        filed: What is stated of campaign, machine and instruments.
+        sign: Who has to sign.
+        digest: Of result.json, by which this answer is found again.
+    """
+
+    found: str
+    to_do: str
+    picture: Figure | None
+    gauge: Figure | None
+    bars: tuple[Bar, ...]
+    nominal: float | None
+    beside: str
+    note: str
+    filed: tuple[Item, ...]
+    digest: str
+    sign: tuple[str, ...] = ("Measured", "Checked", "Released")
+
+    def __post_init__(self) -> None:
+        """Set numbers and units as they are printed."""
+        for name in ("found", "to_do", "note"):
+            object.__setattr__(self, name, typeset(getattr(self, name)))
+
+
 TONES = ("good", "neutral", "attention", "bad")
 """From the best to the worst."""
 
 
 @dataclass(frozen=True)
 class Headline:
-    """What is decided, in a few words, and what it rests on.
+    """What is decided.
 
     Attributes:
         word: In a few words.
         tone: One of `TONES`.
-        text: What it rests on.
     """
 
     word: str
     tone: str
-    text: str
-
-    def __post_init__(self) -> None:
-        """Set numbers and units as they are printed."""
-        object.__setattr__(self, "text", typeset(self.text))
 
 
 @dataclass(frozen=True)
@@ -194,11 +249,12 @@ class Report:
         title: Title of page and PDF, complete in itself.
         verdict: The verdict in a few words.
         tone: Of the verdict, one of `TONES`.
-        first: The first screen, line by line, the verdict first.
+        first: The answer in words, line by line.
         sections: The rest, in order of use.
         elsewhere: Where else to find what stands here.
         run_time: How long the run took, or None.
         judged: What a tolerance decides, told before the verdict; None without one.
+        certificate: The first page; None of a report that is none of a campaign.
     """
 
     kicker: str
@@ -211,6 +267,7 @@ class Report:
     elsewhere: str = ""
     run_time: str | None = None
     judged: Headline | None = None
+    certificate: Certificate | None = None
 
     @property
     def worst(self) -> str:
@@ -221,7 +278,9 @@ class Report:
     @property
     def figures(self) -> tuple[Figure, ...]:
         """All figures in order."""
-        return tuple(b for s in self.sections for b in s.blocks if isinstance(b, Figure))
+        of = self.certificate
+        first = () if of is None else present((of.picture, of.gauge))
+        return (*first, *(b for s in self.sections for b in s.blocks if isinstance(b, Figure)))
 
 
 def entry(text: str, sort: object = None) -> Entry:

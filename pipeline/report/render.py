@@ -21,6 +21,7 @@ from pipeline.answer.contract import Answer
 from pipeline.base.quantities import typeset
 from pipeline.base.shown import runs
 from pipeline.base.version import __version__
+from pipeline.report.paper import printed
 from pipeline.report.record import Block, Report, Table
 
 _HERE = files("pipeline.report")
@@ -127,15 +128,16 @@ def _words(text: str) -> Markup:
 
 
 def pdf(report: Report, drawings: Mapping[str, str]) -> bytes:
-    """The report as tagged PDF (PDF/UA-1); all words travel as data, none as markup."""
+    """What is printed of it, as tagged PDF (PDF/UA-1); words travel as data, not as markup."""
     import typst
 
     from pipeline.report.svg import FONTS
 
-    said = asdict(_typeset(report)) | {"version": __version__, "worst": report.worst}
+    said = asdict(_typeset(printed(report))) | {"version": __version__, "worst": report.worst}
+    shown = {one.name: drawings[one.name] for one in printed(report).figures}
     compiled = typst.compile(  # type: ignore[call-overload]  # its own stub lacks bytes
         _text("page.typ").encode(),
-        sys_inputs={"report": json.dumps(said), "figures": json.dumps(dict(drawings))},
+        sys_inputs={"report": json.dumps(said), "figures": json.dumps(shown)},
         font_paths=[FONTS],
         ignore_system_fonts=True,
         pdf_standards="ua-1",

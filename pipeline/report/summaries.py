@@ -34,7 +34,7 @@ def _rms(values: pd.Series[float]) -> float:
     return rms(known) if len(known) else float("nan")
 
 
-def _rms_of_poses(table: pd.DataFrame, **columns: str) -> pd.DataFrame:
+def rms_of_poses(table: pd.DataFrame, **columns: str) -> pd.DataFrame:
     """Rms of each pose [mm]: pose, and for each name that of a column [m]."""
     mm = table.assign(**{name: MM * table[column] for name, column in columns.items()})
     by_pose: pd.DataFrame = mm.groupby("pose")[list(columns)].agg(_rms)
@@ -43,15 +43,7 @@ def _rms_of_poses(table: pd.DataFrame, **columns: str) -> pd.DataFrame:
 
 def pose_rms(residuals: pd.DataFrame) -> pd.DataFrame:
     """Rms residual of each pose [mm]: pose, fitted, left_out."""
-    return _rms_of_poses(residuals, fitted="residual_m", left_out="left_out_m")
-
-
-def gain(examined: pd.DataFrame) -> pd.DataFrame:
-    """Rms error of each pose left out [mm]: pose, before (springs alone), after (with causes).
-
-    Poses that the others do not predict are left out.
-    """
-    return _rms_of_poses(examined, before="left_out_m", after="left_out_extended_m").dropna()
+    return rms_of_poses(residuals, fitted="residual_m", left_out="left_out_m")
 
 
 def residual_force(tables: Tables) -> pd.DataFrame:

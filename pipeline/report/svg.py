@@ -19,7 +19,7 @@ with elsewhere():  # the first import reads a matplotlibrc, which must not be a 
 FONTS = f"{matplotlib.get_data_path()}/fonts/ttf"
 """The face that the figures are set in."""
 
-INK, MUTED, GRID = "#1a1c21", "#5b6270", "#d4d8de"
+INK, MUTED, GRID, PAPER = "#1a1c21", "#5b6270", "#d4d8de", "#ffffff"
 BLUE, RED, GREEN, PURPLE = "#0072b2", "#c8500a", "#00785a", "#8a4f7e"
 BODY, EDGE = "#b9c3d1", "#4a5568"
 """What a robot is drawn in: its links and their outline."""
@@ -41,6 +41,7 @@ _VARIABLES = {
     INK: "--fig-ink",
     MUTED: "--fig-muted",
     GRID: "--fig-grid",
+    PAPER: "--paper",
     BODY: "--fig-body",
     EDGE: "--fig-edge",
     **{colour: f"--fig-{place}" for place, colour in enumerate(SERIES, 1)},
@@ -82,6 +83,9 @@ _ON_THE_PAGE: Any = _PLAIN | STYLE | {"figure.facecolor": "none", "axes.facecolo
 _SHAPES = {"use", "path"}
 
 
+_WHOLE_PX = 560
+"""A figure drawn by hand that is no wider shrinks with the page."""
+
 _HALF_PX = 544
 """Least width of half a page in page.css: 34 rem of 16 pixels."""
 
@@ -112,13 +116,22 @@ def drawn(name: str, draw: Callable[[Canvas], Mapping[str, Sequence[str]]]) -> D
     with matplotlib.rc_context(_ON_THE_PAGE | {"svg.hashsalt": name}):
         canvas = Canvas()
         tips = draw(canvas)
+        if len(canvas.axes) == 1 and not canvas.legends:  # one pass over its labels is enough
+            canvas.set_layout_engine("tight", pad=0.4)
         canvas.align_ylabels()  # of plots below each other
         # Figure.savefig would draw everything once more for the layout.
         FigureCanvasSVG(canvas).print_svg(text, metadata=nothing)  # type: ignore[no-untyped-call]
     return Drawing(text.getvalue(), _inline(text.getvalue(), tips))
 
 
-def _inline(svg: str, tips: Mapping[str, Sequence[str]]) -> str:
+def by_hand(svg: str) -> Drawing:
+    """A figure that is SVG already, its words within it; a wide one is scrolled."""
+    width = float(ET.fromstring(svg).attrib["viewBox"].split()[2])
+    return Drawing(svg, _inline(svg, {}, whole=width <= _WHOLE_PX))
+
+
+def _inline(svg: str, tips: Mapping[str, Sequence[str]], *, whole: bool = False) -> str:
+    """A figure within a page; a `whole` one shrinks with it, another one is scrolled."""
     root = ET.fromstring(svg)
     for artist, words in tips.items():
         _attach(root, artist, words)
@@ -126,7 +139,7 @@ def _inline(svg: str, tips: Mapping[str, Sequence[str]]) -> str:
     _, _, width, _ = root.attrib["viewBox"].split()
     for key in ("width", "height", "version"):
         root.attrib.pop(key, None)
-    least = 1.06 * float(width)  # a point is a pixel at least
+    least = 0.0 if whole else 1.06 * float(width)  # a point is a pixel at least
     root.set("style", f"min-width: {least:.0f}px")
     if least > _HALF_PX:
         root.set("class", "broad")

@@ -19,7 +19,7 @@ def as_text(report: Report) -> str:
 def _lines(report: Report) -> Iterator[str]:
     yield from (report.title, "=" * len(report.title), "")
     if report.judged is not None:
-        yield from (report.judged.word, *textwrap.wrap(report.judged.text, _WIDTH))
+        yield report.judged.word
     yield report.verdict
     for one in report.first:
         yield from textwrap.wrap(f"{one.label}: {one.text}" if one.label else one.text, _WIDTH)

@@ -69,7 +69,10 @@ def watch(
     typer.secho(f"Looking at {where} {_every(wanted)}; Ctrl-C stops.", err=True)
     with supervisor.alone(root, wanted.service):
         for outcome in watching.watch(root, wanted):
-            processes.say(outcome.as_json() if as_json else outcome.event)
+            if as_json:
+                processes.say(outcome.as_json())
+            else:
+                processes.log(outcome.event)
 
 
 _LIVE_S = 1.0

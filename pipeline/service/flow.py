@@ -37,7 +37,7 @@ from pipeline.app.progress import Tell, told
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, UsageError
 from pipeline.base.preferences import Service, load
-from pipeline.base.processes import PARENT, REPORTS_URL, ROOT, follow, say
+from pipeline.base.processes import PARENT, REPORTS_URL, ROOT, follow, log
 from pipeline.base.shown import printable
 from pipeline.run import run
 from pipeline.service import server as service
@@ -94,7 +94,7 @@ def scan(hand_out: bool = False) -> None:
     for made in _scanned(root, hand_out):
         if made.exit_code == Unfinished.exit_code:
             _crashed(made)
-        say(made.event)
+        log(made.event)
         outcomes.append(made)
         _drop_late()
     if outcomes:
@@ -194,7 +194,7 @@ def attend(campaign: str, seen: str) -> Any:
         made = watch.attend(found, seen, _Slot(guard))
     if made is None:
         return Completed(message="It has changed since, or is done; the next scan sees to it.")
-    say(made.event)
+    log(made.event)
     if made.verdict is None:
         return (Crashed if made.exit_code == Unfinished.exit_code else Failed)(message=made.event)
     _publish(found, read(found))

@@ -372,3 +372,18 @@ def test_reasons_that_differ_in_numbers_are_counted():
         "t.csv:40: not a number",
         "u.csv:1: pose 1 is odd",
     ]
+
+
+def test_kinds_that_fit_no_screen_are_counted():
+    """The four with most rows are told in their order, all others in one line."""
+    kinds = {"a": 1, "b": 3, "c": 2, "d": 9, "e": 1, "f": 5}
+    said = [(f"{kind} is odd", count) for kind, count in kinds.items()]
+    rows = [Rejected(file="t.csv", line=1, reason=one) for one, n in said for _ in range(n)]
+
+    assert sentences(rows) == [
+        "t.csv:1: b is odd", "t.csv: ... and 2 more lines like this",
+        "t.csv:1: c is odd", "t.csv: ... and 1 more line like this",
+        "t.csv:1: d is odd", "t.csv: ... and 8 more lines like this",
+        "t.csv:1: f is odd", "t.csv: ... and 4 more lines like this",
+        "... and 2 more lines of 2 other kinds; --json has them",
+    ]  # fmt: skip

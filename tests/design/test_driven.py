@@ -13,7 +13,7 @@ from cell_check import Checked
 
 from pipeline.design import spec
 from pipeline.design.arm import bodied, hulls
-from pipeline.design.driven import legs, standing
+from pipeline.design.driven import legs, standing, unwound
 from pipeline.design.library import problem_of
 from pipeline.design.problem import build
 from pipeline.design.search import Effort, search
@@ -72,7 +72,7 @@ def test_no_pose_and_no_way_between_poses_meets_the_arm(name):
     problem, q = planned(name, 1)
     checked = Checked(problem.robot, {}, {})
     pairs = [one for one in checked.pairs if one not in checked.touching_at_zero]
-    found = legs(problem, q)
+    found = legs(problem, q, problem.anchor_lower)
 
     assert not standing(problem, q)
     for (a, b), leg in zip(pairwise(q), found, strict=True):
@@ -102,11 +102,23 @@ def test_a_way_through_the_arm_is_refused_with_pose_and_reason():
     drawn = (rng.uniform(problem.lower, problem.upper) for _ in range(1000))
     q = next(one for one in drawn if min(checked.apart(one, p) for p in pairs) < -0.02)
     there = next(one for one in drawn if min(checked.apart(one, p) for p in pairs) > 0.02)
-    (found,) = legs(problem, np.stack([there, q]))
+    (found,) = legs(problem, np.stack([there, q]), problem.anchor_lower)
 
     assert "from pose 1 to pose 2 the arm does not keep the arm clear of itself" in found.sentence
     assert standing(problem, q[None]) == ["pose 1 does not keep the arm clear of itself"]
     assert standing(problem, there[None]) == []
+
+
+def test_joints_that_turn_twice_stand_in_one_turn():
+    """The same poses, and a shoulder that need not wind through the floor."""
+    problem, _ = planned("ur10", 1)
+    q = np.deg2rad([[10, 337, -78, 20, 30, 40], [10, -119, -107, 20, 30, 40],
+                    [-340, 247, 100, 20, 30, 40]])  # fmt: skip
+    found = np.rad2deg(unwound(problem, q))
+
+    assert found[:, 1] == pytest.approx([-23, -119, -113], abs=1e-5)
+    assert found[:, 0] == pytest.approx([10, 10, 20], abs=1e-5)
+    assert np.cos(np.deg2rad(found) - q) == pytest.approx(1.0, abs=1e-9)
 
 
 def test_a_robot_without_hulls_gets_rough_ones_from_its_table():

@@ -381,7 +381,7 @@ def test_a_design_is_written_as_plan_and_sheet(written):
     assert {"pose-1.svg", "pose-6.svg", "sights.svg", "anchor.svg"} <= figures
     assert "pipeline design" in plan.read_text().splitlines()[0]
     assert str(plan) in made.as_text()
-    assert {one.suffix for one in driven} <= {".src", ".dat"}
+    assert {one.suffix for one in driven} <= {".src", ".dat", ".xlsx"}
 
 
 def test_a_plan_written_by_hand_is_not_overwritten(proposal, tmp_path):

@@ -90,6 +90,35 @@ def test_the_package_says_that_it_is_typed():
     assert "py.typed" in packed["package-data"]["pipeline"]
 
 
+def test_a_notebook_shows_a_screen_and_no_bytes(ran, result):
+    """A campaign and a result are shown in few lines; stiffnesses are found by their names."""
+    campaign = pipeline.load_campaign(ran / "data" / "raw" / "small")
+    shown = repr(campaign), repr(result), repr(result.stiffness)
+    first = result.stiffness[0]
+
+    assert all(len(one) < 2000 and one.count("\n") < 20 for one in shown)
+    assert campaign.name in shown[0]
+    assert result.verdict in shown[1]
+    for name in filter(None, (first.axis, first.joint_name, first.name)):
+        assert result.stiffness[name] == first
+    with pytest.raises(pipeline.InputError, match='there is no stiffness "A9"; use one of'):
+        result.stiffness["A9"]
+    table = result.to_frame()
+    assert table["value"].tolist() == [one.value for one in result.stiffness]
+    assert table["joint"].tolist() == [one.joint_name for one in result.stiffness]
+    assert not [name for name in dir(pipeline) if name.startswith("_") and name != "__version__"]
+    assert "Any" not in dir(pipeline)
+
+
+def test_a_force_that_no_robot_holds_is_refused(result, q):
+    """Newtons times a thousand: as the commands refuse it, for deflection and stiffness alike."""
+    for asked in (result.model.predict, result.model.compensate):
+        with pytest.raises(pipeline.InputError, match="forces are in N"):
+            asked(q, [0.0, 0.0, -8e5])
+    with pytest.raises(pipeline.InputError, match="forces are in N"):
+        result.model.cartesian_stiffness(q, force_n=[0.0, 0.0, -8e5])
+
+
 def test_in_memory_is_the_command_byte_by_byte(ran, result):
     """The answer from Python is result.json, the model is model.toml."""
     reports = ran / "reports" / "small"

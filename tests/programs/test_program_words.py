@@ -386,7 +386,8 @@ def test_the_turn_that_a_point_states_is_held_to(kuka):
 
     assert xyz(stated) == pytest.approx(xyz(started), abs=1e-6)
     wrong = text.replace(f"T {bits}", f"T {bits ^ 0b111111}")
-    with pytest.raises(Refused, match="no arm configuration that reaches it is the one it states"):
+    said = rf"no arm configuration that reaches it is the one it states: .*\(T {bits}\)"
+    with pytest.raises(Refused, match=said):
         kuka(wrong, **NO_TOOL)
     with pytest.raises(Refused, match=r"p.src:2: .* the one it states"):
         kuka(text + wrong.replace("LIN", "PTP"), **NO_TOOL)

@@ -144,6 +144,28 @@ def test_a_part_that_is_longer_than_it_says_is_refused():
         read(lying(7))
 
 
+@pytest.mark.parametrize(
+    ("cell", "times", "said"),
+    [
+        ('<c r="ZZZZ1"><v>1</v></c>', 1, "has a cell where no sheet has one"),
+        ('<c r="A99999999"><v>1</v></c>', 1, "has a cell where no sheet has one"),
+        ("<c><v>1</v></c>", 10_000_100, "a sheet has more than 10000000 cells"),
+    ],
+)
+def test_a_sheet_without_end_is_refused(cell, times, said):
+    """A few bytes of it, unpacked, took a minute and more."""
+    good = workbook(A=[TITLES, *ROWS])
+    out = io.BytesIO()
+    with zipfile.ZipFile(io.BytesIO(good)) as old, zipfile.ZipFile(out, "w", 8) as new:
+        for name in old.namelist():
+            text = old.read(name)
+            row = f"<row>{cell * times}</row></sheetData>".encode()
+            new.writestr(name, text.replace(b"</sheetData>", row))
+
+    with pytest.raises(InputError, match=said):
+        read(out.getvalue())
+
+
 def test_a_workbook_that_is_too_large_is_not_read(tmp_path):
     """Its size is looked at before it is opened, and is another one than that of text."""
     huge = tmp_path / "huge.xlsx"

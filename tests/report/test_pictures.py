@@ -10,18 +10,21 @@ import pytest
 from made_system import dense, generalised, made
 from small_case import PLAN, small
 
+from pipeline.answer.posture import posture
 from pipeline.answer.recommended import joint_springs
 from pipeline.answer.scene import MOST, scene
 from pipeline.answer.tables import models_table
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.laws import laws
 from pipeline.machine import bodies
+from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.model import model
+from pipeline.prediction.model import Hypothesis as Handed
 from pipeline.prediction.workspace import arm_in_plane
 from pipeline.reduction.bring import bring, conformed, plain
-from pipeline.reduction.pose_of_interest import place_of_interest
+from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.run import ingested
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
@@ -86,6 +89,44 @@ def test_links_are_where_pinocchio_has_them(name):
                     assert ends[1] == pytest.approx(frames[joint].translation, abs=1e-12)
     assert (len(carriage.names) == 1) == robot.joints[0].prismatic
     assert len(base.names) == (1 if len(robot.capsules) else 0)
+
+
+@pytest.mark.parametrize("name", ["kr500_rail", "ur10e"])
+def test_the_drawn_arm_moves_as_its_springs_let_it(name):
+    """Each body moves as another program's Jacobian of it says, joints yielding by c J_tip' f."""
+    robot = load(name)
+    q = np.clip(np.linspace(0.4, -1.1, robot.n), robot.lower, robot.upper)
+    force = np.array([300.0, -450.0, -200.0])
+    points = {"load_point": np.array([0.1, 0.02, 0.2]), "P1": np.array([0.0, 0.1, 0.1])}
+    cell = paper_cell(robot, Tool.of(points))
+    compliance = 1e-7 * np.arange(1, robot.n + 1)
+
+    table = posture(
+        Handed(1.0, cell, compliance, np.eye(robot.n)), Where(q, force, stated=True)
+    ).set_index(["part", "name"])
+
+    other = model(robot)
+    data = other.createData()
+    pin.computeJointJacobians(other, data, q)
+    pin.framesForwardKinematics(other, data, q)
+
+    def by(at, joint):
+        """How a point carried by a joint moves with each joint, (3, n)."""
+        J = pin.getJointJacobian(other, data, joint, pin.ReferenceFrame.LOCAL_WORLD_ALIGNED)
+        lever = at - data.oMi[joint].translation
+        return J[:3] - np.array([np.cross(lever, w) for w in J[3:].T]).T
+
+    tip = data.oMf[other.nframes - 1].act(points["load_point"])
+    yields = compliance * (by(tip, robot.n).T @ force)
+    drawn = table.drop(index=[("place", x) for x in ("upper_arm", "forearm")], errors="ignore")
+    for row in drawn.to_dict("records"):
+        for end in ("from", "to"):
+            at = np.array([row[f"{end}_{a}_m"] for a in "xyz"])
+            moved = [row[f"{end}_moved_{a}_m"] for a in "xyz"]
+            wanted = by(at, row["joint"]) @ yields if row["joint"] else np.zeros(3)
+            assert moved == pytest.approx(wanted, abs=1e-12)
+            assert row[f"{end}_caused_x_m"] == 0.0
+    assert np.linalg.norm(by(tip, robot.n) @ yields) > 1e-5
 
 
 def test_the_strongest_pull_of_a_pose_is_drawn(values, cell):

@@ -6,7 +6,9 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.run import answered
 from pipeline.simulate import parse, simulate
+from pipeline.store.campaign import find
 
 DATA = Path(__file__).parents[2] / "data"
 FANUC = DATA / "raw" / "fanuc_r2000ic"
@@ -28,6 +30,25 @@ def test_the_demo_is_what_its_plan_makes():
 
     assert kept == dict(made.files)
     assert b"[test_pose]\nq = [8.5, -10.0, 35.0, 39.0, 81.0, 22.0, -10.0]" in kept["campaign.toml"]
+
+
+def test_the_first_campaign_hides_a_roll_and_finds_it():
+    """Exports and logs are the plan's, byte for byte; the roll that it hides is named and sized."""
+    plan = parse((DATA / "plans" / "kr500_first.toml").read_text("utf-8"))
+    made, folder = simulate(plan), DATA / "raw" / "kr500_first"
+    for name in ("tracker.csv", "loads.csv", "joints.csv"):
+        assert (folder / name).read_bytes() == made.files[name]
+    (hidden,) = made.truth["effects"]
+    (true,) = (one["value"] for one in hidden["parameters"])
+
+    answer = answered("kr500_first", find(DATA.parent, "kr500_first").read()).answer
+
+    (cause,) = answer.diagnosis.causes
+    assert (answer.diagnosis.verdict, cause.name) == ("explained", hidden["name"])
+    assert abs(cause.parameters[0].value - true) < 3 * cause.parameters[0].std
+    assert answer.validation.held_out_rms_mm < 0.7 * answer.joint_springs.validation.held_out_rms_mm
+    assert answer.tolerance.worst == "pass"
+    assert answer.findings == ()
 
 
 def table(name, first):

@@ -174,9 +174,11 @@ class Arm(Locked):
     def _outside(self, found: Array, start: Array, ranges: Sequence[Range]) -> tuple[str, str]:
         """What is said of a pose that configurations reach, but not these."""
         none: list[Range] = [None] * self.robot.n
-        if ranges and any(self._turned(q, start, none) is not None for q in found):
+        turned = [self._turned(q, start, none) for q in found] if ranges else []
+        if ways := [self._in_words(q) for q in turned if q is not None]:
             return (
-                "no arm configuration that reaches it is the one it states",
+                "no arm configuration that reaches it is the one it states: it is reached with "
+                f"{' or '.join(ways[:_SAID])}",
                 "correct it, the frames in which it is given or [controller] of the robot file",
             )
         nearest = min(found, key=lambda q: self._beyond(q)[1])
@@ -187,12 +189,25 @@ class Arm(Locked):
             "correct the target, or the frames in which it is given",
         )
 
+    def _in_words(self, q: Array) -> str:
+        """Axes of a configuration [deg], and as KUKA's T: the bits of the negative ones."""
+        turning = ~self.axes.slides
+        values = np.rad2deg(self.axes.values(q[None])[0])[turning]
+        names = [name for name, turns in zip(self.axes.names, turning, strict=True) if turns]
+        said = ", ".join(f"{name} {x:.1f}" for name, x in zip(names, values, strict=True))
+        bits = sum(int(x < 0) << k for k, x in enumerate(values))
+        return f"{said} (T {bits})" if names[0] == "A1" else said
+
     def _beyond(self, q: Array) -> tuple[int, float]:
         """The joint that is furthest beyond its limits, and how far [rad]."""
         turns = q[:, None] + _TURNS
         over = np.maximum(self.robot.lower[:, None] - turns, turns - self.robot.upper[:, None])
         least = np.where(self.robot.prismatic, 0.0, over.min(axis=1))
         return int(least.argmax()), float(least.max())
+
+
+_SAID = 4
+"""Configurations that are said where a target states none of them."""
 
 
 def _distinct(found: Sequence[Array]) -> list[Array]:

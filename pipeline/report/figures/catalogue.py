@@ -8,8 +8,10 @@ from typing import Any
 from pipeline.answer.contract import Answer
 from pipeline.report.figures import (
     causes,
+    certificate,
     enough,
     geometry,
+    heldout,
     laws,
     models,
     places,
@@ -23,14 +25,17 @@ from pipeline.report.figures import (
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure, present
 from pipeline.report.summaries import Tables, has
-from pipeline.report.svg import Drawing, drawn
+from pipeline.report.svg import Drawing, by_hand, drawn
 
 CATALOGUE: tuple[Plot, ...] = (
+    certificate.CERTIFICATE,
+    certificate.GAUGE,
+    certificate.MOTION,
+    heldout.HELD_OUT,
     stiffness.STIFFNESS,
     prediction.PREDICTION,
     prediction.MEASURED,
     models.MODELS,
-    causes.GAIN,
     causes.EVIDENCE,
     causes.SEPARABILITY,
     laws.LAWS,
@@ -60,7 +65,10 @@ def figures(names: Sequence[str], answer: Answer, tables: Tables) -> list[Figure
 
 def draw(name: str, answer: Answer, tables: Tables) -> Drawing:
     """Draw one of the figures of the report."""
-    return drawn(name, lambda canvas: _PLOTS[name].draw(canvas, answer, tables))
+    plot = _PLOTS[name]
+    if plot.by_hand:
+        return by_hand(plot.by_hand(answer, tables))
+    return drawn(name, lambda canvas: plot.draw(canvas, answer, tables))
 
 
 def live(name: str, answer: Answer, tables: Tables) -> dict[str, Any] | None:

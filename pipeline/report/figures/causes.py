@@ -1,7 +1,8 @@
-"""What speaks for each cause, which causes look alike, and what naming them is worth."""
+"""What speaks for each cause, and which causes look alike."""
 
 from __future__ import annotations
 
+from itertools import pairwise
 from typing import Any
 
 import numpy as np
@@ -13,15 +14,16 @@ from pipeline.base.quantities import plain
 from pipeline.diagnosis.facts import APART, DETECTED
 from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
-from pipeline.report.figures.marks import Tips, dots, integer_ticks, legend_above
+from pipeline.report.figures.marks import Tips
 from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.sheet import Sheet
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables, gain, separability, suspects
+from pipeline.report.summaries import Tables, separability, suspects
 from pipeline.report.svg import APART_SHADES, BLUE, MUTED, RED
 
 _APART_STEPS = (1.0, 2.0, APART, 10.0)
-_SQUARE = 0.14
-"""Side of a square [in], with room for a line of words."""
+_SIDE, _LETTER, _KEY = 15.0, 6.3, 150.0
+"""Side of a square with room for a line of words, width of a letter, and of the key [px]."""
 
 _AS_FOUND = ", magnitudes found"
 
@@ -53,48 +55,41 @@ def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     return {"evidence": [f"{s}: {plain(v, 2)}{f', {word}' if n else ''}" for s, v, n in rows]}
 
 
-def _draw_separability(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
+def _draw_separability(answer: Answer, tables: Tables) -> str:
     """A triangle of squares, dark where two causes are alike."""
     apart = _compared(answer, tables)
     names, n = [words.from_label(label, answer.axes) for label in apart.index], len(apart)
-    beside = 0.062 * max(map(len, names))
-    canvas.set_size_inches(max(5.6, 0.4 + _SQUARE * n + beside), 0.6 + _SQUARE * n + beside)
-    axes = canvas.subplots()
-    rows, columns = np.tril_indices(n, -1)
-    sigmas = apart.to_numpy()[rows, columns]
-    steps = np.searchsorted(_APART_STEPS, sigmas, "right")
-    size = 72 * _SQUARE
+    beside = _LETTER * max(map(len, names)) + 8
+    sheet = Sheet(beside + max(_SIDE * n, _KEY), _SIDE * n + beside)
     found = np.isin(apart.index, apart.attrs["found"])
-    tips: Tips = {}
-    for step, shade in enumerate(APART_SHADES):
-        here = np.flatnonzero(steps == step)
-        low, high = [0, *_APART_STEPS][step], [*_APART_STEPS, None][step]
-        label = f"{low:g} to {high:g} σ" if high else f"above {low:g} σ"
-        style = {"s": (0.9 * size) ** 2, "marker": "s", "color": shade, "linewidths": 0}
-        pairs = zip(rows[here], columns[here], sigmas[here], strict=True)
-        said = [
-            f"{names[i]} or {names[j]}: {plain(apart, 2)} σ{_AS_FOUND * bool(found[i] | found[j])}"
-            for i, j, apart in pairs
-        ]
-        tips |= dots(axes, f"apart-{step}", columns[here], rows[here], said, label=label, **style)
-    framed = np.flatnonzero(found[rows] | found[columns])
-    if len(framed):
-        axes.scatter(
-            columns[framed],
-            rows[framed],
-            s=(0.9 * size) ** 2,
-            marker="s",
-            facecolors="none",
-            edgecolors=BLUE,
-            linewidths=1.2,
-            label="magnitudes found",
-        )
-    axes.set_yticks(range(1, n), names[1:], fontsize=8)
-    axes.set_xticks(range(n - 1), names[:-1], fontsize=8, rotation=90)
-    axes.set(xlim=(-0.6, n - 1.4), ylim=(n - 0.4, 0.4))
-    axes.grid(visible=False)
-    axes.legend(loc="upper right", title="Apart by")
-    return {key: said for key, said in tips.items() if said}
+    for i, j in zip(*np.tril_indices(n, -1), strict=True):
+        sigmas, framed = float(apart.to_numpy()[i, j]), bool(found[i] | found[j])
+        x, y = beside + _SIDE * j, _SIDE * (i - 1)
+        shade = APART_SHADES[int(np.searchsorted(_APART_STEPS, sigmas, "right"))]
+        frame = {"stroke": BLUE, "stroke_width": 1.2} if framed else {}
+        tip = f"{names[i]} or {names[j]}: {plain(sigmas, 2)} σ{_AS_FOUND * framed}"
+        sheet.square(x, y, 0.9 * _SIDE, tip, fill=shade, **frame)
+    for k in range(1, n):
+        sheet.text(beside - 5, _SIDE * (k - 0.3), names[k], 11, text_anchor="end")
+        across, foot = float(beside + _SIDE * (k - 0.3)), _SIDE * (n - 1) + 5
+        turned = {"transform": f"rotate(-90 {across:.1f} {foot:.1f})", "text_anchor": "end"}
+        sheet.text(across, foot, names[k - 1], 11, **turned)
+    _apart_key(sheet, bool(found.any()))
+    return sheet.svg
+
+
+def _apart_key(sheet: Sheet, framed: bool) -> None:
+    """What the shades mean, in the empty corner."""
+    x = sheet.width - _KEY + 8
+    ends = [*map(str, (0, *(f"{one:g}" for one in _APART_STEPS)))]
+    told = [f"{low} to {high} σ" for low, high in pairwise(ends)] + [f"above {ends[-1]} σ"]
+    sheet.text(x, 14, "Apart by", 12, font_weight="bold")
+    for k, (said, shade) in enumerate(zip(told, APART_SHADES, strict=True), 1):
+        sheet.square(x, 18 * k + 4, 12, fill=shade)
+        sheet.text(x + 18, 18 * k + 15, said, 12)
+    if framed:
+        sheet.square(x, 112, 12, fill="none", stroke=BLUE, stroke_width=1.2)
+        sheet.text(x + 18, 123, "magnitudes found", 12)
 
 
 def _compared(answer: Answer, tables: Tables) -> pd.DataFrame:
@@ -103,53 +98,9 @@ def _compared(answer: Answer, tables: Tables) -> pd.DataFrame:
     return separability(tables["separability"], named)
 
 
-def _draw_gain(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """Error at every pose left out, without and with the identified causes."""
-    poses = gain(tables["examined"])
-    axes = canvas.subplots()
-    at, numbers = np.arange(len(poses)), poses["pose"].astype(int).tolist()
-    before, after = poses["before"].to_numpy(), poses["after"].to_numpy()
-    axes.vlines(at, before, after, color=MUTED, linewidth=0.8)
-    tips: Tips = {}
-    kinds = (
-        ("before", before, MUTED, "o", "joint springs"),
-        ("after", after, RED, "D", "with causes"),
-    )
-    for key, mm, colour, marker, name in kinds:
-        pairs = zip(numbers, mm, strict=True)
-        said = [f"pose {pose} left out, {name}: {plain(v)} mm" for pose, v in pairs]
-        style = {"color": colour, "marker": marker, "s": 18, "zorder": 3}
-        tips |= dots(axes, key, at, mm, said, label=name, **style)
-    integer_ticks(axes, at, numbers)
-    axes.grid(axis="x", visible=False)
-    axes.set(xlabel="Pose left out", ylabel="Rms error per coordinate [mm]", ylim=(0, None))
-    legend_above(axes, 2)
-    return tips
-
-
 def _cause_in_words(suspect: Any, answer: Answer) -> str:
     """A row of table DIAGNOSIS in words."""
     return words.from_label(f"{suspect['name']}:{suspect['where']}", answer.axes)
-
-
-def _write_gain(answer: Answer, tables: Tables) -> Figure | None:
-    poses = gain(tables["examined"])
-    same = poses.empty or (poses["after"] == poses["before"]).all()
-    if same or not answer.diagnosis.causes:
-        return None
-    better = int((poses["after"] < poses["before"]).sum())
-    worst = poses.iloc[int(poses["before"].argmax())]
-    said = (
-        f"With the identified causes {better} of {len(poses)} poses are predicted better; at pose "
-        f"{int(worst['pose'])}, the worst without them, the error changes from "
-        f"{plain(worst['before'])} mm to {plain(worst['after'])} mm."
-    )
-    return Figure(
-        "gain",
-        "Error at poses left out, without and with the identified causes",
-        f"{said} Each pose is predicted from all others, the causes chosen anew without it.",
-        f"Pairs of marks per pose: error with joint springs alone and with causes. {said}",
-    )
 
 
 def _write_evidence(answer: Answer, tables: Tables) -> Figure | None:
@@ -214,6 +165,7 @@ def _write_separability(answer: Answer, tables: Tables) -> Figure | None:
     )
 
 
-GAIN = Plot("gain", ("examined",), _write_gain, _draw_gain)
 EVIDENCE = Plot("evidence", ("diagnosis",), _write_evidence, _draw_evidence)
-SEPARABILITY = Plot("separability", ("separability",), _write_separability, _draw_separability)
+SEPARABILITY = Plot(
+    "separability", ("separability",), _write_separability, by_hand=_draw_separability
+)

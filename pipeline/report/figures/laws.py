@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import textwrap
+from typing import Any
+
 import numpy as np
 import pandas as pd
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
+from pipeline.answer.nouns import noun
 from pipeline.answer.words import capital
 from pipeline.base.quantities import common_prefix, percent, plain, prefixed
 from pipeline.report import words
@@ -19,6 +23,9 @@ from pipeline.report.svg import BLUE, MUTED, RED
 
 _MOST_LAWS = 4
 """Laws in one picture."""
+
+_BESIDE = 26
+"""Characters of a label that stand beside one plot."""
 
 _NAMES = {"torque": "torque about its axis", "force": "force along it", "load": "size of the load"}
 _NAMES |= {"time": "time after the first reading", "turn": "turn", "shift": "shift"}
@@ -103,9 +110,18 @@ def _marks(view: Axes, name: str, answer: Answer, rows: pd.DataFrame) -> Tips:
         **style,
     )
     view.set_ylim(low, reach)
-    what = capital(_NAMES[first["is"]]) if first["is"] in _NAMES else first["is"]
-    view.set_ylabel(f"{what} [{unit}]" if unit else what)
+    what = capital(_quantity(answer, first))
+    label = f"{what} [{unit}]" if unit else what
+    view.set_ylabel("\n".join(textwrap.wrap(label, _BESIDE)))
     return tips
+
+
+def _quantity(answer: Answer, first: pd.Series[Any]) -> str:
+    """What a law changes, in words."""
+    name = str(first["is"])
+    causes = {words.label(one).replace(" ", ":"): one for one in answer.diagnosis.causes}
+    cause = causes.get(first["cause"])
+    return _NAMES.get(name) or (noun(cause, name) if cause else name)
 
 
 def _called(answer: Answer, label: str, part: int) -> str:

@@ -14,6 +14,10 @@ from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
 
 
+def _nothing(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
+    return {}
+
+
 @dataclass(frozen=True)
 class Plot:
     """One figure.
@@ -25,10 +29,12 @@ class Plot:
             where the campaign has no data for it.
         draw: Draws it, and gives what its marks say, by the name of their group.
         live: Numbers from which the page draws it anew as its reader turns it; None for a still.
+        by_hand: Gives it as SVG, in place of `draw`.
     """
 
     name: str
     needs: tuple[str, ...]
     write: Callable[[Answer, Tables], Figure | None]
-    draw: Callable[[Canvas, Answer, Tables], Tips]
+    draw: Callable[[Canvas, Answer, Tables], Tips] = _nothing
     live: Callable[[Answer, Tables], dict[str, Any]] | None = None
+    by_hand: Callable[[Answer, Tables], str] | None = None

@@ -93,7 +93,7 @@ def _view(tables: Tables) -> View:
 def magnified(tables: Tables) -> tuple[float, float]:
     """By how much deflections and residuals are magnified, 1, 2 or 5 times a power of ten each."""
     vectors = tables["vectors"]
-    arm = tables["scene"].query("part == 'arm'")
+    arm = tables["scene"][tables["scene"]["part"] == "arm"]
     height = np.ptp(arm[[_FROM[2], _TO[2]]].to_numpy(float)) or 1.0
     return tuple(
         _round(_REACH * height / max(float(np.median(_size(vectors, columns))), 1e-9))
@@ -120,7 +120,7 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     axes.set_axis_off()
     axes.set_aspect("equal")
     solid = rows[rows["part"].isin(_SOLID)]
-    near, shapes = _capsules(view, solid)
+    near, shapes = outlines(view, solid, np.maximum(_slim(solid), _LEAST_M))
     order = np.argsort(near, kind="stable")
     fill = np.where(solid["part"] == "base", GRID, BODY)[order].tolist()
     shapes = [shapes[k] for k in order]
@@ -155,10 +155,10 @@ def _names(answer: Answer) -> tuple[str, str]:
     return ("off the nominal robot" if answer.of_positions else "measured deflection", "residual")
 
 
-def _capsules(view: View, rows: pd.DataFrame) -> tuple[Array, list[Array]]:
+def outlines(view: View, rows: pd.DataFrame, radius: Array) -> tuple[Array, list[Array]]:
     """Nearness and outline of capsules: two circles and what lies between them."""
     x, y, scale = view(np.stack([rows[_FROM].to_numpy(float), rows[_TO].to_numpy(float)]))
-    r = scale * np.maximum(_slim(rows), _LEAST_M)
+    r = scale * radius
     along = np.arctan2(y[1] - y[0], x[1] - x[0])
     apart = np.maximum(np.hypot(x[1] - x[0], y[1] - y[0]), 1e-9)
     half = np.arccos(np.clip((r[0] - r[1]) / apart, -1, 1))
@@ -309,10 +309,12 @@ def _largest(vectors: pd.DataFrame, columns: Sequence[str]) -> tuple[str, float]
     return str(vectors["target"].iloc[int(size.argmax())]), MM * float(size.max())
 
 
-def largest(tables: Tables, pose: int) -> tuple[float, float]:
-    """Largest deflection and residual of a pose [mm]."""
-    mine = tables["vectors"][tables["vectors"]["pose"] == pose]
-    return (_largest(mine, _MOVED)[1], _largest(mine, _LEFT)[1]) if len(mine) else (np.nan, np.nan)
+def largest(tables: Tables) -> dict[int, tuple[float, float]]:
+    """Largest deflection and residual of each pose [mm], by its number."""
+    vectors = tables["vectors"]
+    sizes = {k: MM * _size(vectors, columns) for k, columns in enumerate((_MOVED, _LEFT))}
+    most = pd.DataFrame(sizes).groupby(vectors["pose"].to_numpy()).max()
+    return {int(pose): (moved, left) for pose, moved, left in most.itertuples()}
 
 
 # --- what is said ---------------------------------------------------------------------------------

@@ -28,7 +28,7 @@ def _comparable(answer: Answer) -> list[Stiffness]:
     return [joint for joint in answer.stiffness if joint.value is not None and joint.nominal]
 
 
-def _interval(joints: Sequence[Stiffness], unit: Array | float) -> Array:
+def interval(joints: Sequence[Stiffness], unit: Array | float) -> Array:
     """Values and 95 % limits in a unit, shape (3, n); a compliance may be zero: no upper limit."""
     told = np.array([(joint.value, *joint.ci95) for joint in joints], dtype=float).reshape(-1, 3)
     value, low, high = told.T / unit
@@ -114,7 +114,7 @@ def _draw_stiffness(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     axes = canvas.subplots()
     at = np.arange(len(joints), dtype=float)
     nominal = np.array([joint.nominal for joint in joints], dtype=float)
-    share, low, high = _interval(joints, nominal / 100)
+    share, low, high = interval(joints, nominal / 100)
     other = 100 * _beside(answer, joints) / nominal
     axes.axvline(100, color=MUTED, linewidth=1, linestyle="--")
     left, right = _frame(low, high)
@@ -223,7 +223,7 @@ def _draw_course(view: Axes, name: str, points: _Points, colour: str, key: str) 
     joints = [joint for _, _, joint in points]
     factor, letter = common_prefix(joint.value for joint in joints)
     at = np.array([number for number, _, _ in points])
-    value, low, high = _interval(joints, factor)
+    value, low, high = interval(joints, factor)
     endless = ~np.isfinite(high)
     top = np.concatenate([value, high[~endless]]).max(initial=0.0)
     view.vlines(at, low, np.where(endless, top, high), color=colour, linewidth=1.6)

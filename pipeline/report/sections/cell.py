@@ -23,7 +23,8 @@ def cell(answer: Answer, tables: Tables) -> Section | None:
 def _poses(answer: Answer, tables: Tables) -> Table | None:
     if not has(tables, "poses"):
         return None
-    did = {one.pose: largest(tables, one.pose) for one in each_row(tables["poses"])}
+    nothing = (float("nan"), float("nan"))
+    did = dict.fromkeys(tables["poses"]["pose"], nothing) | largest(tables)
     loads: list[Cells[Any]] = [
         said("Joint values", joints_of),
         number("Pulls", lambda one: one.pulls, str),

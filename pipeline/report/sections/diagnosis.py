@@ -6,7 +6,6 @@ from collections.abc import Iterator, Sequence
 
 from pipeline.answer.contract import (
     Alone,
-    Amplitude,
     Answer,
     AsGood,
     Cause,
@@ -16,8 +15,9 @@ from pipeline.answer.contract import (
     Rival,
     Unnamed,
 )
+from pipeline.answer.nouns import sizes
 from pipeline.answer.words import capital, listed
-from pipeline.base.quantities import bracketed, p_value, percent, plain, probability
+from pipeline.base.quantities import p_value, percent, plain, probability
 from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
 from pipeline.report.columns import Cells, number, said, table_of
@@ -56,7 +56,7 @@ def diagnosis(answer: Answer, tables: Tables) -> Section | None:
     blocks += [
         _alone(found.alone),
         Text(shared) if shared else None,
-        *figures(("laws", "gain", "evidence", "separability"), answer, tables),
+        *figures(("motion", "laws", "evidence", "separability"), answer, tables),
         next_poses(found.next_poses, found.next_poses_in, answer.axes),
         best_pose(found.best_pose, found.next_poses_in, answer.stiffness),
         next_joint_values(found.next_poses or present([found.best_pose]), answer.stiffness),
@@ -77,7 +77,7 @@ def _cause(place: int, one: Cause, axes: words.Axes, with_gain: bool) -> list[Bl
         f"How it shows: {one.signature}." if one.signature else "",
         _probability_sentence(one),
         _unnamed_sentence(one.outside_catalogue, axes) if one.outside_catalogue else "",
-        _size_sentence(one.parameters),
+        _size_sentence(one),
         _gain_sentences("it", one) if with_gain else "",
         f"What would settle it: {one.needs}." if one.needs else "",
     ]
@@ -135,12 +135,9 @@ def _probability_sentence(one: Cause) -> str:
     return f"Its probability is {chance}{known}."
 
 
-def _size_sentence(parameters: Sequence[Amplitude]) -> str:
-    sizes = [
-        f"{p.name} = {bracketed(p.value, p.std)} {p.unit.replace(' ', '·')}".rstrip()
-        for p in parameters
-    ]
-    return f"Size: {', '.join(sizes)}." if sizes else ""
+def _size_sentence(one: Cause) -> str:
+    told = "; ".join(sizes(one))
+    return f"{capital(told)}." if told else ""
 
 
 def _gain_sentences(what: str, one: Cause) -> str:

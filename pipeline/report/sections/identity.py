@@ -13,32 +13,48 @@ _BLANK = "not stated"
 
 _KINDS = {"laser_tracker": "laser tracker", "arm": "measuring arm", "unknown": "unknown kind"}
 
+Row = tuple[str, str]
+"""What it is, and what is stated of it."""
+
 
 def identity(answer: Answer) -> Section | None:
     """Date, operator, instrument, scale, robot and software; what nobody said is not stated."""
-    columns: list[Cells[tuple[str, str]]] = [
+    columns: list[Cells[Row]] = [
         said("What", lambda row: row[0]),
         said("Stated", lambda row: row[1] or _BLANK),
     ]
-    found = answer.identity
-    rows = [] if found is None else _rows(answer, found)
     return section_of(
-        "identity", "This campaign", [table_of("identity", "What was measured", columns, rows)]
+        "identity",
+        "This campaign",
+        [table_of("identity", "What was measured", columns, rows(answer, _BLANK))],
     )
 
 
-def _rows(answer: Answer, found: Identity) -> Iterator[tuple[str, str]]:
-    yield "Campaign", answer.name
-    yield "Measured", _when(answer, found)
-    yield "Operator", found.operator or ""
-    yield "Robot", f"{answer.robot}, {_unit(answer.robot_unit)}"
-    yield "Instrument", _instrument(answer.instrument)
-    if found.force_n is not None:
-        yield "Scale", _unit(found.scale)
-    warm = found.temperature_c
-    yield "Temperature of rail and base", "" if warm is None else f"{plain(warm)} °C"
-    yield "Poses and pulls", _counts(found)
-    yield "Software", f"pipeline {answer.versions.get('pipeline', _BLANK)}"
+def rows(answer: Answer, blank: str = "") -> Iterator[Row]:
+    """What a report is filed by; what nobody said is left out where there is no word for it."""
+    found = answer.identity
+    if found is None:
+        return
+    every = (
+        ("Campaign", answer.name),
+        ("Measured", _when(answer, found)),
+        ("Operator", found.operator),
+        ("Robot", _list(answer.robot, _unit(answer.robot_unit, blank))),
+        ("Instrument", _instrument(answer.instrument, blank)),
+        ("Scale", "" if found.force_n is None else _unit(found.scale, blank)),
+        ("Temperature of rail and base", _warm(found)),
+        ("Poses and pulls", _counts(found)),
+        ("Software", f"pipeline {answer.versions.get('pipeline', _BLANK)}"),
+    )
+    pulled = found.force_n is not None
+    for name, text in every:
+        if (text or blank) and (pulled or name != "Scale"):
+            yield name, text or ""
+
+
+def _list(*parts: str) -> str:
+    """Those that say something."""
+    return ", ".join(part for part in parts if part)
 
 
 def _when(answer: Answer, found: Identity) -> str:
@@ -49,28 +65,25 @@ def _when(answer: Answer, found: Identity) -> str:
     return f"{first} to {last[11:] if last[:10] == first[:10] else last}"
 
 
-def _unit(unit: Unit | None) -> str:
-    return _certified(*((None,) * 3 if unit is None else _papers(unit)))
+def _warm(found: Identity) -> str:
+    return "" if found.temperature_c is None else f"{plain(found.temperature_c)} °C"
 
 
-def _papers(of: Unit | Measuring) -> tuple[str | None, str | None, str | None]:
-    return of.serial, of.certificate, of.calibrated
-
-
-def _certified(serial: str | None, certificate: str | None, calibrated: str | None) -> str:
+def _unit(of: Unit | Measuring | None, blank: str) -> str:
     """Serial number and certificate of a device."""
-    return (
-        f"serial number {serial or _BLANK}, certificate {certificate or _BLANK}, calibrated "
-        f"{calibrated or _BLANK}"
-    )
+    names = ("serial number", "certificate", "calibrated")
+    papers = (None,) * 3 if of is None else (of.serial, of.certificate, of.calibrated)
+    told = zip(names, papers, strict=True)
+    return _list(*(f"{name} {paper or blank}" for name, paper in told if paper or blank))
 
 
-def _instrument(one: Measuring | None) -> str:
-    if one is None:
-        return f"laser tracker, model {_BLANK}, {_certified(None, None, None)}"
-    kind = _KINDS.get(one.kind, one.kind)
-    sheet = f"; noise by its data sheet ({one.data_sheet})" if one.data_sheet else ""
-    return f"{kind}, model {one.model or _BLANK}, {_certified(*_papers(one))}{sheet}"
+def _instrument(one: Measuring | None, blank: str) -> str:
+    if one is None and not blank:
+        return ""
+    kind = "laser tracker" if one is None else _KINDS.get(one.kind, one.kind)
+    model = (one and one.model) or blank
+    sheet = f"; noise by its data sheet ({one.data_sheet})" if one and one.data_sheet else ""
+    return f"{_list(kind, f'model {model}' if model else '', _unit(one, blank))}{sheet}"
 
 
 def _counts(found: Identity) -> str:

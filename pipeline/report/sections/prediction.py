@@ -102,11 +102,12 @@ def validation(answer: Answer, tables: Tables) -> Section | None:
         return None
     return section_of(
         "validation",
-        "How far predictions can be trusted",
+        "How do you tell that it is good?",
         [
             _held_out(given),
+            *figures(("held-out", "models"), answer, tables),
             _mu_table(given),
-            *figures(("models", "measured", "prediction"), answer, tables),
+            *figures(("measured", "prediction"), answer, tables),
         ],
     )
 

@@ -1,0 +1,162 @@
+"""The measurement sheet as a workbook: filled in at the robot, put beside the export, read as log.
+
+Its sheets `pulls` and `axes` are the log of loads and the joint log, in the words that readers take
+without being told; `set-up` holds entries of campaign.toml by their keys, for `pipeline init`.
+"""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Iterator, Sequence
+from typing import Any
+
+import numpy as np
+import xlsxwriter
+
+from pipeline.base.arrays import Array
+from pipeline.design.made import printed
+from pipeline.design.plan_sheet import MM, expected, turnings
+from pipeline.design.propose import Proposal
+from pipeline.machine.effect import branches
+from pipeline.machine.poses import from_log_units
+from pipeline.machine.robot import axes
+
+_Row = list[Any]
+
+_PULLS = (
+    "Write what the scale shows into the yellow cells; leave a pull empty that was not made. A "
+    "comma is as good as a point."
+)
+_AXES = (
+    "The axes are those of the plan: overwrite what the controller shows otherwise once the robot "
+    "stands there. Approach: 1 where the carriage arrived with r rising, -1 with r falling."
+)
+_SET_UP = (
+    "Fill in the yellow cells; the unit may be changed. Copy this workbook and the tracker's "
+    "export into data/raw/NAME, then type: pipeline init NAME"
+)
+_BASE = ("B1", "B2", "B3", "B4")
+
+
+def book(proposal: Proposal) -> bytes:
+    """sheet.xlsx.
+
+    Args:
+        proposal: The plan.
+    """
+    out = io.BytesIO()
+    with xlsxwriter.Workbook(out, {"in_memory": True}) as made:
+        styles = {
+            "bold": made.add_format({"bold": True, "text_wrap": True, "valign": "top"}),
+            "open": made.add_format({"bg_color": "#FFF3B0", "border": 1}),
+            "free": made.add_format({"bg_color": "#FFF3B0", "border": 1, "num_format": "0.000###"}),
+        }
+        _put(made, styles, "set-up", _SET_UP, _SET_UP_TITLES, list(_set_up(proposal)), (3, 9))
+        titles, rows, first = _pulls(proposal)
+        _put(made, styles, "pulls", _PULLS, titles, rows, (first, first + 3))
+        titles, rows = _axes(proposal)
+        _put(made, styles, "axes", _AXES, titles, rows, (2, len(titles)))
+    return out.getvalue()
+
+
+def _put(
+    made: xlsxwriter.Workbook,
+    styles: dict[str, Any],
+    name: str,
+    told: str,
+    titles: Sequence[str],
+    rows: Sequence[_Row],
+    free: tuple[int, int],
+) -> None:
+    """A sheet: what to do, titles, rows; columns from `free[0]` to before `free[1]` are open."""
+    page = made.add_worksheet(name)
+    page.write(0, 0, told)
+    page.write_row(2, 0, titles, styles["bold"])
+    for k, row in enumerate(rows, 3):
+        page.write_row(k, 0, row)
+        for column in range(*free):
+            value = row[column] if column < len(row) else None
+            page.write(k, column, value, styles["free" if value is not None else "open"])
+    for column, title in enumerate(titles):
+        cells = [title.split(" (")[0], *(row[column] for row in rows if column < len(row))]
+        widest = max(len(str(one)) for one in cells if one is not None)
+        page.set_column(column, column, min(60, max(9, widest + 1)))
+    page.freeze_panes(3, 1)
+    page.set_landscape()
+    page.fit_to_pages(1, 0)
+    page.repeat_rows(2)
+
+
+def _pulls(proposal: Proposal) -> tuple[list[str], list[_Row], int]:
+    """Titles, a row for each pull, and the first column to be filled in."""
+    problem, measurement = proposal.problem, proposal.measurement
+    after = problem.spec.noise.zero == "before_after"
+    moved = expected(problem, measurement)
+    wide = max(2, len(str(len(measurement.q))))
+    rows: list[_Row] = []
+    for pose, steps in enumerate(measurement.steps):
+        group, ways, todo = f"pose{pose + 1:0{wide}d}_rep", branches(steps), turnings(steps)
+        for k, step in enumerate(np.abs(steps)):
+            beside = [f"{group}0_unloaded before"] if k == 0 else []
+            if after and k == len(steps) - 1:
+                beside.append(f"{group}{k + 2}_unloaded after")
+            far = ", ".join(f"{MM * x:.2f}" for x in moved[pose][k])
+            way = "up" if ways[k] > 0 else "down"
+            told = [f"{todo[k]} {step:g} N", f"{group}{k + 1}_loaded", "; ".join(beside), far]
+            rows.append([pose + 1, k + 1, way, *told])
+    titles = [
+        *("Pose", "Repeat", "Branch", "Turnbuckle", "Group in the tracker", "Read unloaded"),
+        f"Expected |d| of {', '.join(problem.spec.targets)} (mm)",
+        *("Force [N]", "Clock", "Remark"),
+    ]
+    return titles, rows, len(titles) - 3
+
+
+def _axes(proposal: Proposal) -> tuple[list[str], list[_Row]]:
+    """Titles, and a row for each pose, also of those without a pull."""
+    problem, measurement = proposal.problem, proposal.measurement
+    robot, q, way = problem.robot, measurement.q, measurement.approach
+    if (beside := proposal.unpulled) is not None:
+        q = np.concatenate([q, beside.q])
+        way = np.append(way, np.resize([1, -1], len(beside.q)))
+    mapped = axes.of(robot)
+    shown: Array = axes.shown(robot, from_log_units(robot, printed(problem, q))).round(6)
+    units = ["mm" if slides else "deg" for slides in mapped.slides]
+    named = [f"{name} [{unit}]" for name, unit in zip(mapped.names, units, strict=True)]
+    ends = [[int(one)] if robot.prismatic[0] else [] for one in way]
+    wide = max(2, len(str(len(measurement.q))))
+    rows = [
+        [k, f"pose{k:0{wide}d}_rep0_unloaded", *at, *end]
+        for k, (at, end) in enumerate(zip(shown.tolist(), ends, strict=True), 1)
+    ]
+    arrived = ["Approach"] if robot.prismatic[0] else []
+    return ["Pose", "Unloaded group", *named, *arrived, "Arrived by hand from", "Remark"], rows
+
+
+_SET_UP_TITLES = ("Key", "What", "Unit", "Value", "", "", "", "", "")
+
+
+def _set_up(proposal: Proposal) -> Iterator[_Row]:
+    """Keys of campaign.toml, what they are, unit and what is known; a row without key is a note."""
+    spec = proposal.problem.spec
+    yield ["date", "Date", "", None]
+    yield ["operator", "Operator", "", None]
+    yield ["temperature_c", "Temperature of base and robot at the begin", "degC", None]
+    yield ["", "Temperature of base and robot at the end", "degC", None]
+    yield ["", "Weight that hangs at the load point all the time", "kg", None]
+    yield ["robot", "Robot, or its file, which then lies beside this workbook", "", spec.robot]
+    yield ["robot_unit.serial", "Serial number of the robot", "", None]
+    yield ["instrument.model", "Tracker, as Leica AT960", "", None]
+    yield ["instrument.serial", "Its serial number", "", None]
+    yield ["scale.serial", "Serial number of the scale", "", None]
+    yield ["scale.sigma_n", "Standard uncertainty of the scale, by its certificate", "N", None]
+    for name in ("load_point", *spec.targets):
+        planned = ", ".join(f"{x:g}" for x in np.round(spec.tool[name], 4))
+        said = f"{name} in the flange frame, x y z as measured (planned: {planned} m)"
+        yield [f"tool.{name}", said, "m", None]
+    for name in _BASE:
+        yield [f"base_frame.{name}", f"Base reflector {name} in F_b, x y z", "m", None]
+    for first in spec.test_pose[:1]:
+        said = "Test pose: mm and deg" if first.key == "axes" else "Test pose: m and deg"
+        yield [f"test_pose.{first.key}", said, "", *first.said]
+        yield ["test_pose.force_n", "Force there, F_b", "N", *first.force_n]

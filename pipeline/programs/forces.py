@@ -1,0 +1,228 @@
+"""The force at each target of a program: said in its remarks, section by section, or in a table.
+
+A remark in the manner of the language (`;` KRL, `!` RAPID and TP, `#` URScript) holds from its line
+to the next one; before the first, no force acts:
+
+    ; FORCE 0, 0, -800                            N, as --force
+    ; CUT kc=1100 depth=2 feed=0.15 axial=0.3     N/mm2, mm, mm per tooth or turn
+    ; FORCE OFF                                   entry, exit, ways
+
+A cutting force is F = k_c a f against the motion of the tool, and `axial` times as much pushes the
+tool back along its axis; k_c the specific cutting force (Kienzle), a depth, f feed.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Locked
+from pipeline.base.errors import InputError, listed
+from pipeline.base.strict import LEAST_FORCE
+from pipeline.machine.robot import Robot, configure
+from pipeline.prediction.aim import Aimed
+from pipeline.prediction.program import NUMBER, Target
+from pipeline.readers import logs
+
+_SIGNS = {".src": ";", ".dat": ";", ".sub": ";", ".mod": "!", ".modx": "!", ".prg": "!",
+          ".ls": "!", ".script": "#", ".urscript": "#"}  # fmt: skip
+_WORDS = ("kc", "depth", "feed", "axial")
+_MEANT = "write FORCE fx, fy, fz in N, FORCE OFF, or CUT kc=.. depth=.. feed=.. axial=.."
+_TOWARDS = 1e-6
+"""Points nearer than this [m] give no direction of a motion."""
+
+
+@dataclass(frozen=True, eq=False)
+class Section(Locked):
+    """What acts from a remark on.
+
+    Attributes:
+        line: Of the remark; 0 before the first.
+        force: On the robot [N], shape (3,); of a cut none.
+        cut: Size of the force against the motion, and that along the tool's axis [N].
+    """
+
+    line: int
+    force: Array
+    cut: tuple[float, float] | None = None
+
+    def same(self, other: Section) -> bool:
+        """Whether the same acts."""
+        return self.cut == other.cut and bool(np.array_equal(self.force, other.force))
+
+
+@dataclass(frozen=True, eq=False)
+class Forces:
+    """What acts at each target, in the order of the targets."""
+
+    each: tuple[Section, ...]
+
+    @property
+    def cuts(self) -> bool:
+        """Whether some depend on the direction of the motion."""
+        return any(one.cut is not None for one in self.each)
+
+    def at(self, robot: Robot, aimed: Aimed) -> Array:
+        """Forces on the robot [N], shape (m, 3), as given, and of cuts in F_b.
+
+        Args:
+            robot: The robot.
+            aimed: Where it stands at the targets, in the order of the motions.
+        """
+        out = np.array([one.force for one in self.each])
+        if not self.cuts:
+            return out
+        tips, turned = tips_of(robot, aimed)
+        for k, one in enumerate(self.each):
+            if one.cut is not None:
+                against, back = one.cut
+                out[k] = -against * self._ahead(tips, k) - back * turned[k, :, 2]
+        return out
+
+    def _ahead(self, tips: Array, k: int) -> Array:
+        """Direction of the motion: from the target before to the next one of its section."""
+        here, last = self.each[k], len(tips) - 1
+        first = max(k - 1, 0)
+        after = k + 1 if k < last and self.each[k + 1].same(here) else k
+        way = tips[after] - tips[first]
+        far = float(np.linalg.norm(way))
+        return way / far if far > _TOWARDS else np.zeros(3)
+
+
+NONE = Section(0, np.zeros(3))
+
+
+def tips_of(robot: Robot, aimed: Aimed) -> tuple[Array, Array]:
+    """Where the force acts at each target in F_b [m], (m, 3), and how the tools turn, (m, 3, 3)."""
+    at = configure(robot, aimed.q)
+    tips = at.flange_origin + np.einsum("mij,mj->mi", at.flange_axes, aimed.tip)
+    return tips, at.flange_axes @ aimed.tool[:, :3, :3]
+
+
+def stated(sources: Mapping[str, str], targets: Sequence[Target]) -> Forces | None:
+    """What the remarks of a program say; None where they say nothing of forces.
+
+    Args:
+        sources: Text of its files by name.
+        targets: Its targets.
+
+    Raises:
+        InputError: A remark cannot be read, or a point is used in sections of different forces.
+    """
+    found = {file: _sections(file, text) for file, text in sources.items()}
+    if not any(found.values()):
+        return None
+    uses = {file: _lines(text) for file, text in sources.items() if found[file]}
+    return Forces(tuple(_of(target, found, uses) for target in targets))
+
+
+def _of(
+    target: Target, found: Mapping[str, list[Section]], uses: Mapping[str, list[str]]
+) -> Section:
+    """What acts at a target: by the lines that name it, without such by its own."""
+    word = re.compile(_mention(target.name))
+    at = [
+        (file, number)
+        for file, lines in uses.items()
+        for number, line in enumerate(lines, 1)
+        if word.search(line) and (file, number) != (target.file, target.line)
+    ]
+    places = at or [(target.file, target.line)]
+    acting = [_acting(found.get(file, []), line) for file, line in places]
+    for other, (file, line) in zip(acting, places, strict=True):
+        if not other.same(acting[0]):
+            raise InputError(
+                f"{target.name} is moved to in sections of different forces (lines "
+                f"{listed(str(line) for _, line in places)})",
+                "teach a point of its own for each section",
+                file=file,
+                line=line,
+            )
+    return acting[0]
+
+
+def _mention(name: str) -> str:
+    """How a point is named where it is used; of TP by its number."""
+    numbered = re.fullmatch(r"P\s*\[\s*(\d+).*\]?", name, re.IGNORECASE)
+    if numbered:
+        return rf"(?i)\bP\s*\[\s*{numbered[1]}(?!\d)"
+    return rf"(?i)(?<![\w$]){re.escape(name)}(?!\w|\s*:?=)"
+
+
+def _acting(sections: Sequence[Section], line: int) -> Section:
+    return next((one for one in reversed(sections) if one.line < line), NONE)
+
+
+def _lines(text: str) -> list[str]:
+    """Lines of a program; what stands below /POS moves nothing."""
+    return re.split(r"(?im)^/POS\b", text)[0].splitlines()
+
+
+def _sections(file: str, text: str) -> list[Section]:
+    sign = _SIGNS[file.lower()[file.rindex(".") :]]
+    said = re.compile(rf"{re.escape(sign)}[ \t]*(FORCE|CUT)\b[ \t]*([^\r\n]*)", re.IGNORECASE)
+    return [
+        _section(file, number, one[1].upper(), one[2].rstrip(" \t;"))
+        for number, line in enumerate(text.splitlines(), 1)
+        if (one := said.search(line))
+    ]
+
+
+def _section(file: str, line: int, word: str, said: str) -> Section:
+    """One remark.
+
+    Raises:
+        InputError: It says something else.
+    """
+    if word == "CUT":
+        pairs = dict(re.findall(rf"(\w+)\s*=\s*({NUMBER})", said.lower()))
+        if {*pairs} <= {*_WORDS} and {*_WORDS[:3]} <= {*pairs}:
+            kc, depth, feed = (float(pairs[one]) for one in _WORDS[:3])
+            force = kc * depth * feed
+            if min(kc, depth, feed) > 0 and force >= LEAST_FORCE:
+                return Section(line, np.zeros(3), (force, force * float(pairs.get("axial", 0))))
+    elif said.strip().upper() == "OFF":
+        return Section(line, np.zeros(3))
+    elif len(numbers := re.findall(NUMBER, said)) == 3 and not re.sub(NUMBER, "", said).strip(
+        ", \t"
+    ):
+        return Section(line, np.array([float(one) for one in numbers]))
+    raise InputError(f'"{word} {said}" is no force', _MEANT, file=file, line=line)
+
+
+def tabled(name: str, data: bytes, targets: Sequence[Target]) -> Forces:
+    """What a table says: target (or line), fx_n, fy_n, fz_n; no force at what is not in it.
+
+    Args:
+        name: Name of the table.
+        data: Its content.
+        targets: Those of the program.
+
+    Raises:
+        InputError: A row cannot be read, or names no target.
+    """
+    by_line = "line" in logs.columns(name, data)
+    key = logs.Quantity("line", {}) if by_line else logs.Quantity("target", {}, "name")
+    forces = [logs.Quantity(one, logs.FORCE) for one in ("fx", "fy", "fz")]
+    log = logs.once(logs.table(name, data, [key, *forces]), [key.stem])
+    for file, line, reason in log.rejected:
+        raise InputError(reason, "correct the row", file=file, line=line)
+    said = [str(int(one)) if by_line else _plain(one)
+            for one in (log.number if by_line else log.word)[key.stem]]  # fmt: skip
+    rows = np.column_stack([log.number[one.stem] for one in forces])
+    each = {one: Section(int(line), force)
+            for one, line, force in zip(said, log.line, rows, strict=True)}  # fmt: skip
+    names = [str(one.line) if by_line else _plain(one.name) for one in targets]
+    for one, section in each.items():
+        if one not in names:
+            thing = f'the program has no target {"in line " if by_line else ""}"{one}"'
+            raise InputError(thing, "correct the row", file=name, line=section.line)
+    return Forces(tuple(each.get(one, NONE) for one in names))
+
+
+def _plain(name: str) -> str:
+    """A name as it is compared: P[3:"a"] is P[3], XP3 is xp3."""
+    return re.sub(r"\s|:.*(?=\])", "", name.lower())

@@ -1,0 +1,260 @@
+"""The first page: verdict, what to do, the robot, its stiffnesses, what the answer is filed by."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+
+import numpy as np
+
+from pipeline.answer.contract import Answer, Cause, Data, Reason, Stiffness, Which
+from pipeline.answer.nouns import amount
+from pipeline.answer.words import DO, capital
+from pipeline.base.files import sha256
+from pipeline.base.quantities import (
+    MISSING,
+    common_prefix,
+    percent,
+    plain,
+    prefixed,
+    scaled,
+    with_std,
+    with_uncertainty,
+)
+from pipeline.prediction.decision import Decision
+from pipeline.report import words
+from pipeline.report.figures.catalogue import figures
+from pipeline.report.figures.certificate import stand
+from pipeline.report.figures.stiffness import interval
+from pipeline.report.record import Bar, Certificate, Item
+from pipeline.report.sections.identity import rows
+from pipeline.report.summaries import Tables
+from pipeline.store.campaign import dump
+
+_MOST_FOUND = 24
+"""So many words of an error in the data are told here; all of them stand on the page below."""
+
+_MOST_CAUSES = 2
+"""So many causes are named here."""
+
+_DIGEST = 16
+"""Digits of the digest that are printed."""
+
+
+def certificate(answer: Answer, tables: Tables) -> Certificate:
+    """What an engineer files of a campaign."""
+    pictures = {one.name: one for one in figures(("certificate", "gauge"), answer, tables)}
+    bars, nominal = _bars(answer)
+    compared = nominal is not None
+    return Certificate(
+        found=found(answer),
+        to_do=" ".join((*_by_tolerance(answer), to_do(answer))),
+        picture=pictures.get("certificate"),
+        gauge=pictures.get("gauge"),
+        bars=bars,
+        nominal=nominal,
+        beside="of nominal" if compared else "uncertainty",
+        note=_note(answer, compared),
+        filed=tuple(Item(name, text) for name, text in rows(answer)),
+        digest=digest(answer),
+    )
+
+
+def digest(answer: Answer) -> str:
+    """The first digits of what `sha256sum result.json` prints."""
+    return sha256(dump(answer.as_json()))[:_DIGEST]
+
+
+# --- what is found, and what to do ----------------------------------------------------------------
+
+
+def found(answer: Answer) -> str:
+    """What is wrong, in a sentence."""
+    mistakes = [one.evidence.sentence for one in answer.diagnosis.causes if one.evidence]
+    if mistakes:
+        more = f" (and {len(mistakes) - 1} more)" if len(mistakes) > 1 else ""
+        return f"{capital(_cut(mistakes[0]))}{more}."
+    causes = answer.diagnosis.causes
+    if not causes:
+        return _NOTHING.get(str(answer.diagnosis.verdict), "")
+    return f"{capital(_listed(causes))}{_gain(answer)}."
+
+
+_NOTHING = {
+    "adequate": "Nothing detectable is wrong.",
+    "unexplained": "No known cause explains what the model leaves.",
+}
+
+
+def _cut(text: str) -> str:
+    """The first clauses of a long sentence."""
+    told = text.split()
+    if len(told) <= _MOST_FOUND:
+        return text
+    ends = [k for k, one in enumerate(told[:_MOST_FOUND], 1) if one[-1] in ",:;"]
+    return " ".join(told[: max(ends, default=_MOST_FOUND)]).rstrip(",:;")
+
+
+def _listed(causes: Sequence[Cause]) -> str:
+    """The first causes, and how many more there are."""
+    more = len(causes) - _MOST_CAUSES
+    rest = [f"{more} more"] if more > 0 else []
+    return "; ".join([*map(_cause, causes[:_MOST_CAUSES]), *rest])
+
+
+def _cause(one: Cause) -> str:
+    """A cause with its size, or with what else it may be."""
+    if one.rivals:
+        return f"{words.placed(one)} or {words.placed(one.rivals[0])}"
+    size = f", {amount(one.parameters[0])}" if len(one.parameters) == 1 else ""
+    return f"{words.placed(one)}{size}"
+
+
+def _gain(answer: Answer) -> str:
+    """By how much poses left out are predicted better than by joint springs alone."""
+    both = (answer.joint_springs.validation, answer.validation)
+    before, after = (one.held_out_rms_mm if one else None for one in both)
+    if answer.of_positions:
+        before, after = (answer.position_steps[k].between_mm for k in (0, -1))
+    if before is None or after is None or after >= before:
+        return ""
+    return f"; error at poses left out {plain(before, 2)} → {plain(after, 2)} mm"
+
+
+def to_do(answer: Answer) -> str:
+    """What to do with the values."""
+    said = DO[answer.recommended.reason]
+    if answer.recommended.data is Data.CORRECTED or said[0].islower():
+        return f"Correct the files; until then {said}"
+    return said
+
+
+def _by_tolerance(answer: Answer) -> Iterator[str]:
+    """What a tolerance that is not kept asks for."""
+    worst = answer.tolerance.worst if answer.tolerance else None
+    if worst is Decision.FAIL:
+        yield "Reduce the force or compensate the path."
+    elif worst is Decision.UNDECIDED:
+        yield "Reduce the force or measure more."
+
+
+# --- the stiffnesses ------------------------------------------------------------------------------
+
+
+def _bars(answer: Answer) -> tuple[tuple[Bar, ...], float | None]:
+    """One for each joint, and where the nominal value stands along them."""
+    joints, enter = answer.stiffness, _entered(answer)
+    compared = [one for one in joints if one.value is not None and one.nominal]
+    tracks, nominal = (_beside_nominal(compared), True) if compared else (_rough(joints), False)
+    at = tracks.pop("", None)
+    bars = tuple(
+        Bar(
+            name=one.axis or one.joint_name,
+            value=_value(one),
+            beside=stand(one).said if one.value is not None else MISSING,
+            enter=enter.get(one.name, ""),
+            track=tracks.get(one.name),
+        )
+        for one in joints
+    )
+    return bars, at[1] if nominal and at else None
+
+
+_Tracks = dict[str, tuple[float, float, float]]
+
+
+def _beside_nominal(joints: Sequence[Stiffness]) -> _Tracks:
+    """Limits and value of each as a share of the width, nominal under the empty name."""
+    nominal = np.array([one.nominal for one in joints], dtype=float)
+    share, low, high = interval(joints, nominal / 100)
+    left, right = (
+        float(np.clip(end, *ends))
+        for end, ends in ((low.min(), (50, 90)), (np.max(high), (110, 150)))
+    )
+    ends = np.clip((np.array([low, share, high]) - left) / (right - left), 0.0, 1.0)
+    tracks = {one.name: tuple(ends[:, k].tolist()) for k, one in enumerate(joints)}
+    middle = (100 - left) / (right - left)
+    return tracks | {"": (middle, middle, middle)}
+
+
+def _rough(joints: Sequence[Stiffness]) -> _Tracks:
+    """Bars about the middle, as long as each is uncertain."""
+    size = {one.name: min(one.relative_std or 0.0, 1.0) for one in joints if one.value is not None}
+    most = max(size.values(), default=0.0) or 1.0
+    return {name: (0.5 - 0.5 * s / most, 0.5, 0.5 + 0.5 * s / most) for name, s in size.items()}
+
+
+def _value(joint: Stiffness) -> str:
+    """`3.797 ± 0.009 MN·m/rad`, or why there is none."""
+    if joint.value is None:
+        return "not determined"
+    factor, letter = common_prefix([joint.value])
+    value, std = scaled(joint.value, factor), scaled(joint.std, factor)
+    return f"{with_std(value, std)} {prefixed(joint.unit, letter)}"
+
+
+_SUBSTITUTES = (
+    Reason.CAUSE_AND_RIVALS,
+    Reason.CAUSE_IDENTIFIED,
+    Reason.CAUSE_DOUBTFUL,
+    Reason.RIVALS,
+)
+"""Reasons for which a controller takes the joint springs alone, which make up for the cause."""
+
+
+def _substituted(answer: Answer) -> bool:
+    """Whether a controller takes others in place of the values; pulls alone give such."""
+    said = answer.recommended
+    beside = said.reason in _SUBSTITUTES and said.model is not Which.JOINT_SPRINGS
+    return beside and not answer.of_positions
+
+
+def _entered(answer: Answer) -> dict[str, str]:
+    """What a controller takes where that is not the value itself, by name of the stiffness."""
+    reason, joints = answer.recommended.reason, answer.stiffness
+    if not reason.holds_for_its_readings:
+        return {one.name: "none" for one in joints}
+    if _substituted(answer):
+        units = {one.name: one.value for one in joints}
+        return {
+            one.name: _rounded(one, units.get(one.name)) for one in answer.joint_springs.stiffness
+        }
+    odd = [one for one in joints if one.value is None or one.ci95[1] is None]
+    return {one.name: _rounded(one, one.value) for one in joints} if odd else {}
+
+
+def _rounded(joint: Stiffness, beside: float | None = None) -> str:
+    """A value in the digits that its uncertainty allows; none for one that may be rigid.
+
+    Args:
+        joint: Whose.
+        beside: The value beside it, whose unit it shares; None where there is none.
+    """
+    if joint.value is None:
+        return "leave as it is"
+    if joint.ci95[1] is None:
+        return "no value"
+    factor, letter = common_prefix([beside or joint.value])
+    value, std = joint.value / factor, scaled(joint.std, factor)
+    shown = plain(value) if std is None else with_uncertainty(value, std)[0]
+    return shown if beside else f"{shown} {prefixed(joint.unit, letter)}"
+
+
+def _note(answer: Answer, compared: bool) -> str:
+    """What ± and the bars are, and what a controller takes."""
+    bar = (
+        "Bars: 95 % interval, as a share of nominal (line)."
+        if compared
+        else f"Bars: relative uncertainty, the longest {percent(_least_known(answer))}."
+    )
+    substitutes = _substituted(answer)
+    enter = (
+        " A controller has no entry for the cause: its values are effective ones, which make up "
+        "for it as far as joint springs can."
+        if substitutes
+        else ""
+    )
+    return f"Values ± one standard uncertainty. {bar}{enter}"
+
+
+def _least_known(answer: Answer) -> float | None:
+    return max((one.relative_std or 0.0 for one in answer.stiffness), default=None)

@@ -1,0 +1,443 @@
+"""The robot at the test pose: how stiff its joints are, where causes sit, how far it deflects."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import pandas as pd
+
+from pipeline.answer.contract import Answer, Placed, Stiffness
+from pipeline.answer.tolerated import DECIDED
+from pipeline.answer.words import capital
+from pipeline.base.arrays import Array
+from pipeline.base.quantities import percent, plain, with_uncertainty
+from pipeline.prediction.decision import Decision
+from pipeline.report import words
+from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.scene import View, outlines
+from pipeline.report.figures.sheet import Sheet
+from pipeline.report.record import Figure
+from pipeline.report.summaries import MM, Tables
+from pipeline.report.svg import BLUE, BODY, EDGE, GREEN, GRID, INK, MUTED, PAPER, RED
+
+_FROM, _TO = ([f"{end}_{a}_m" for a in "xyz"] for end in ("from", "to"))
+
+_WIDE, _HIGH, _TOP, _FOOT = 560.0, 400.0, 64.0, 46.0
+"""The sheet, and what its labels and its key take of it [px]."""
+
+_AROUND = 0.36
+"""So much of the rail to each side of the robot is drawn, over the size of the arm."""
+
+_REACH = 0.16
+"""How long what moves most is drawn, over the size of the arm."""
+
+_NAME = 8
+"""Letters of a name that stand above the drawing; a longer one is told by its number."""
+
+_APART = 6.0
+"""Marks nearer than this [px] would cover each other."""
+
+_ASIDE = np.deg2rad(28.0)
+"""The arm is seen from so far before its side."""
+
+_NEAR, _KNOWN = 0.05, 0.02
+"""Deviation from nominal that counts for none, and relative uncertainty of a joint that is well
+known where no nominal is stated [1]: steps of the key, and of nothing else."""
+
+
+@dataclass(frozen=True, eq=False)
+class Arm:
+    """The robot as it lies on the sheet.
+
+    Attributes:
+        rows: Table POSTURE, the rail cut to what is near.
+        view: From where it is seen.
+        scale: Pixels per metre.
+        origin: Where the middle of the view lies [px], shape (2,).
+        size: Of the arm [m].
+    """
+
+    rows: pd.DataFrame
+    view: View
+    scale: float
+    origin: Array
+    size: float
+
+    def __call__(self, points: Array) -> Array:
+        """Points in F_b [m], (..., 3), on the sheet [px], (..., 2)."""
+        right, up, _ = self.view(points)
+        return np.stack([self.origin[0] + self.scale * right, self.origin[1] - self.scale * up], -1)
+
+    def bodies(self, sheet: Sheet, rows: pd.DataFrame, **style: Any) -> None:
+        """Draw capsules, what is nearer over what is behind."""
+        near, shapes = outlines(self.view, rows, 0.75 * rows["radius_m"].to_numpy(float))
+        for k in np.argsort(near, kind="stable"):
+            fill = GRID if rows["part"].iloc[k] == "base" else BODY
+            at = self.origin + self.scale * np.asarray(shapes[k]) * (1, -1)
+            own: dict[str, Any] = {"fill": fill, "stroke": EDGE, "stroke_width": 0.8}
+            sheet.shape(at, **(own | style))
+
+    @cached_property
+    def solid(self) -> pd.DataFrame:
+        """Its bodies, points apart."""
+        return self.rows[self.rows["radius_m"] > 0]
+
+    @cached_property
+    def ends(self) -> Array:
+        """Both ends of each row [m], shape (c, 2, 3)."""
+        return self.rows[[*_FROM, *_TO]].to_numpy(float).reshape(-1, 2, 3)
+
+    @cached_property
+    def joints(self) -> dict[int, Array]:
+        """Where each joint is [px]; of several in one place the next ones on their own links."""
+        found: dict[int, Array] = {}
+        parts, numbers = self.rows["part"].to_numpy(str), self.rows["joint"].to_numpy()
+        at, amid = self(self.ends[:, 0]), self(self.ends.mean(axis=1))
+        for k in np.flatnonzero(parts == "joint"):
+            own = np.flatnonzero((parts == "arm") & (numbers == numbers[k]))
+            taken = any(np.hypot(*(at[k] - one)) < _APART for one in found.values())
+            found[int(numbers[k])] = amid[own[0]] if taken and len(own) else at[k]
+        return found
+
+    def place(self, cause: Placed, location: str | None) -> Array | None:
+        """Where a cause sits [px]; None where it is not in the robot."""
+        joints, rows = self.joints, self.rows
+        if isinstance(cause.where, int):
+            return joints.get(cause.where)
+        if cause.where is not None:
+            named = rows[(rows["name"] == cause.where) & (rows["part"] != "joint")]
+            return self(named[_TO].to_numpy(float))[0] if len(named) else None
+        if location == "rail":
+            body = np.flatnonzero(rows["part"] == "carriage")
+            return self(self.ends[body[0], 1]) if len(body) else joints.get(1)
+        at = {"tool": _TO, "force": _TO, "wrist": _FROM}.get(location or "")
+        return None if at is None else self(self.tip[at].to_numpy(float))[0]
+
+    @property
+    def tip(self) -> pd.DataFrame:
+        """The rod to the load point, one row."""
+        return self.rows[(self.rows["part"] == "tool") & (self.rows["name"] == "load_point")]
+
+
+def arm_of(tables: Tables, high: float, top: float, wide: float = _WIDE) -> Arm:
+    """The robot, as large as the sheet allows between these heights [px]."""
+    rows = tables["posture"]
+    moving = rows[rows["part"].isin(("carriage", "arm", "tool"))]
+    ends = np.concatenate([moving[_FROM].to_numpy(float), moving[_TO].to_numpy(float)])
+    size = float(np.linalg.norm(np.ptp(ends, axis=0)))
+    foot = rows[rows["part"] == "joint"][_FROM].to_numpy(float)[0]
+    rows = _cut(rows, foot, _AROUND * size)
+    tip = moving[_TO].to_numpy(float)[-1]
+    heading = np.arctan2(*(tip - ends[0])[1::-1])
+    view = View(ends.mean(axis=0), size, float(heading - np.pi / 2 - _ASIDE))
+    solid = rows[rows["radius_m"] > 0]
+    _, shapes = outlines(view, solid, 0.75 * solid["radius_m"].to_numpy(float))
+    every = np.concatenate(shapes)
+    low, up = every.min(axis=0), every.max(axis=0)
+    scale = float(min((wide - 40) / (up[0] - low[0]), (high - top) / (up[1] - low[1])))
+    middle = np.array([wide / 2, (top + high) / 2])
+    return Arm(rows, view, scale, middle - scale * (low + up) / 2 * (1, -1), size)
+
+
+def _cut(rows: pd.DataFrame, foot: Array, reach: float) -> pd.DataFrame:
+    """The rail no further than so far from the robot's foot."""
+    still = (rows["part"] == "base").to_numpy()[:, None]
+    a, b = rows[_FROM].to_numpy(float), rows[_TO].to_numpy(float)
+    length = np.maximum(np.linalg.norm(b - a, axis=1, keepdims=True), 1e-9)
+    along = (b - a) / length
+    at = np.sum((foot - a) * along, axis=1, keepdims=True)
+    ends = [a + np.clip(at + side * reach, 0, length) * along for side in (-1, 1)]
+    cut = np.hstack([np.where(still, *both) for both in zip(ends, (a, b), strict=True)])
+    return rows.assign(**dict(zip([*_FROM, *_TO], cut.T, strict=True)))
+
+
+# --- what is told of the joints -------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Stand:
+    """How a joint stands: a word of the key, its colour, and what is written beside its name."""
+
+    word: str
+    colour: str
+    said: str
+
+
+_SOFT, _ALIKE, _STIFF, _LOST = "softer", "as nominal", "stiffer", "not determined"
+_COLOURS = {_SOFT: RED, _ALIKE: MUTED, _STIFF: BLUE, _LOST: PAPER}
+_SURE, _ROUGH = "known to 2 %", "less well known"
+_COLOURS |= {_SURE: MUTED, _ROUGH: RED}
+
+
+def stand(joint: Stiffness) -> Stand:
+    """Beside its nominal stiffness; by its relative uncertainty where none is stated."""
+    if joint.value is None:
+        return Stand(_LOST, PAPER, "?")
+    if not joint.nominal:
+        rough = joint.relative_std
+        word = _SURE if rough is not None and rough <= _KNOWN else _ROUGH
+        return Stand(word, _COLOURS[word], f"± {percent(rough)}")
+    ratio, off = joint.value / joint.nominal, 2 * (joint.std or 0.0) / joint.nominal
+    word = _ALIKE
+    if abs(ratio - 1) > max(_NEAR, off):
+        word = _SOFT if ratio < 1 else _STIFF
+    return Stand(word, _COLOURS[word], percent(ratio, 3 if ratio >= 1 else 2))
+
+
+# --- the picture ----------------------------------------------------------------------------------
+
+
+def _draw(answer: Answer, tables: Tables) -> str:
+    """The robot with its joints, causes and deflection."""
+    sheet = Sheet(_WIDE, _HIGH)
+    arm = arm_of(tables, _HIGH - _FOOT, _TOP)
+    arm.bodies(sheet, arm.solid)
+    _deflection(sheet, arm, answer)
+    _causes(sheet, arm, answer)
+    stands = {joint.joint: (joint, stand(joint)) for joint in answer.stiffness}
+    _joints(sheet, arm, stands)
+    _key(sheet, [one for _, one in stands.values()], bool(_seated(arm, answer)))
+    return sheet.svg
+
+
+def _joints(sheet: Sheet, arm: Arm, stands: dict[int, tuple[Stiffness, Stand]]) -> None:
+    """A disc at each joint, and its name with its share of nominal in a row above."""
+    at = {k: place for k, place in arm.joints.items() if k in stands}
+    step = (_WIDE - 20) / max(len(at), 1)
+    for slot, number in enumerate(at):
+        joint, one = stands[number]
+        x, (jx, jy) = 10 + step * (slot + 0.5), at[number]
+        sheet.line((x, 38), (jx, jy), MUTED, 0.8, stroke_opacity=0.7)
+        style = {"fill": one.colour, "stroke": INK, "stroke_width": 1.2}
+        tip = f"{joint.called}: {one.said} {'of nominal, ' if joint.nominal else ''}{one.word}"
+        sheet.disc((jx, jy), 6.5, tip, **style)
+        name = joint.axis or joint.joint_name
+        name = name if len(name) <= _NAME else f"J{joint.joint}"
+        middle = {"text_anchor": "middle"}
+        sheet.text(x, 16, name, 14, font_weight="bold", **middle)
+        colour = INK if one.colour in (MUTED, PAPER) else one.colour
+        sheet.text(x, 33, one.said, 13, fill=colour, **middle)
+
+
+def _deflection(sheet: Sheet, arm: Arm, answer: Answer) -> None:
+    """The arrow at the load point, magnified."""
+    pose, tip = answer.test_pose, arm.tip
+    if pose is None or pose.deflection_mm is None or tip.empty:
+        return
+    moved = tip[[f"to_moved_{a}_m" for a in "xyz"]].to_numpy(float)[0]
+    if not moved.any():
+        return
+    start = tip[_TO].to_numpy(float)[0]
+    end = start + _REACH * arm.size * moved / np.linalg.norm(moved)
+    a, b = arm(np.stack([start, end]))
+    sheet.arrow(a, b, RED, 3)
+    said = f"{plain(pose.deflection_mm)} mm"
+    below = 14 if b[1] >= a[1] else -8
+    x = float(np.clip(b[0], 46, _WIDE - 46))
+    sheet.text(x, b[1] + below, said, 14, text_anchor="middle", font_weight="bold", fill=RED)
+
+
+def _seated(arm: Arm, answer: Answer) -> list[tuple[int, Array]]:
+    """Number and place of the causes that sit in the robot."""
+    placed = [(k, arm.place(one, one.location)) for k, one in enumerate(answer.diagnosis.causes, 1)]
+    return [(k, at) for k, at in placed if at is not None]
+
+
+def _causes(sheet: Sheet, arm: Arm, answer: Answer) -> None:
+    """A ring with a number where each cause sits."""
+    for number, at in _seated(arm, answer):
+        sheet.disc(at, 17, fill="none", stroke=RED, stroke_width=3)
+        style = {"text_anchor": "middle", "font_weight": "bold", "fill": RED}
+        sheet.text(at[0] - 24, at[1] + 5, str(number), 15, **style)
+
+
+def _key(sheet: Sheet, stands: Sequence[Stand], rings: bool) -> None:
+    """What the colours mean."""
+    x = 14.0
+    for word, colour in dict.fromkeys((one.word, one.colour) for one in stands):
+        sheet.disc((x, _HIGH - 14), 5.5, fill=colour, stroke=INK, stroke_width=1)
+        sheet.text(x + 10, _HIGH - 10, word, 12)
+        x += 30 + 7.0 * len(word)
+    if rings:
+        sheet.disc((x, _HIGH - 14), 6, fill="none", stroke=RED, stroke_width=2.4)
+        sheet.text(x + 11, _HIGH - 10, "cause", 12)
+
+
+def _write(answer: Answer, tables: Tables) -> Figure:
+    stands = {joint: stand(joint) for joint in answer.stiffness}
+    told = "; ".join(f"{j.axis or j.name} {one.said}, {one.word}" for j, one in stands.items())
+    seated = [k for k, _ in _seated(arm_of(tables, _HIGH, 0.0), answer)]
+    named = [f"{k} {words.placed(answer.diagnosis.causes[k - 1])}" for k in seated]
+    sits = f" Marked: {'; '.join(named)}." if named else ""
+    pose = answer.test_pose
+    moves = "" if pose is None else f" The arrow is the deflection, {plain(pose.deflection_mm)} mm."
+    nominal = any(joint.nominal for joint in answer.stiffness)
+    what = "Share of the nominal stiffness" if nominal else "Relative uncertainty of the stiffness"
+    return Figure(
+        "certificate",
+        "The robot at the test pose",
+        f"{what} of each joint.{sits}",
+        f"Drawing of the robot at the test pose. {what}: {told}.{sits}{moves}",
+    )
+
+
+CERTIFICATE = Plot("certificate", ("posture",), _write, by_hand=_draw)
+
+# --- the gauge ------------------------------------------------------------------------------------
+
+
+@dataclass(frozen=True)
+class Reading:
+    """A deflection with its uncertainty and what is decided of it [mm]."""
+
+    name: str
+    size: float
+    u: float | None
+    decision: Decision | None
+
+    @property
+    def end(self) -> float:
+        """How far it reaches."""
+        return self.size + (self.u or 0.0)
+
+    @property
+    def said(self) -> str:
+        """`0.924 mm ± 0.072 mm`, ± the expanded uncertainty."""
+        if self.u is None:
+            return f"{plain(self.size)} mm, U unknown"
+        value, u = with_uncertainty(self.size, self.u)
+        return f"{value} mm ± {u} mm"
+
+
+def readings(answer: Answer) -> Iterator[Reading]:
+    """Of the test pose, and the worst of the path."""
+    pose, asked = answer.test_pose, answer.tolerance
+    if pose is not None and pose.deflection_mm is not None:
+        decision = asked.test_pose if asked else None
+        name = "Test pose" if pose.stated else "Strongest pull"
+        yield Reading(name, pose.deflection_mm, pose.expanded_mm, decision)
+    if asked is not None and asked.path is not None:
+        worst = max(asked.path.stretches, key=lambda one: one.deflection_mm or 0.0)
+        name = f"{asked.path.file}, pose {worst.at}"
+        if worst.deflection_mm is not None:
+            yield Reading(name, worst.deflection_mm, worst.expanded_mm, worst.decision)
+
+
+_GAUGE = {Decision.PASS: GREEN, Decision.UNDECIDED: BLUE, Decision.FAIL: RED, None: BLUE}
+_ACROSS, _LEFT, _RIGHT, _ROW = 440.0, 10.0, 430.0, 60.0
+"""The gauge's sheet, the ends of its bars, and one bar with its words [px]."""
+
+
+def _draw_gauge(answer: Answer, tables: Tables) -> str:
+    """A bar for each deflection, with the tolerance as a wall."""
+    told = list(readings(answer))
+    most = answer.tolerance.deflection_mm if answer.tolerance else None
+    full = 1.15 * max([*(one.end for one in told), most or 0.0])
+    sheet = Sheet(_ACROSS, _ROW * len(told) + 18)
+
+    def at(mm: float) -> float:
+        return _LEFT + (_RIGHT - _LEFT) * mm / full
+
+    for k, one in enumerate(told):
+        y, colour = _ROW * k + 40, _GAUGE[one.decision]
+        sheet.line((_LEFT, y), (_RIGHT, y), GRID, 16)
+        low, high = max(one.size - (one.u or 0.0), 0.0), one.end
+        sheet.line((at(low), y), (at(high), y), colour, 16, stroke_opacity=0.4)
+        sheet.arrow((_LEFT, y), (at(one.size), y), colour, 4)
+        word = "" if one.decision is None else f": {DECIDED[one.decision]}"
+        sheet.text(_LEFT, y - 15, f"{one.name}{word}", 14, font_weight="bold")
+        sheet.text(_RIGHT, y - 15, f"{one.said} (k = 2)", 14, text_anchor="end")
+        if most is not None:
+            sheet.line((at(most), y - 12), (at(most), y + 12), INK, 3)
+    foot = _ROW * len(told)
+    if most is not None:
+        said = f"tolerance {most:g} mm"
+        sheet.text(min(at(most), _RIGHT - 60), foot + 13, said, 13, text_anchor="middle")
+    sheet.text(_LEFT, foot + 13, "0", 13)
+    return sheet.svg
+
+
+def _write_gauge(answer: Answer, tables: Tables) -> Figure | None:
+    told = list(readings(answer))
+    if not told:
+        return None
+    parts = [
+        f"{one.name} {one.said}{'' if one.decision is None else f', {DECIDED[one.decision]}'}"
+        for one in told
+    ]
+    most = answer.tolerance.deflection_mm if answer.tolerance else None
+    limit = "" if most is None else f", beside a tolerance of {most:g} mm"
+    said = "; ".join(parts)
+    return Figure(
+        "gauge",
+        "Deflection of the load point",
+        f"{said}{limit}.",
+        f"Gauge of the deflection of the load point{limit}, with its expanded uncertainty: {said}.",
+    )
+
+
+GAUGE = Plot("gauge", (), _write_gauge, by_hand=_draw_gauge)
+
+# --- how a cause moves the robot ------------------------------------------------------------------
+
+_LEAST_M = 1e-9
+"""Motions below are none."""
+
+
+def _ghost(tables: Tables) -> tuple[pd.DataFrame, float]:
+    """The robot as the causes alone move it, and how many times that is magnified."""
+    rows = tables["posture"]
+    by = {
+        end: rows[[f"{end}_caused_{a}_m" for a in "xyz"]].to_numpy(float) for end in ("from", "to")
+    }
+    most = max(float(np.linalg.norm(one, axis=1).max()) for one in by.values())
+    if most < _LEAST_M:
+        return rows.iloc[:0], 1.0
+    size = float(np.ptp(rows[rows["part"] != "base"][_FROM].to_numpy(float), axis=0).max())
+    times = 10.0 ** np.floor(np.log10(_REACH * size / most))
+    times *= max(m for m in (1, 2, 5) if m * times * most <= _REACH * size)
+    moved = rows.copy()
+    for end, columns in (("from", _FROM), ("to", _TO)):
+        moved[columns] = rows[columns].to_numpy(float) + times * by[end]
+    return moved[moved["part"].isin(("carriage", "arm", "tool"))], float(times)
+
+
+def _draw_motion(answer: Answer, tables: Tables) -> str:
+    """The arm as it stands, and where the causes move it."""
+    sheet = Sheet(_WIDE, 330)
+    arm = arm_of(tables, 316, 14)
+    arm.bodies(sheet, arm.solid, stroke_opacity=0.8)
+    ghost, _ = _ghost(tables)
+    arm.bodies(sheet, ghost, fill="none", stroke=RED, stroke_width=1.6)
+    ends = (tables["posture"].loc[ghost.index[-4:]], ghost.iloc[-4:])
+    for a, b in zip(*(arm(one[_TO].to_numpy(float)) for one in ends), strict=True):
+        sheet.line(a, b, RED, 1.2, stroke_dasharray="3 3")
+    _causes(sheet, arm, answer)
+    return sheet.svg
+
+
+def _write_motion(answer: Answer, tables: Tables) -> Figure | None:
+    ghost, times = _ghost(tables)
+    causes = [words.placed(one) for one in answer.diagnosis.causes if not one.evidence]
+    pose = answer.test_pose
+    if ghost.empty or not causes or pose is None:
+        return None
+    tip = tables["posture"][tables["posture"]["name"] == "load_point"]
+    moved = tip[[f"to_caused_{a}_m" for a in "xyz"]].to_numpy(float)[0]
+    said = (
+        f"{capital(' and '.join(causes))} alone {'moves' if len(causes) == 1 else 'move'} the load "
+        f"point by {plain(MM * float(np.linalg.norm(moved)))} mm at the test pose."
+    )
+    return Figure(
+        "motion",
+        "What gives way, and how the robot moves with it",
+        f"{said} Orange: the same, {times:,.0f} times magnified.",
+        f"Drawing of the robot with an outline of where the identified causes move it. {said}",
+    )
+
+
+MOTION = Plot("motion", ("posture",), _write_motion, by_hand=_draw_motion)

@@ -1,0 +1,84 @@
+"""Figures drawn by hand as SVG: a sheet with shapes and words, and a scale in decades."""
+
+from __future__ import annotations
+
+import xml.etree.ElementTree as ET
+from typing import Any
+
+import numpy as np
+
+from pipeline.base.arrays import Array
+from pipeline.report.svg import INK, PAPER
+
+_FONT = "DejaVu Sans"
+
+
+class Sheet:
+    """What is drawn, in pixels from the upper left corner; later things lie over earlier ones."""
+
+    def __init__(self, width: float, height: float) -> None:
+        """An empty sheet."""
+        size = {"width": f"{width:g}pt", "height": f"{height:g}pt"}
+        box = {"viewBox": f"0 0 {width:g} {height:g}"}
+        self.root = ET.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", **box, **size})
+        self.width, self.height = width, height
+
+    @property
+    def svg(self) -> str:
+        """The sheet as a file."""
+        return ET.tostring(self.root, encoding="unicode")
+
+    def shape(self, points: Any, close: bool = True, **style: Any) -> None:
+        """A polygon, or a line through points (k, 2)."""
+        at = " ".join(f"{x:.1f},{y:.1f}" for x, y in np.asarray(points, dtype=float))
+        self._add("polygon" if close else "polyline", {"points": at}, style)
+
+    def line(self, a: Any, b: Any, colour: str = INK, width: float = 1.0, **style: Any) -> None:
+        """A straight line."""
+        self.shape([a, b], close=False, stroke=colour, stroke_width=width, fill="none", **style)
+
+    def arrow(self, a: Any, b: Any, colour: str, width: float = 2.4) -> None:
+        """A line with a head at its end."""
+        a, b = np.asarray(a, float), np.asarray(b, float)
+        length = float(np.hypot(*(b - a))) or 1.0
+        along = (b - a) / length
+        head, across = min(4 * width, 0.6 * length), np.array([-along[1], along[0]])
+        neck = b - head * along
+        self.line(a, neck, colour, width)
+        self.shape([b, neck + 0.45 * head * across, neck - 0.45 * head * across], fill=colour)
+
+    def disc(self, at: Any, radius: float, tip: str = "", **style: Any) -> None:
+        """A circle, with what it says to whoever points at it."""
+        x, y = at
+        own = {"cx": f"{x:.1f}", "cy": f"{y:.1f}", "r": f"{radius:g}"}
+        self._add("circle", own | ({"data-tip": tip} if tip else {}), style)
+
+    def square(self, x: float, y: float, side: float, tip: str = "", **style: Any) -> None:
+        """A square from its upper left corner, with what it says."""
+        own = {"x": f"{x:.1f}", "y": f"{y:.1f}", "width": f"{side:.1f}", "height": f"{side:.1f}"}
+        self._add("rect", own | ({"data-tip": tip} if tip else {}), style)
+
+    def text(self, x: float, y: float, said: str, size: float = 12, **style: Any) -> None:
+        """Words from a point on, at their foot, on a rim of paper."""
+        own = {"x": f"{x:.1f}", "y": f"{y:.1f}", "paint-order": "stroke", "stroke": PAPER}
+        own |= {"stroke-width": "3", "stroke-linejoin": "round"}
+        base = {"font_family": _FONT, "font_size": f"{size:g}px", "fill": INK}
+        self._add("text", own, base | style).text = said
+
+    def _add(self, kind: str, own: dict[str, str], style: dict[str, Any]) -> ET.Element:
+        said = {name.replace("_", "-"): f"{value}" for name, value in style.items()}
+        return ET.SubElement(self.root, kind, own | said)
+
+
+def decades(low: float, high: float) -> list[float]:
+    """Marks 1, 2, 5 times a power of ten between two values."""
+    powers = range(int(np.floor(np.log10(low))), int(np.ceil(np.log10(high))) + 1)
+    every = [m * 10.0**p for p in powers for m in (1, 2, 5)]
+    return [one for one in every if low * 0.999 <= one <= high * 1.001]
+
+
+def placed(values: Any, ends: tuple[float, float], pixels: tuple[float, float]) -> Array:
+    """Where values of a scale in decades stand [px], those beyond it at its ends."""
+    low, high = np.log10(ends)
+    share = (np.log10(np.clip(np.asarray(values, float), *ends)) - low) / (high - low)
+    return np.asarray(pixels[0] + share * (pixels[1] - pixels[0]))

@@ -1,0 +1,86 @@
+"""What of a report is printed: what is decided from; the page holds all of it."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+
+from pipeline.answer.words import listed
+from pipeline.report.record import Block, Report, Section, Table, Text
+
+ON_THE_PAGE = frozenset(
+    {
+        "alone",
+        "arrows",
+        "blind-spots",
+        "blind-spots-never",
+        "budget",
+        "compliance",
+        "correlation",
+        "deflection-joint-springs",
+        "enough",
+        "evidence",
+        "files",
+        "hypotheses",
+        "identity",
+        "letters",
+        "letter_combinations",
+        "measured",
+        "models",
+        "next-joints",
+        "noise",
+        "pose-rms",
+        "poses",
+        "prediction",
+        "prediction-error",
+        "registration",
+        "reliability",
+        "residual-course",
+        "residual-force",
+        "separability",
+        "whitened",
+        "workspace-joint-springs",
+    }
+)
+"""Tables and figures that only a statistician asks for."""
+
+MOST_ROWS = 30
+"""Rows of a table that are printed."""
+
+
+def printed(report: Report) -> Report:
+    """The report of a campaign as it stands on paper; others are printed as they are."""
+    if report.certificate is None:
+        return report
+    kept = tuple(filter(None, map(_section, report.sections)))
+    left = listed([f"{one[0].lower()}{one[1:]}" for one in _left_out(report)] or ["nothing"])
+    more = f"index.html and results.xlsx also have: {left}."
+    return replace(report, sections=kept, elsewhere=f"{report.elsewhere} {more}")
+
+
+def _section(one: Section) -> Section | None:
+    """A part without what stays on the page; None where only words about that would be left."""
+    kept = [block for block in one.blocks if not _stays(block)]
+    if len(kept) < len(one.blocks) and all(isinstance(block, Text) for block in kept):
+        return None
+    return replace(one, blocks=tuple(map(_shortened, kept)))
+
+
+def _stays(block: Block) -> bool:
+    return not isinstance(block, Text) and block.name in ON_THE_PAGE
+
+
+def _shortened(block: Block) -> Block:
+    """A long table by its first rows."""
+    if not isinstance(block, Table) or len(block.rows) <= MOST_ROWS:
+        return block
+    more = f"{len(block.rows) - MOST_ROWS} more rows are in index.html."
+    return replace(block, rows=block.rows[:MOST_ROWS], note=f"{more} {block.note}".strip())
+
+
+def _left_out(report: Report) -> Iterator[str]:
+    """Titles of what stays on the page."""
+    for section in report.sections:
+        for block in section.blocks:
+            if not isinstance(block, Text) and _stays(block):
+                yield block.title

@@ -1,0 +1,227 @@
+"""The first page of a report: what it says, in how many words, and by what it is found again."""
+
+from __future__ import annotations
+
+import hashlib
+import re
+import xml.etree.ElementTree as ET
+
+import numpy as np
+import pytest
+import report_sample
+from pdf_text import pages_of
+
+from pipeline.answer.contract import Amplitude, Cause, Reason
+from pipeline.answer.nouns import amount, noun
+from pipeline.answer.words import DO
+from pipeline.machine.effects import catalogue
+from pipeline.machine.robot import SHIPPED, load
+from pipeline.report.certificate import certificate, digest, found, to_do
+from pipeline.report.figures.catalogue import draw
+from pipeline.report.figures.heldout import judged
+from pipeline.report.model import compose
+from pipeline.report.render import page, render
+from pipeline.store.campaign import dump
+
+
+@pytest.fixture(scope="module")
+def sample():
+    """An answer and its tables."""
+    return report_sample.answer(), report_sample.tables()
+
+
+@pytest.fixture(scope="module")
+def first_page(sample):
+    """The text of the first page of its PDF."""
+    return pages_of(render(*sample)["report.pdf"])[0]
+
+
+def plainly(text):
+    """Text with ordinary spaces."""
+    return re.sub(r"\s+", " ", text)
+
+
+def test_the_first_page_is_the_certificate(sample, first_page):
+    """Verdict, what to do, each stiffness, machine, instruments and lines to sign, on one page."""
+    told = plainly(first_page)
+    content = certificate(*sample)
+
+    for bar in content.bars:
+        assert plainly(bar.value) in told, bar.name
+    for text in ("What to do.", "S-17", "2026-11-03 08:00 to 10:31", "21.5 °C", "Measured: name"):
+        assert text in told
+    assert "The answer in words" not in told
+
+
+def test_what_nobody_stated_is_not_there(sample, first_page):
+    """Neither operator nor the scale's certificate is stated: no row, and no word for it."""
+    labels = [one.label for one in certificate(*sample).filed]
+
+    assert "Operator" not in labels
+    assert "not stated" not in first_page
+    assert "certificate" not in first_page
+
+
+def test_the_digest_is_that_of_the_answer(sample, first_page):
+    """`sha256sum result.json` begins with it; another answer has another one."""
+    answer, _ = sample
+    other = answer.model_copy(update={"campaign": "another"})
+
+    assert hashlib.sha256(dump(answer.as_json())).hexdigest().startswith(digest(answer))
+    assert digest(answer) in first_page
+    assert digest(other) != digest(answer)
+
+
+VERDICTS = ("adequate", "explained", "ambiguous", "unexplained")
+TOGETHER = [
+    (verdict, reason)
+    for reason in DO
+    for verdict in VERDICTS
+    if verdict == "ambiguous" or reason is not Reason.RIVALS
+]
+
+
+@pytest.mark.parametrize(("verdict", "reason"), TOGETHER)
+def test_verdict_and_what_to_do_are_read_in_a_minute(sample, verdict, reason):
+    """At most 60 words, whatever is decided, also out of tolerance and with two rivals."""
+
+    def state(content):
+        content["diagnosis"]["verdict"] = verdict
+        content["recommended"]["reason"] = str(reason)
+        content["tolerance"]["test_pose"] = "fail"
+
+    answer = report_sample.revised(sample[0], state)
+    report = compose(answer, sample[1])
+    of = report.certificate
+    said = " ".join((report.judged.word, report.verdict, of.found, "What to do", of.to_do))
+
+    assert len(said.split()) <= 60
+
+
+def test_a_long_finding_ends_with_a_clause(sample):
+    """What is wrong with the data is told up to a comma; the page below has all of it."""
+    told = "in pose 4 P1 is off: " + " ".join(f"word{k}" for k in range(12)) + ", " + "more " * 20
+
+    def spoil(content):
+        evidence = {"sentence": told, "correction": "", "before": 1, "after": 0, "unit": "m"}
+        content["diagnosis"]["causes"][0]["evidence"] = evidence
+
+    said = found(report_sample.revised(sample[0], spoil))
+
+    assert said == "In pose 4 P1 is off: " + " ".join(f"word{k}" for k in range(12)) + "."
+
+
+def test_a_cause_is_named_with_its_size_and_its_gain(sample):
+    """The noun, the amount in a prefix that people read, and the error before and after."""
+
+    def state(content):
+        content["diagnosis"]["causes"][0]["rivals"] = []
+        springs = content["validation"] | {"held_out_rms_mm": 0.19}
+        content["joint_springs"]["validation"] = springs
+
+    said = found(report_sample.revised(sample[0], state))
+
+    assert said == (
+        "Roll of the carriage about the rail, 21.0 ± 1.0 nrad/(N·m); error at poses left out 0.19 "
+        "→ 0.033 mm."
+    )
+
+
+def test_a_controller_gets_effective_values_beside_a_cause(sample):
+    """Those of the joint springs alone, in the unit of the value beside them; else none differ."""
+    answer, tables = sample
+    springs = {one.name: one.value for one in answer.joint_springs.stiffness}
+    alone = answer.model_copy(
+        update={"recommended": answer.recommended.model_copy(update={"reason": Reason.ADEQUATE})}
+    )
+
+    bars = certificate(answer, tables).bars
+    assert bars[1].enter == f"{springs['k_theta2'] / 1e6:.3f}"
+    assert bars[6].enter == "leave as it is"
+    assert certificate(alone, tables).bars[1].enter == bars[1].value.partition("\u00a0")[0]
+
+
+def test_the_drawing_marks_where_the_cause_sits(sample):
+    """A tilt of joint 4 is ringed at the disc of joint 4, and nowhere else."""
+
+    def state(content):
+        content["diagnosis"]["causes"][0] |= {"name": "joint_tilt", "where": 4}
+
+    drawn = draw("certificate", report_sample.revised(sample[0], state), sample[1]).svg
+    circles = [one.attrib for one in ET.fromstring(drawn).iter() if one.tag.endswith("circle")]
+    rings = [one for one in circles if float(one["r"]) > 10]
+    discs = {one["data-tip"].split(":")[0]: one for one in circles if "data-tip" in one}
+
+    assert len(rings) == 1
+    assert (rings[0]["cx"], rings[0]["cy"]) == (discs["k_theta4"]["cx"], discs["k_theta4"]["cy"])
+    assert len(discs) == 7
+
+
+def test_the_gauge_says_what_is_decided(sample):
+    """Test pose and worst point of the path, each with its decision beside the tolerance."""
+    told = " ".join(ET.fromstring(draw("gauge", *sample).svg).itertext())
+
+    assert "Test pose: pass" in told
+    assert "part.csv, pose 6: fail" in told
+    assert "tolerance 0.5 mm" in told
+
+
+def test_models_are_judged_at_poses_that_took_no_part(sample):
+    """A dot is the rms of a pose left out, from the table's own numbers; the bar what is stated."""
+    answer, tables = sample
+    models = judged(answer, tables)
+    rows = tables["examined"]
+    mine = rows[rows["pose"] == 3]["left_out_m"].to_numpy()
+    nominal = tables["models"]
+    off = (nominal["measured_m"] - nominal["nominal_m"])[nominal["pose"] == 3].to_numpy()
+
+    assert len(models) == 3
+    (dot,) = models[1].poses.query("pose == 3")["mm"]
+    assert dot == pytest.approx(1e3 * np.sqrt(np.mean(mine**2)))
+    (dot,) = models[0].poses.query("pose == 3")["mm"]
+    assert dot == pytest.approx(1e3 * np.sqrt(np.mean(off**2)))
+    assert models[2].mm == answer.validation.held_out_rms_mm
+
+
+@pytest.mark.parametrize("robot", SHIPPED)
+def test_every_parameter_has_a_noun(robot):
+    """No parameter of any cause is told by the name of a variable."""
+    for effect in catalogue(load(robot)):
+        for one in effect.parameters:
+            cause = Cause(
+                name=effect.name, where=effect.where, axis=effect.axis, probability=1.0,
+                parameters=(), p_value=None, rivals=(), gain=None,
+            )  # fmt: skip
+            said = noun(cause, one.name)
+            assert said != "size", (effect.label, one.name)
+            assert "{" not in said
+            assert one.name not in said
+
+
+@pytest.mark.parametrize(
+    ("value", "std", "unit", "said"),
+    [
+        (5.15e-8, 0.38e-8, "rad/(N m)", "51.5 ± 3.8 nrad/(N·m)"),
+        (2.1e-3, 1e-4, "1", "0.210 ± 0.010 %"),
+        (20.0, 1.0, "N", "20.0 ± 1.0 N"),
+        (1e-8, None, "m/s", "36.0 µm/h"),
+        (None, None, "m", "–"),
+    ],
+)
+def test_a_size_is_told_in_the_unit_that_people_read(value, std, unit, said):
+    """Prefixes, per cent, and drifts per hour."""
+    assert amount(Amplitude(name="c", value=value, std=std, unit=unit)) == said
+
+
+def test_the_bars_need_no_picture(sample):
+    """On the page each stiffness has its bar, with the words beside it for who cannot see it."""
+    answer, tables = sample
+    report = compose(answer, tables)
+    drawings = {one.name: "" for one in report.figures}
+    html = page(report, drawings)
+
+    table = html[html.index('id="values"') : html.index("</table>")]
+    assert table.count('class="track"') == 6  # joint 7 is not determined
+    assert table.count("<tr>") == 8
+    assert "not determined" in table
+    assert to_do(answer) in html
