@@ -125,7 +125,7 @@ def _tails(files: Screened, end: Settled) -> Family | None:
     right, seen = end.right, end.diagnosis.seen
     if not right.plain.noise_stated:
         return None
-    case = end.screened.without_doubt(files.case)
+    case = end.screened.without_doubt(files)
     reduced = right.reduced if case is right.case else bring(case)
     data = right.as_noisy(reduced.data)
     found = tails(linearise(seen.model, data, seen.suspects), seen.model.accepted)[1]

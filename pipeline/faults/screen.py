@@ -40,9 +40,14 @@ class Screened:
         """What was found, whatever the order."""
         return tuple(sorted((one.name, one.where) for one in self.findings))
 
-    def without_doubt(self, given: Case) -> Case:
-        """The campaign without its mistakes, but with all readings that noise may have moved."""
-        return put_right(given, [one for one in self.findings if not one.may_be_noise])
+    def without_doubt(self, files: Screened) -> Case:
+        """The campaign without its mistakes, but with all readings that noise may have moved.
+
+        Args:
+            files: It with its files put right; what is wrong with these is found first.
+        """
+        single = self.findings[len(files.findings) :]
+        return put_right(files.case, [one for one in single if not one.may_be_noise])
 
 
 @dataclass(frozen=True, eq=False)

@@ -175,13 +175,22 @@ def test_what_was_found_has_a_key_whatever_the_order():
     assert Screened((one,), None).key != Screened((other,), None).key
 
 
-def test_readings_that_noise_may_have_moved_are_given_back(tests):
-    """Of a unit nobody doubts that it was wrong; of a reading the tails decide."""
-    case = Bench(("unit", "reading"))
+def test_readings_that_noise_may_have_moved_are_given_back():
+    """Of a pull nobody doubts that it was wrong; of a reading the tails decide."""
     told = {"name": "outlier", "unit": "sigma", "size_unit": "m", "p_value": 1e-6}
-    found = mistake("unit"), replace(mistake("reading"), **told)
+    found = mistake("pull"), replace(mistake("reading"), **told)
+    files = Screened((), Bench(("pull", "reading")))
 
-    assert Screened(found, None).without_doubt(case).wrong == ("reading",)
+    assert Screened(found, None).without_doubt(files).wrong == ("reading",)
+
+
+def test_files_that_are_put_right_are_not_put_right_again():
+    """Rows that are exchanged twice are where they were."""
+    swap = replace(mistake("swap"), correct=lambda case: replace(case, wrong=case.wrong[::-1]))
+    files = Screened((swap,), Bench(("a", "b")))
+
+    assert Screened((swap, mistake("b")), None).without_doubt(files).wrong == ("a",)
+    assert Screened((swap,), None).without_doubt(files).wrong == ("a", "b")
 
 
 class Tails:
