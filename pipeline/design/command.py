@@ -127,7 +127,7 @@ def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, by
     from pipeline.design.driven import legs, standing
     from pipeline.design.made import printed
     from pipeline.machine.poses import from_log_units
-    from pipeline.programs.for_plan import brand_of, drive, programs
+    from pipeline.programs.for_plan import NO_CELL, brand_of, drive, programs
 
     problem, measurement = proposal.problem, proposal.measurement
     q, steps = measurement.q, [own.tolist() for own in measurement.steps]
@@ -151,5 +151,6 @@ def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, by
     for pose, line in lost.items():
         tell(f"On the way to pose {pose} no way keeps {line}: the program says so there.")
     via = [np.zeros((0, problem.robot.n)), *(one.via for one in ways)]
-    found = drive(problem.spec.name, problem.robot, q, way, steps, zero_after, via, lost)
+    first = (NO_CELL,) if problem.spec.cell is None else ()
+    found = drive(problem.spec.name, problem.robot, q, way, steps, zero_after, via, lost, first)
     return {} if found is None or wrong else programs(found, brand_of(problem.robot.description))

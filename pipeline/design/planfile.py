@@ -17,7 +17,7 @@ MADE_BY = "# Made by `pipeline design"
 
 _HEADER = """\
 {made_by} {name}`: {figure}.
-# Rehearse it:        pipeline simulate {file}
+# Rehearse it:        pipeline simulate {file} --name {rehearsal}
 # Prepare its folder: pipeline init {typed} --plan {file}
 """
 
@@ -30,7 +30,8 @@ def plan_text(proposal: Proposal, file: str) -> str:
         file: Where the plan will be, for the commands in its header.
     """
     name = proposal.problem.spec.name
-    words = {"name": name, "typed": typed(name), "file": typed(file)}
+    words = {"name": name, "typed": typed(name), "file": typed(file),
+             "rehearsal": typed(f"{name}-rehearsal")}  # fmt: skip
     header = _HEADER.format(made_by=MADE_BY, figure=figures(proposal), **words)
     return header + toml.dumps(plan_content(proposal))
 
@@ -54,10 +55,7 @@ def plan_content(proposal: Proposal) -> dict[str, Any]:
         "pulls": _pulls(proposal),
         **tooled({name: list(at) for name, at in spec.tool.items()}, spec),
         "tracker": _tracker(proposal),
-        "scale": {
-            "sigma_n": spec.noise.scale_sigma_n,
-            "sigma_rel": spec.noise.scale_sigma_rel,
-        },
+        "scale": _scale(proposal),
     }
     if spec.test_pose:
         first = spec.test_pose[0]
@@ -78,6 +76,13 @@ def _pulls(proposal: Proposal) -> dict[str, Any]:
         "anchors": [measurement.anchor.tolist()],
         "anchor": [0] * (len(measurement.q) + more),
     }
+
+
+def _scale(proposal: Proposal) -> dict[str, float]:
+    """Its noise where the problem states one: a scale without any is nobody's."""
+    noise = proposal.problem.spec.noise
+    said = {"sigma_n": noise.scale_sigma_n, "sigma_rel": noise.scale_sigma_rel}
+    return said if any(said.values()) else {}
 
 
 def _tracker(proposal: Proposal) -> dict[str, Any]:

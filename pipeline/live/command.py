@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import sys
 from collections.abc import Iterator
 from pathlib import Path
 
@@ -34,6 +35,8 @@ def live(name: str, root: Path, every_s: float, as_json: bool) -> None:
             "has it a campaign.toml",
             f"write one with `pipeline init {name}`",
         )
+    beside = f"Watching {there[0]}: a pose is told when it is measured; Ctrl-C ends."
+    processes.say(beside, sys.stderr)
     for update in updates(there[0], every_s):
         if as_json:
             processes.say(update.as_json())
@@ -52,7 +55,7 @@ def sentences(update: Update) -> Iterator[str]:
     )
     yield from (f"  {one.text}" for one in update.suspects)
     yield from (f"  {one}" for one in update.warnings)
-    for one in update.next[:_LISTED]:
+    for one in () if update.stop.now else update.next[:_LISTED]:
         at = ", ".join(f"{axis} {value:.3f} {unit}" for axis, value, unit in one.axes)
         which = f"pose {one.pose}" if one.pose is not None else "a pose"
         yield f"  Next: {which} ({one.text}): {at}"

@@ -88,9 +88,10 @@ class Update:
     """What is known after a pose.
 
     Attributes:
-        pose: Number of the last pose that has readings; None before the first.
-        poses: How many have.
+        pose: Number of the pose that is told, None before the first.
+        poses: How many have readings.
         accepted: Nothing of that pose is suspected.
+        complete: It is measured; else it is being measured.
         suspects: All that are suspected now, of any pose.
         stiffness: Of each joint.
         warnings: Causes that are likely, as sentences: a tracker that wanders, warmth, a scale.
@@ -103,6 +104,7 @@ class Update:
     pose: int | None
     poses: int
     accepted: bool
+    complete: bool = False
     suspects: tuple[Suspect, ...] = ()
     stiffness: tuple[Open, ...] = ()
     warnings: tuple[str, ...] = ()
@@ -116,22 +118,24 @@ class Update:
         return json.dumps(asdict(self), ensure_ascii=False, allow_nan=False)
 
 
-def judged(campaign: Campaign, result: Result) -> Update:
+def judged(campaign: Campaign, result: Result, pose: int | None = None) -> Update:
     """What is known of a campaign as far as it is measured.
 
     Args:
         campaign: Its files.
         result: What they say.
+        pose: That is measured and to be told; None: the one that is being measured.
     """
     answer, readings = result.answer, result.tables["readings"]
     poses = list(dict.fromkeys(measured(result)))
-    last = poses[-1] if poses else None
+    last = pose if pose is not None else poses[-1] if poses else None
     suspects = tuple(_suspects(answer))
     mine = _Of(readings[readings["pose"] == last])
     left = _left(campaign, result, poses)
     return Update(
         pose=last,
         poses=len(poses),
+        complete=pose is not None,
         accepted=not any(mine.concerned(one) for one in suspects),
         suspects=suspects,
         stiffness=tuple(_stiffness(answer)),
@@ -188,7 +192,7 @@ def _stiffness(answer: Answer) -> Iterator[Open]:
 def _left(campaign: Campaign, result: Result, done: Sequence[int]) -> list[Next]:
     """Planned poses that nothing was read of, the most telling first."""
     log = campaign.raw.settings.joints
-    if log.file not in campaign.files or result.positions is not None:
+    if log.file not in campaign.files or not len(result.tables.get("forces", ())):
         return []
     robot = campaign.robot
     rows = logs.of_poses(logs.joints(log.file, campaign.files[log.file], robot, log))
@@ -249,11 +253,13 @@ def _axes(campaign: Campaign, q: Array) -> tuple[tuple[str, float, str], ...]:
 def _proposed(answer: Answer) -> Iterator[Next]:
     """Poses that the answer proposes where no plan is left."""
     for one in answer.diagnosis.next_poses:
+        if not one.axes:
+            continue
         at = tuple((axis.name, axis.value, axis.unit) for axis in one.axes)
         apart = " from ".join(one.separates)
         yield Next(None, at, None, f"it tells {apart}")
     best = answer.diagnosis.best_pose
-    if best is not None and not answer.diagnosis.next_poses:
+    if best is not None and best.axes and not answer.diagnosis.next_poses:
         at = tuple((axis.name, axis.value, axis.unit) for axis in best.axes)
         after = best.relative_std_after
         expected = "" if after is None else f", to {100 * after:.0f} %"
@@ -271,7 +277,8 @@ def _stop(answer: Answer, poses: int, left: int, suspected: bool) -> Stop:
     if suspected:
         return Stop(now=False, text="first settle what is suspected")
     if poses < _FEWEST:
-        return Stop(now=False, text=f"{_FEWEST - poses} more poses before anything is decided")
+        earliest = f"pose {_FEWEST}"
+        return Stop(now=False, text=f"nothing is decided before {earliest}")
     if str(answer.diagnosis.verdict) not in {"adequate", "explained"}:
         return Stop(now=False, text="the model does not explain the readings yet")
     decided = _decided(answer, asked)

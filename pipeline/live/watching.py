@@ -5,11 +5,11 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pipeline.base.errors import InputError
-from pipeline.library.campaign import Campaign, identify, load_campaign
+from pipeline.library.campaign import identify, load_campaign
 from pipeline.live.growing import snapshot
 from pipeline.live.judged import Update, judged, measured
 
@@ -25,13 +25,13 @@ class Live:
         name: Of the campaign.
         files: What was there when it was last looked at.
         told: The last update.
-        readings: Of each pose when it was told, by its number.
+        poses: Those that have been told.
     """
 
     name: str
     files: Mapping[str, bytes] = field(default_factory=dict)
     told: Update | None = None
-    readings: dict[int, int] = field(default_factory=dict)
+    poses: set[int] = field(default_factory=set)
     _since: float = 0.0
     _owed: Update | None = None
 
@@ -46,52 +46,46 @@ class Live:
             now: By a clock that never goes back [s].
         """
         if dict(files) == dict(self.files):
-            if self._owed is not None and now - self._since >= QUIET_S:
-                return self._tell(self._owed)
-            return None
+            owed, late = self._owed, now - self._since >= QUIET_S
+            return self._tell(replace(owed, complete=True)) if owed and late else None
         self.files, self._since = dict(files), now
-        update, counts = self._judge(files)
-        done = self._done(update, counts)
-        if done or self._differs(update):
-            return self._tell(update, counts if done else None)
-        self._owed = update
-        return None
-
-    def _judge(self, files: Mapping[str, bytes]) -> tuple[Update, dict[int, int]]:
-        """What is known, and how many readings each pose has."""
         try:
-            campaign: Campaign = load_campaign(files, name=self.name)
+            campaign = load_campaign(files, name=self.name)
             result = identify(campaign)
         except InputError as problem:
-            before = self.told
-            pose, poses = (before.pose, before.poses) if before else (None, 0)
-            return Update(pose, poses, accepted=False, why=str(problem)), {}
-        return judged(campaign, result), Counter(measured(result))
-
-    def _done(self, update: Update, counts: dict[int, int]) -> bool:
-        """Whether the last pose that has readings is measured, and was not told before."""
-        if update.pose is None or update.why is not None:
-            return False
-        here = counts.get(update.pose, 0)
-        others = [n for pose, n in counts.items() if pose != update.pose]
-        new = [pose for pose in counts if pose not in self.readings and pose != update.pose]
-        whole = bool(others) and here >= max(others)
-        return bool(new) or (whole and update.pose not in self.readings)
+            pose, poses = (self.told.pose, self.told.poses) if self.told else (None, 0)
+            self._owed = Update(pose, poses, accepted=False, why=str(problem))
+            return None
+        ended = _ended(Counter(measured(result)))
+        new = [pose for pose in ended if pose not in self.poses]
+        update = judged(campaign, result, new[-1] if new else None)
+        self.poses |= {*new}
+        if new or self._differs(update):
+            return self._tell(update)
+        self._owed = None if update.pose in self.poses else update
+        return None
 
     def _differs(self, update: Update) -> bool:
-        """Whether others are suspected than before; a refusal may pass with the next reading."""
-        if update.why is not None:
-            return False
+        """Whether others are suspected than before."""
         before = self.told.suspects if self.told else ()
         one, other = ({(s.name, s.where) for s in of} for of in (update.suspects, before))
         return one != other
 
-    def _tell(self, update: Update, counts: dict[int, int] | None = None) -> Update:
+    def _tell(self, update: Update) -> Update:
         self.told, self._owed = update, None
-        if counts is None and update.pose is not None and update.why is None:
-            counts = {update.pose: 1}
-        self.readings |= counts or {}
+        if update.complete and update.pose is not None and update.why is None:
+            self.poses.add(update.pose)
         return update
+
+
+def _ended(readings: Mapping[int, int]) -> list[int]:
+    """Poses that are measured, of the number of readings of each in the order of measuring.
+
+    All but the last, and that one where it has as many as any other.
+    """
+    *before, last = readings or {0: 0}
+    whole = before and readings[last] >= max(readings[pose] for pose in before)
+    return [*before, last] if whole else before
 
 
 def live(

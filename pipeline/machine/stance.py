@@ -145,8 +145,11 @@ class Stance(Locked):
 
         Args:
             q: Joint values [m] or [rad], shape (m, n).
-            names: Of one point each, shape (m,); one that was not read moves as the others' mean.
+            names: Of one point each, shape (m,); one that was not read moves as the others' mean,
+                and NaN says that none was.
         """
+        if not self.points:
+            return np.full((len(q), 3), np.nan)
         off = self.unloaded(q)[1]
         out = off.mean(axis=1)
         for k, name in enumerate(self.points):

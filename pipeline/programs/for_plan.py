@@ -39,6 +39,10 @@ class Stop:
     todo: str
 
 
+NO_CELL = Stop("NOT CHECKED", "floor, walls, chain: go slowly")
+"""What is said first where nobody has described the cell."""
+
+
 @dataclass(frozen=True, eq=False)
 class Drive(Locked):
     """What a plan drives.
@@ -53,6 +57,7 @@ class Drive(Locked):
         lower: Limits of the axes, shape (6 + e,).
         upper: Likewise.
         via: Points on the way to each pose, as `axes`, shape (k, 6 + e) each.
+        first: What is said before anything moves.
     """
 
     name: str
@@ -63,6 +68,7 @@ class Drive(Locked):
     lower: Array
     upper: Array
     via: tuple[Array, ...] = ()
+    first: tuple[Stop, ...] = ()
 
     def beside(self, pose: int) -> Array | None:
         """Where the carriage goes first; None without a rail, or where no room is left."""
@@ -123,33 +129,31 @@ def _krl(name: str, drive: Drive) -> dict[str, str]:
     names = [f"A{k + 1}" for k in range(ARM)]
     names += [f"E{k + 1}" for k in range(drive.axes.shape[1] - ARM)]
     data, lines = [f"DEFDAT {name}"], [f"DEF {name} ( )", "", "BAS(#INITMOV,0)"]
-    lines += [f"BAS(#VEL_PTP,{_SPEED})", "BAS(#ACC_PTP,20)"]
+    lines += [f"BAS(#VEL_PTP,{_SPEED})", "BAS(#ACC_PTP,20)", *_krl_stops(drive.first)]
     for point, at, stops in drive.points():
         both = zip(names, at, strict=True)
         values = ",".join(f"{axis} {_number(value)}" for axis, value in both)
         data.append(f"DECL E6AXIS X{point}={{{values}}}")
-        lines += ["", f"PTP X{point}"]
-        for stop in stops:
-            lines += [f'MsgNotify("{stop.group}: {stop.todo}")', "WAIT SEC 0", "HALT"]
+        lines += ["", f"PTP X{point}", *_krl_stops(stops)]
     return {
         f"{name}.src": "\r\n".join([*lines, "", "END", ""]),
         f"{name}.dat": "\r\n".join([*data, "ENDDAT", ""]),
     }
 
 
+def _krl_stops(stops: Sequence[Stop]) -> Iterator[str]:
+    for stop in stops:
+        yield from (f'MsgNotify("{stop.group}: {stop.todo}")', "WAIT SEC 0", "HALT")
+
+
 def _rapid(name: str, drive: Drive) -> dict[str, str]:
-    data, lines = [], []
+    data, lines = list[str](), [*_rapid_stops(drive.first)]
     for point, at, stops in drive.points():
         arm = ",".join(_number(value) for value in at[:ARM])
         further = [*(_number(value) for value in at[ARM:]), *["9E9"] * ARM][:ARM]
         data.append(f"  CONST jointtarget {point} := [[{arm}],[{','.join(further)}]];")
         lines.append(f"    MoveAbsJ {point}, v100, fine, tool0;")
-        for stop in stops:
-            lines += [
-                f'    TPWrite "{stop.group}:";',
-                f'    TPWrite "{stop.todo[:40]}";',
-                "    Stop;",
-            ]
+        lines += _rapid_stops(stops)
     whole = [
         f"MODULE {name}",
         *data,
@@ -163,17 +167,22 @@ def _rapid(name: str, drive: Drive) -> dict[str, str]:
     return {f"{name}.mod": "\r\n".join(whole)}
 
 
+def _rapid_stops(stops: Sequence[Stop]) -> Iterator[str]:
+    for stop in stops:
+        yield from (f'    TPWrite "{stop.group}:";', f'    TPWrite "{stop.todo[:40]}";')
+        yield "    Stop;"
+
+
 _SHORT = 24
 """Letters of a message of a teach pendant program."""
 
 
 def _tp(name: str, drive: Drive) -> dict[str, str]:
-    steps: list[str] = []
+    steps = [*_tp_stops(drive.first)]
     places: list[str] = []
     for number, (point, at, stops) in enumerate(drive.points(), 1):
         steps.append(f"J P[{number}] {_SPEED}% FINE")
-        for stop in stops:
-            steps += [f"!{stop.todo[:30]}", f"MESSAGE[{stop.group[:_SHORT]}]", "PAUSE"]
+        steps += _tp_stops(stops)
         arm = [f"\tJ{k + 1}= {at[k]:.3f} deg" for k in range(ARM)]
         units = ("mm" if slides else "deg" for slides in drive.rail[ARM:])
         more = [
@@ -192,13 +201,23 @@ def _tp(name: str, drive: Drive) -> dict[str, str]:
     return {f"{name.lower()}.ls": "\n".join([*head, *body, "/POS", *places, "/END", ""])}
 
 
+def _tp_stops(stops: Sequence[Stop]) -> Iterator[str]:
+    for stop in stops:
+        yield from (f"!{stop.todo[:30]}", f"MESSAGE[{stop.group[:_SHORT]}]", "PAUSE")
+
+
 def _urscript(name: str, drive: Drive) -> dict[str, str]:
-    lines = [f"def {name}():"]
+    lines = [f"def {name}():", *_popups(drive.first)]
     for point, at, stops in drive.points():
         arm = ", ".join(_number(np.deg2rad(value), 9) for value in at)
         lines += [f"  # {point}", f"  movej([{arm}], a=0.5, v=0.3)"]
-        lines += [f'  popup("{stop.todo}", title="{stop.group}", blocking=True)' for stop in stops]
+        lines += _popups(stops)
     return {f"{name}.script": "\n".join([*lines, "end", ""])}
+
+
+def _popups(stops: Sequence[Stop]) -> Iterator[str]:
+    for stop in stops:
+        yield f'  popup("{stop.todo}", title="{stop.group}", blocking=True)'
 
 
 _WRITERS: dict[str, tuple[Callable[[str, Drive], dict[str, str]], int]] = {
@@ -219,6 +238,7 @@ def drive(
     zero_after: bool,
     via: Sequence[Array] = (),
     lost: Collection[int] = (),
+    first: tuple[Stop, ...] = (),
 ) -> Drive | None:
     """What a plan drives, in the controller's axes; None where they are not six and external ones.
 
@@ -232,6 +252,7 @@ def drive(
         via: Joint values of points on the way to each pose, shape (k, n) each; straight where not
             given.
         lost: Numbers of poses on whose way the chain or a beam is crossed, from 1.
+        first: What is said before anything moves.
     """
     mapped = axes.of(robot)
     order = np.argsort(_external(mapped), kind="stable")
@@ -248,6 +269,7 @@ def drive(
         lower=lower[order],
         upper=upper[order],
         via=tuple(axes.shown(robot, one)[:, order].round(6) for one in via),
+        first=first,
     )
 
 
@@ -288,8 +310,8 @@ def stops(
     group = f"pose{pose:0{wide}d}_rep"
     first = "clear chain and beam, read all" if lost else "chain slack: read all"
     out = [Stop(f"{group}0_unloaded", first)]
-    for k, step in enumerate(steps, 1):
-        way = "slacken" if step < 0 else "tighten"
+    for k, (before, step) in enumerate(zip([0.0, *steps], steps, strict=False), 1):
+        way = "slacken" if step < 0 else "release, tighten" if step == before else "tighten"
         out.append(Stop(f"{group}{k}_loaded", f"{way} to {abs(step):g} N: read all"))
     if zero_after:
         last = f"{group}{len(steps) + 1}_unloaded"

@@ -191,7 +191,7 @@ class Measured(Locked):
 
 def _in_frame(at: Array, there: Array) -> Array:
     """Points (n, 3) [m] moved as one to where they should be, unless so far that they are not."""
-    seen = np.isfinite(at).all(axis=1)
+    seen = np.isfinite(at).all(axis=1) & np.isfinite(there).all(axis=1)
     if seen.sum() < _FEWEST:
         return at
     R, t = linear.rigid(at[seen], there[seen])

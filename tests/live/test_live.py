@@ -71,6 +71,7 @@ def test_a_wide_reading_is_told_at_once_by_its_name(told):
     assert "1.3" in suspect.text
     assert suspect.text.endswith("Measure it again, or correct the file.")
     assert not told[3].accepted
+    assert not told[3].complete
 
 
 def test_a_reading_that_is_shot_again_replaces_it(told):
@@ -78,14 +79,25 @@ def test_a_reading_that_is_shot_again_replaces_it(told):
     assert told[4].accepted
 
 
+def test_a_pose_is_told_when_it_is_measured_and_not_when_the_next_begins():
+    """Of the pose that has just begun nothing is said."""
+    state, (first, *_) = Live("demo"), steps(2)
+    assert state.look(table(*of_pose(1)), 0.0) is None
+
+    begun = state.look(table(*of_pose(1), *first), 8.0)
+    assert (begun.pose, begun.complete) == (1, True)
+    done = state.look(table(*of_pose(1), *of_pose(2)), 80.0)
+    assert (done.pose, done.complete, done.poses) == (2, True, 2)
+
+
 def test_a_pose_that_stays_as_it_is_is_told_when_nothing_comes(told):
     state = Live("demo")
     files = table(*of_pose(1))
     first = state.look(files, 0.0)
 
-    assert first is None or first.pose == 1
+    assert first is None
     later = state.look(files, QUIET_S + 1.0)
-    assert (first or later).pose == 1
+    assert (later.pose, later.complete) == (1, True)
     assert state.look(files, 2 * QUIET_S + 2.0) is None
 
 
