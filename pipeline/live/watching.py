@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from pathlib import Path
 
 from pipeline.base.errors import InputError
@@ -13,8 +13,13 @@ from pipeline.library.campaign import identify, load_campaign
 from pipeline.live.growing import snapshot
 from pipeline.live.judged import Update, judged, measured
 
-QUIET_S = 20.0
-"""Without a new reading for so long a pose is done: a tracker takes some eight seconds for one."""
+QUIET_S = 180.0
+"""After so long without a reading something is said of a pose that is not whole [s], taste: some
+minutes go by where somebody tightens a chain."""
+
+REFUSED_S = 20.0
+"""After so long without a reading it is told why there is nothing to say [s]: a tracker takes some
+eight seconds for one."""
 
 
 @dataclass
@@ -38,16 +43,19 @@ class Live:
     def look(self, files: Mapping[str, bytes], now: float) -> Update | None:
         """What is to be told of files as they are now; None where nothing is.
 
-        A pose is told once: when the next one begins, when it has as many readings as others had,
-        or when none has come for `QUIET_S`. Suspects are told at once, a refusal when it stays.
+        A pose is told when the next one begins, or when it has as many readings as others had; as
+        one that is still being measured when none has come for `QUIET_S`. Suspects are told at
+        once, a refusal when it stays.
 
         Args:
             files: Content by name, whole lines.
             now: By a clock that never goes back [s].
         """
         if dict(files) == dict(self.files):
-            owed, late = self._owed, now - self._since >= QUIET_S
-            return self._tell(replace(owed, complete=True)) if owed and late else None
+            owed, quiet_s = self._owed, now - self._since
+            if owed is None or quiet_s < (QUIET_S if owed.why is None else REFUSED_S):
+                return None
+            return self._tell(owed)
         self.files, self._since = dict(files), now
         try:
             campaign = load_campaign(files, name=self.name)
@@ -73,8 +81,6 @@ class Live:
 
     def _tell(self, update: Update) -> Update:
         self.told, self._owed = update, None
-        if update.complete and update.pose is not None and update.why is None:
-            self.poses.add(update.pose)
         return update
 
 

@@ -97,8 +97,10 @@ def test_a_pose_that_stays_as_it_is_is_told_when_nothing_comes(told):
 
     assert first is None
     later = state.look(files, QUIET_S + 1.0)
-    assert (later.pose, later.complete) == (1, True)
+    assert (later.pose, later.complete) == (1, False)
     assert state.look(files, 2 * QUIET_S + 2.0) is None
+    ended = state.look(table(*of_pose(1), *steps(2)[0]), 3 * QUIET_S)
+    assert (ended.pose, ended.complete) == (1, True)
 
 
 def test_what_cannot_be_read_yet_is_no_alarm():
