@@ -66,7 +66,10 @@ NOUNS: Mapping[str, Mapping[str, str]] = {
         "s_wander": "wander of the instrument",
         "correlation_time": "time over which it wanders",
     },
-    "gravity_sag": {"m_(upper_arm|forearm)": "mass that sags the {0}"},
+    "gravity_sag": {
+        "m_(upper_arm|forearm)": "mass that sags the {0}",
+        "M_(.+)": "moment of the arm's weight on {0}",
+    },
     "link_length": {r"\w+": "error of the length of link {number}"},
     "link_offset": {r"\w+": "error of the offset of link {number}"},
     "link_twist": {r"\w+": "error of the twist of link {number}"},
