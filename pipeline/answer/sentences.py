@@ -172,7 +172,8 @@ def _predicted(found: Findings) -> str:
     error, without = (left_out_mm(one.values.left_out_m) for one in (found.told, found.springs))
     if error is None:
         return "no pose can be predicted from the others"
-    told = f"cross-validation error {plain(error)} mm rms per coordinate"
+    of = "" if found.facts.positions is None else " of displacements"
+    told = f"cross-validation error{of} {plain(error)} mm rms per coordinate"
     if without is None or found.told.values is found.springs.values:
         return told
     return f"{told} ({plain(without)} mm {_instead(found)})"
@@ -468,6 +469,11 @@ def _next(found: Findings, stated: Stated) -> str:
         return (
             "Nothing until the joint log and the robot file agree with the unloaded reflectors: "
             "the readings taken may then do."
+        )
+    if found.row.reason == Reason.SPRINGS_DISAGREE:
+        return (
+            "A known weight hung from the load point in two of the poses: it tells whether the "
+            "scale is wrong or the masses are."
         )
     if not found.row.reason.holds_for_its_readings:
         return (

@@ -127,6 +127,13 @@ ROWS = {
         Facts(unloaded=replace(MISPLACED, gain=gain(0.9, 0.8), rough=True)),
         Verdict.ADEQUATE,
     ),
+    Finding.TABLES_DISAGREE: (
+        Facts(
+            unloaded=replace(MISPLACED, gain=gain(0.9, 0.8), rough=True),
+            agreement=replace(APART, chi2=0.0),
+        ),
+        Verdict.UNEXPLAINED,
+    ),
     Finding.REFLECTORS_LOOSE: (replace(FOUND, loose_p=1e-6), Verdict.UNEXPLAINED),
     Finding.NO_CAUSE_FITS: (Facts(detected=True), Verdict.UNEXPLAINED),
     Finding.PREDICTS_WORSE: (replace(FOUND, gain=gain(-0.1, -0.5)), Verdict.UNEXPLAINED),
