@@ -19,6 +19,7 @@ pytestmark = pytest.mark.xdist_group("architecture")  # every file is parsed onc
 PACKAGE = Path(__file__).parents[1] / "pipeline"
 PURE = (
     "machine",
+    "dialects",
     "programs",
     "readers",
     "reduction",
@@ -198,6 +199,7 @@ OUTBUILDINGS = {
         "geometry.unloaded": "and unloaded poses by the table that they will determine",
         "programs.for_plan": "a plan is driven by a program, in the languages that are read there",
     },
+    "dialects": {"readers": "a dialect is a reader over the readers' one table of rows"},
     "fleet": {
         "app.commands._shared": _COMMAND,
         "app.outcome": _COMMAND,

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from pipeline.dialects.tracker_pilot import expanded
 from pipeline.readers import _named, _tables, plain
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import Meaning, raw
@@ -23,7 +24,6 @@ from pipeline.readers._reader import (
     written,
 )
 from pipeline.readers._text import Text
-from pipeline.readers.tracker_pilot import expanded
 
 
 def recognise(lines: Sequence[str]) -> bool:

@@ -5,10 +5,11 @@ import itertools
 import numpy as np
 import pytest
 
+from pipeline.dialects import recorded, taught
 from pipeline.intake.which_logs import propose_logs
 from pipeline.machine.robot import axes, load
 from pipeline.programs.for_plan import drive, programs
-from pipeline.readers import logs, recorded, taught
+from pipeline.readers import logs
 from pipeline.readers._log_form import LogForm
 
 SEED = 20261125
