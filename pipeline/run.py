@@ -31,13 +31,13 @@ from pipeline.answer.recommended import (
 from pipeline.answer.reliability import control
 from pipeline.answer.standing import identified as positions
 from pipeline.answer.standing import stood
+from pipeline.base import doors
 from pipeline.base.errors import InputError, at
 from pipeline.diagnosis.settle import settle
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
 from pipeline.machine.robot import Robot
-from pipeline.prediction import handover
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import Model, dumps
 from pipeline.prediction.tolerance import Shown, asked, judge
 from pipeline.reduction.bring import Keep, Reduced, Step, bring, conformed, plain
 from pipeline.reduction.case import Case
@@ -45,12 +45,13 @@ from pipeline.reduction.case import tool as tool
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.stations import one_station
-from pipeline.report import workbook
 from pipeline.report.render import render
 from pipeline.store.campaign import Campaign, Raw, dump
 from pipeline.system.fit import fit
 from pipeline.system.one_pose import as_measured
 
+_FOR_OTHERS = "pipeline.exchange.files:files"
+"""A workbook, and the robot for simulators."""
 _LAST_RESORT = "campaign.toml"
 """Named in what rejects an input for reasons that stand in no one file."""
 
@@ -136,11 +137,12 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> Answer:
     found = answered(campaign.name, raw, campaign.keep, step)
     run_time_s = time.perf_counter() - began
     before = archive.earlier(campaign, found.answer)
+    for_others = doors.found(_FOR_OTHERS)
     answers = {
         "result.json": dump(found.answer.as_json()),
-        **handover.files(found.model),
+        "model.toml": dumps(found.model).encode(),
         **found.files,
-        **workbook.files(found.answer, found.shown),
+        **(for_others(found.answer, found.shown, found.model) if for_others else {}),
     }
     wear = archive.together(found.answer, campaign.root)  # as known before this campaign
     pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers), wear)

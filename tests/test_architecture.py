@@ -20,6 +20,7 @@ PACKAGE = Path(__file__).parents[1] / "pipeline"
 PURE = (
     "machine",
     "dialects",
+    "exchange",
     "programs",
     "readers",
     "reduction",
@@ -200,6 +201,12 @@ OUTBUILDINGS = {
         "programs.for_plan": "a plan is driven by a program, in the languages that are read there",
     },
     "dialects": {"readers": "a dialect is a reader over the readers' one table of rows"},
+    "exchange": {
+        "answer.nouns": _PAGES,
+        "answer.words": _PAGES,
+        "report": _PAGES,
+        "prediction.model": "the identified springs are what simulators are given",
+    },
     "fleet": {
         "app.commands._shared": _COMMAND,
         "app.outcome": _COMMAND,

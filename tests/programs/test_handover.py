@@ -20,6 +20,7 @@ from made_programs import Kuka
 from test_programs import off, unstamped
 
 from pipeline.base.errors import InputError, UsageError
+from pipeline.exchange.to_urdf import urdf
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
@@ -27,7 +28,6 @@ from pipeline.machine.robot.model import model as pin_model
 from pipeline.prediction import compensate
 from pipeline.prediction import model as handover
 from pipeline.prediction.model import Model
-from pipeline.prediction.urdf import urdf
 from pipeline.programs.corrected import Given, program, write
 from pipeline.run import run, tool
 from pipeline.simulate import parse, simulate

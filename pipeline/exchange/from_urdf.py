@@ -16,8 +16,8 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.errors import listed
-from pipeline.machine.robot.rows import DEGREES, METRES, fixed, frames, row, shown
-from pipeline.machine.robot.urdf import TYPES, Body, Chain, Limit, Tree, UrdfJoint, chain, moving
+from pipeline.exchange.rows import DEGREES, METRES, fixed, frames, row, shown
+from pipeline.exchange.urdf import TYPES, Body, Chain, Limit, Tree, UrdfJoint, chain, moving
 
 _TWIST_RAD = (1e-3, 1e-2)
 """[rad]: what the largest torque of a drive twists its gear by. Catalogues have about 1 mrad for

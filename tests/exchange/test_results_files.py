@@ -12,7 +12,7 @@ import report_sample
 from python_calamine import CalamineWorkbook
 
 from pipeline.answer.contract import Combination, Rejected
-from pipeline.report import workbook
+from pipeline.exchange import workbook
 
 SHEETS = [
     "summary",

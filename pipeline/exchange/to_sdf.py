@@ -6,7 +6,7 @@ import xml.etree.ElementTree as ET
 
 from pipeline.base.arrays import Array
 from pipeline.base.shown import in_xml
-from pipeline.prediction._xml import (
+from pipeline.exchange._xml import (
     BASE,
     FLANGE,
     Spring,

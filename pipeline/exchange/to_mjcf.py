@@ -8,7 +8,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.base.shown import in_xml
-from pipeline.prediction._xml import (
+from pipeline.exchange._xml import (
     BASE,
     FLANGE,
     Spring,

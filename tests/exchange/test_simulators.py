@@ -12,13 +12,13 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
+from pipeline.exchange.files import simulators
+from pipeline.exchange.to_urdf import urdf
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import SHIPPED, load
 from pipeline.machine.robot.model import model as pin_model
-from pipeline.prediction import handover
 from pipeline.prediction.model import Hypothesis, Model
-from pipeline.prediction.urdf import urdf
 
 POINTS = {"load_point": (0.15, 0.0, 0.25), "P1": (0.2, 0.05, 0.12), "P 2/::ü": (-0.1, 0.2, 0.1)}
 UPRIGHT = Rotation.from_euler("xyz", [[0.3, 0.5 * np.pi, 0], [0.2, -0.5 * np.pi, 0.7]]).as_matrix()
@@ -37,7 +37,7 @@ def model(robot, std=None):
 
 
 def written(made, file):
-    return handover.files(made)[file].decode()
+    return simulators(made)[file].decode()
 
 
 def poses(robot, rng, count):

@@ -8,18 +8,19 @@ import pinocchio as pin
 import pytest
 
 from pipeline.app import cli
-from pipeline.app.commands.robot import made
 from pipeline.base import toml
 from pipeline.base.errors import InputError
+from pipeline.exchange import urdf
+from pipeline.exchange.agreement import agreement
+from pipeline.exchange.command import made
+from pipeline.exchange.from_urdf import robot_file
+from pipeline.exchange.to_urdf import urdf as as_urdf
 from pipeline.machine.cell import Tool, paper_cell
-from pipeline.machine.robot import load, urdf
-from pipeline.machine.robot.agreement import agreement
-from pipeline.machine.robot.from_urdf import robot_file
+from pipeline.machine.robot import load
 from pipeline.machine.robot.mdh import parse
 from pipeline.machine.robot.model import model
 from pipeline.prediction import model as handover
 from pipeline.prediction.model import Hypothesis
-from pipeline.prediction.urdf import urdf as as_urdf
 
 FROM_PACKAGES = ("ur10", "ur10e", "kr210_l150", "kr210_r2700_2", "irb6640")
 LINK = '<link name="{0}"><inertial><mass value="{1}"/><origin xyz="{2}"/>{3}</inertial></link>'

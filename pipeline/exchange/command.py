@@ -1,4 +1,4 @@
-"""`pipeline robot`: a robot file from a URDF; `pipeline effects`: what may deflect in one."""
+"""`pipeline robot`: the robots that ship, or a robot file from a URDF."""
 
 from __future__ import annotations
 
@@ -8,12 +8,11 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 from typer import Argument, Option
 
-from pipeline.app.commands._shared import AsJson
 from pipeline.base import files
 from pipeline.base.errors import InputError, UsageError
 
 if TYPE_CHECKING:
-    from pipeline.machine.robot.agreement import Agreement
+    from pipeline.exchange.agreement import Agreement
 
 _LARGEST = 2**24
 """Bytes of a URDF; that of a humanoid has a hundredth of it."""
@@ -103,9 +102,9 @@ def made(
     import numpy as np
 
     from pipeline.base import toml
-    from pipeline.machine.robot import urdf
-    from pipeline.machine.robot.agreement import agreement
-    from pipeline.machine.robot.from_urdf import robot_file
+    from pipeline.exchange import urdf
+    from pipeline.exchange.agreement import agreement
+    from pipeline.exchange.from_urdf import robot_file
     from pipeline.machine.robot.mdh import parse
 
     missing = InputError("there is no such file", "check the path", file=str(path))
@@ -121,15 +120,3 @@ def made(
             file=path.name,
         )
     return text, found
-
-
-def effects(
-    robot: Annotated[str, Option(help="Name of a built-in robot, or a robot file.")] = "kr500_rail",
-    as_json: AsJson = False,
-) -> None:
-    """List the causes of misfit that the diagnosis knows, with magnitudes and signatures."""
-    from pipeline.machine.effects import listing
-    from pipeline.machine.robot import load
-
-    machine = load(robot)
-    typer.echo(listing.as_json(machine) if as_json else listing.as_text(machine))
