@@ -30,8 +30,8 @@ from pipeline.faults.survey import Clock, Distance, Stand, clock, distances, ove
 from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import Robot, axes, configure
-from pipeline.prediction.compensate import beside_pulls
-from pipeline.prediction.tolerance import Path, asked
+from pipeline.prediction.compensate import Path, beside_pulls
+from pipeline.prediction.tolerance import asked
 from pipeline.readers import logs
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case

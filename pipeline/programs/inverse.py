@@ -16,9 +16,8 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.machine.robot.axes import Axes
 from pipeline.machine.robot.configuration import Configuration, configure, velocity
 from pipeline.machine.robot.mdh import Robot
+from pipeline.prediction.compensate import ARM_M
 
-ARM_M = 0.3
-"""Turning the flange by an angle counts as moving a point this far from it."""
 _REACHED_M = 1e-7
 """[m]: errors below it are a hundredth of what a program's last digit says."""
 _ROUNDS = 60

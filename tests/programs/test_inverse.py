@@ -8,8 +8,8 @@ import pinocchio as pin
 import pytest
 
 from pipeline.machine.robot import SHIPPED, axes, load
-from pipeline.machine.robot.inverse import Arm
 from pipeline.machine.robot.model import model as pin_model
+from pipeline.programs.inverse import Arm
 
 
 def pose(robot, q):

@@ -11,9 +11,10 @@ import pandas as pd
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import Robot, axes
-from pipeline.prediction.compensate import Compensation, columns, forces, whole
-from pipeline.prediction.notation import Form, Notation
-from pipeline.prediction.program import Number, Target
+from pipeline.prediction.compensate import Compensation
+from pipeline.programs.joint_path import columns, forces, whole
+from pipeline.programs.notation import Form, Notation
+from pipeline.programs.program import Number, Target
 from pipeline.readers import logs
 from pipeline.readers.logs import Quantity
 

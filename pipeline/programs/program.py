@@ -11,8 +11,8 @@ from typing import Literal, NamedTuple
 
 from pipeline.base.arrays import Array
 from pipeline.base.errors import listed
-from pipeline.machine.robot.inverse import Range
-from pipeline.prediction.notation import Notation
+from pipeline.programs.inverse import Range
+from pipeline.programs.notation import Notation
 
 Kind = Literal["joint", "cartesian"]
 

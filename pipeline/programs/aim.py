@@ -11,10 +11,10 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError, UsageError, listed
 from pipeline.machine.robot import Robot, axes
-from pipeline.machine.robot.inverse import Arm
 from pipeline.prediction.model import Model
-from pipeline.prediction.notation import Notation
-from pipeline.prediction.program import Program, Target
+from pipeline.programs.inverse import Arm
+from pipeline.programs.notation import Notation
+from pipeline.programs.program import Program, Target
 
 _BEYOND = 1e-3
 """[rad] or [m]: how far a joint may seem beyond its limit; programs have three decimals."""
