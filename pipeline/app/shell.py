@@ -94,13 +94,6 @@ def plainly(campaign: Campaign, force: bool = False, tell: Tell = str) -> Answer
     return run(campaign, partial(told, tell), force)
 
 
-def check(root: Path, name: str) -> Outcome:
-    """Read a campaign, say what would be used and which line is wrong; write nothing."""
-    from pipeline.app.check import check as look
-
-    return named(root, name, look)
-
-
 def status(root: Path) -> Iterator[Outcome]:
     """State of every campaign under data/raw."""
     for campaign in campaigns.every(root):

@@ -9,8 +9,8 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.app.check import check
 from pipeline.base.errors import InputError
+from pipeline.check.look import check
 from pipeline.machine.robot import load, rating
 from pipeline.machine.robot.mdh import parse as robot_of
 from pipeline.prediction.compensate import Path

@@ -18,7 +18,7 @@ COMMANDS = {
         "Set up a campaign: write its campaign.toml.",
     ),
     "check": Command(
-        "pipeline.app.commands.campaigns:check",
+        "pipeline.check.command:check",
         "Check a campaign: what would be used, and what looks wrong.",
     ),
     "inspect": Command(

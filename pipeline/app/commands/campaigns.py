@@ -11,7 +11,6 @@ from typer import Argument, Option
 from pipeline.app.commands._shared import (
     AsJson,
     Jobs,
-    Named,
     On,
     Root,
     executor,
@@ -20,15 +19,6 @@ from pipeline.app.commands._shared import (
 )
 from pipeline.base.errors import MISFIT, UsageError, worst
 from pipeline.base.shown import lines
-
-
-def check(campaign: Named, as_json: AsJson = False, root: Root = Path()) -> None:
-    """Check a campaign without computing it: what would be used, and what looks wrong."""
-    from pipeline.app import shell
-
-    outcome = shell.check(root, campaign)
-    show(outcome, as_json)
-    raise typer.Exit(outcome.exit_code)
 
 
 def run(

@@ -9,9 +9,9 @@ from functools import partial
 from pipeline.answer.contradicted import contradicted, in_mm
 from pipeline.base.errors import InputError, place
 from pipeline.base.toml import line_of
+from pipeline.check.export_words import Word, wrong_word
 from pipeline.faults.conventions import conventions
 from pipeline.faults.entries import Entry, wrong_entries
-from pipeline.faults.export_words import Word, wrong_word
 from pipeline.reduction.case import Case
 from pipeline.reduction.settings import Settings
 from pipeline.run import as_read

@@ -18,15 +18,15 @@ from pipeline.answer.inputs import (
     treated_findings,
 )
 from pipeline.answer.overload import overload_entry, overloaded
-from pipeline.answer.proven import proven
-from pipeline.app.check_positions import of_positions
 from pipeline.app.outcome import Outcome, sentences
-from pipeline.app.wrong_lines import TOML, Wrong, mistaken, text_of, wrong_lines
 from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain as in_digits
 from pipeline.base.shown import typed
 from pipeline.base.toml import line_of
-from pipeline.faults.survey import Clock, Distance, Stand, clock, distances, over_nominal, stands
+from pipeline.check.of_positions import of_positions
+from pipeline.check.proven import proven
+from pipeline.check.survey import Clock, Distance, Stand, clock, distances, over_nominal, stands
+from pipeline.check.wrong_lines import TOML, Wrong, mistaken, text_of, wrong_lines
 from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import Robot, axes, configure

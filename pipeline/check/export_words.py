@@ -11,8 +11,8 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import get_args
 
+from pipeline.check.survey import distances
 from pipeline.faults.conventions import miss
-from pipeline.faults.survey import distances
 from pipeline.readers import Hints
 from pipeline.readers.known import BETTER, GROSS_M
 from pipeline.reduction.case import Case

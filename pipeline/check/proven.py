@@ -12,6 +12,7 @@ from collections.abc import Iterator
 from pipeline.answer.words import told_of
 from pipeline.base.errors import PipelineError
 from pipeline.base.quantities import plain
+from pipeline.check.survey import distances
 from pipeline.diagnosis.causes import of_unloaded
 from pipeline.diagnosis.diagnose import case_of
 from pipeline.diagnosis.facts import Facts
@@ -19,7 +20,6 @@ from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.unloaded_geometry import as_stiff, standing
 from pipeline.faults.base_names import not_rigid
 from pipeline.faults.screen import files_of
-from pipeline.faults.survey import distances
 from pipeline.machine.effects import catalogue
 from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case

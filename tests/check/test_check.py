@@ -10,7 +10,7 @@ from small_case import PLAN
 
 from bench.bench_check import KINDS, named
 from pipeline.app import cli
-from pipeline.app.wrong_lines import wrong_lines
+from pipeline.check.wrong_lines import wrong_lines
 from pipeline.machine.robot import load
 from pipeline.run import answered
 from pipeline.simulate import revised, simulate
