@@ -13,8 +13,8 @@ from pipeline.app.commands._shared import (
     Jobs,
     On,
     Root,
-    executor,
     open_it,
+    several,
     show,
 )
 from pipeline.base.errors import MISFIT, UsageError, worst
@@ -53,15 +53,15 @@ def run(
 
     if engine not in (None, "prefect", "local"):
         raise UsageError(f'there is no engine "{engine}": use prefect or local')
-    several = executor(jobs, on)
-    if several and engine == "prefect":
+    together = several(jobs, on)
+    if together and engine == "prefect":
         raise UsageError(
             "--jobs and --on do without Prefect: leave out --engine, or see docs/teams.md for "
             "several of Prefect's workers"
         )
     codes = []
     for outcome in shell.run_all(
-        root, campaigns or [], engine or shell.usual_engine(), force, several
+        root, campaigns or [], engine or shell.usual_engine(), force, together
     ):
         codes += [outcome.exit_code, MISFIT if strict and outcome.misfit else 0]
         show(outcome, as_json)

@@ -17,21 +17,27 @@ from pathlib import Path
 from tempfile import TemporaryDirectory
 from typing import TYPE_CHECKING
 
-from pipeline.app.outcome import Outcome, failed, named, outcome
+from pipeline.app.outcome import Meant, Outcome, Several, failed, named, outcome
 from pipeline.base import files
 from pipeline.base.errors import UsageError
-from pipeline.base.executor import Done, Executor
+from pipeline.service.executor import Done, Executor, Processes
 from pipeline.store.campaign import MANIFEST, Campaign, find, label
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
     from pipeline.answer.contract import Answer
 
-Meant = str | Campaign
-"""A campaign, or the name or path of one."""
+
+def several(jobs: int | None, on: str | None) -> Several:
+    """Where many campaigns are worked on: so many processes of this machine, or a cluster."""
+    if on is None:
+        return partial(outcomes, Processes(jobs) if jobs else Processes())
+    from pipeline.service.cluster import Cluster
+
+    return partial(outcomes, Cluster(on))
 
 
 def outcomes(
-    root: Path, everyone: Iterable[Meant], executor: Executor, force: bool = False
+    executor: Executor, root: Path, everyone: Iterable[Meant], force: bool = False
 ) -> Iterator[Outcome]:
     """What becomes of campaigns, as they end; one that fails stops none of the others."""
     if not executor.near:

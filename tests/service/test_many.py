@@ -8,15 +8,17 @@ import subprocess
 import sys
 import time
 from dataclasses import dataclass
+from functools import partial
 from pathlib import Path
 from typing import ClassVar
 
 import pytest
 from filelock import FileLock, Timeout
 
-from pipeline.app import cli, many
+from pipeline.app import cli
 from pipeline.app.shell import run_all, status
-from pipeline.base.executor import Here, Processes
+from pipeline.service import many
+from pipeline.service.executor import Here, Processes
 
 HERE = Path(__file__).parents[2]
 KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"
@@ -78,10 +80,10 @@ def test_several_at_a_time_answer_as_one_after_another(executor, tmp_path, plain
     """Byte by byte, tables, answers and complaints; a second run has nothing to do."""
     root = project(tmp_path, small_campaign)
 
-    assert told(run_all(root, [], "local", False, executor)) == plain[0]
+    assert told(run_all(root, [], "local", False, partial(many.outcomes, executor))) == plain[0]
     assert made(root) == plain[1]
     stamps = {p: p.stat().st_mtime_ns for p in root.rglob("result.json")}
-    assert told(run_all(root, [], "local", False, executor)) == plain[0]
+    assert told(run_all(root, [], "local", False, partial(many.outcomes, executor))) == plain[0]
     assert {p: p.stat().st_mtime_ns for p in root.rglob("result.json")} == stamps
     assert [o.content["state"] for o in status(root)] == ["rejected", "done", "done"]
 
@@ -127,7 +129,7 @@ def test_a_campaign_is_locked_while_it_is_computed_elsewhere(tmp_path, monkeypat
     monkeypatch.setenv("MANY_ROOT", str(tmp_path))
     monkeypatch.setattr(many, "computed", held)
 
-    first, second = many.outcomes(tmp_path, ["a", "data/raw/../raw/a"][:1] * 2, Afar(2))
+    first, second = many.outcomes(Afar(2), tmp_path, ["a", "data/raw/../raw/a"][:1] * 2)
 
     assert (first.exit_code, second.exit_code) == (0, 0)
     assert first.content == second.content
@@ -146,7 +148,7 @@ def test_a_worker_with_other_code_is_refused(tmp_path, monkeypatch):
     real = many.computed
     monkeypatch.setattr(many, "computed", lambda p: real(many.Parcel(p.name, "0" * 64, p.files)))
 
-    (refused,) = many.outcomes(tmp_path, ["a"], NearlyHere())
+    (refused,) = many.outcomes(NearlyHere(), tmp_path, ["a"])
 
     assert refused.exit_code == 2
     assert "requirements.lock" in refused.complaints[0]

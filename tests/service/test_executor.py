@@ -9,7 +9,7 @@ from pathlib import Path
 import pytest
 
 from pipeline.base.errors import InputError, Unfinished
-from pipeline.base.executor import Here, Processes, in_order
+from pipeline.service.executor import Here, Processes, in_order
 
 BOTH = pytest.mark.parametrize("executor", [Here(), Processes(2)], ids=["here", "processes"])
 
