@@ -19,6 +19,7 @@ from pipeline.answer.both import Both
 from pipeline.answer.contract import Answer, Which
 from pipeline.answer.findings import Findings
 from pipeline.answer.kept import kept, predicted
+from pipeline.answer.positions import Positions
 from pipeline.answer.recommended import (
     Basis,
     beside_positions,
@@ -177,20 +178,16 @@ class Answered:
 def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) -> Answered:
     """To stiffnesses and what is wrong with data or model."""
     with raw.placing():
-        return _answered(name, raw, keep, step)
+        read = None if raw.settings.positions is None else positions(name, raw, keep, step)
+        if read is None or not raw.settings.of_positions:
+            return _of_pulls(name, raw, read, keep, step)
+        end = stood(read, keep, step)
+        return Answered(end.answer, end.shown, end.model, end.files)
 
 
-def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
-    read = None
-    if raw.settings.positions is not None:
-        read = positions(name, raw, keep, step)
-        if raw.settings.of_positions:
-            end = stood(read, keep, step)
-            return Answered(end.answer, end.shown, end.model, end.files)
-    raw.settings.within_reach(raw.files[_LAST_RESORT].decode("utf-8", "replace"))
-    case = ingested(raw, keep, step, plausible=False)
-    both = None if read is None else Both.of(case, read, step)
-    case = case if both is None else both.case
+def _of_pulls(name: str, raw: Raw, read: Positions | None, keep: Keep, step: Step) -> Answered:
+    """Of a campaign of pulls; beside what its positions say, where there are any."""
+    case, both = _joined(raw, read, keep, step)
     path = asked(raw.settings.tolerance, raw.files, case.robot, case.tool)
     case, reduced, pose = step(as_measured)(case, bring(case, keep, step))
     _enough(reduced.data, raw.robot)
@@ -210,14 +207,12 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
     if both is not None and both.agrees:
         values = step(beside_positions)(alone)
     told = predicted(values.model(name, word, row), values, where, step)
-    if both is not None or row.model != Which.JOINT_SPRINGS or stands is not given:
-        springs = joint_springs(given if both is None else both.given(step))
+    paper, delivered = told, given if both is None else both.given(step)
+    if row.model != Which.JOINT_SPRINGS or stands is not delivered:
+        springs = joint_springs(delivered)
         paper = predicted(springs.model(name, word, row), springs, where, step)
-    else:
-        paper = told
     controls, carried = step(control)(alone, where)
     shown_m = Shown(told.model.held_out_m, right.data.pulls.range_n[1])
-    most_m = 1e-3 * raw.settings.tolerance.deflection_mm if raw.settings.tolerance else np.inf
     found = Findings(
         campaign=name,
         raw=raw,
@@ -232,7 +227,7 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
         where=where,
         control=controls,
         carried=carried,
-        judged=step(judge)(told.model, where.q, where.force, shown_m, path, most_m),
+        judged=step(judge)(told.model, where.q, where.force, shown_m, path, _most_m(raw)),
         one_pose=pose,
     )
     shown = {**right.reduced.shown, "rejected": case.rejected, **kept(found, keep, step)}
@@ -240,6 +235,22 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
         return Answered(answer_of(found), shown, told.model)
     shown |= both.shown(shown, keep)
     return Answered(both.answer(found, answer_of(found)), shown, told.model, both.files)
+
+
+def _joined(raw: Raw, read: Positions | None, keep: Keep, step: Step) -> tuple[Case, Both | None]:
+    """A campaign's tables of pulls, and what they are beside positions where it has such, too."""
+    raw.settings.within_reach(raw.files[_LAST_RESORT].decode("utf-8", "replace"))
+    case = ingested(raw, keep, step, plausible=False)
+    if read is None:
+        return case, None
+    both = Both.of(case, read, step)
+    return both.case, both
+
+
+def _most_m(raw: Raw) -> float:
+    """The tolerance [m]; infinite where none is asked."""
+    asked_mm = np.inf if raw.settings.tolerance is None else raw.settings.tolerance.deflection_mm
+    return 1e-3 * asked_mm
 
 
 def _enough(data: Measured, robot: Robot) -> None:

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import functools
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -34,6 +34,11 @@ _NOT_WHERE = re.compile(
     r"target|soll|cmd|command|qd|vel|speed|geschw|current|strom|temp|accel|beschl|error|fehler|"
     r"voltage|mode|tcp"
 )
+_E1 = re.compile(r".*\be1\b[^0-9]*")
+_NUMBERED = {"pose", "stellung", "messpose"}
+"""Titles of a log with a row for each pose, which is no recording."""
+_ARM = 5
+"""Axes of the smallest arm."""
 _WHERE = re.compile(r"(?:^|[^a-z])(?:q|a|j|axis|axes|joint)|achs|gelenk|axispos|jpos")
 
 
@@ -70,32 +75,76 @@ def table(data: bytes) -> bytes | None:
 def _columns(titles: Sequence[str]) -> _Columns | None:
     """The columns of a recording; None where a time or the axes are missing, or poses numbered."""
     low = [title.lower() for title in titles]
-    time = [(k, _TIME.fullmatch(one)) for k, one in enumerate(low)]
-    timed = [(k, 1e-3 if one["unit"] == "ms" else 1.0) for k, one in time if one]
-    families: dict[tuple[str, str], list[tuple[int, int]]] = {}
+    families = [*_families(low)]
+    time, axes = _time(low), _axes(families)
+    if time is None or not axes or not _NUMBERED.isdisjoint(low):
+        return None
+    axes += _rail(low)
+    torques = next((family.places for family in families if family.of_torques), ())
+    return _Columns(time, tuple(axes), torques if len(torques) == len(axes) else ())
+
+
+@dataclass(frozen=True)
+class _Family:
+    """Columns whose titles differ by a number alone, counted from 0 or 1.
+
+    Attributes:
+        stem: What stands before the number, in small letters.
+        rest: What stands behind it.
+        places: Of the columns.
+    """
+
+    stem: str
+    rest: str
+    places: tuple[int, ...]
+
+    @property
+    def of_torques(self) -> bool:
+        """Torques that were measured."""
+        name = self.stem + self.rest
+        return bool(_TORQUE.search(name)) and "target" not in name
+
+    @property
+    def of_axes(self) -> bool:
+        """Where the axes are."""
+        name = self.stem + self.rest
+        return bool(_WHERE.search(name)) and not (_TORQUE.search(name) or _NOT_WHERE.search(name))
+
+
+def _families(low: Sequence[str]) -> Iterator[_Family]:
+    """The families of titles that are as many as an arm has axes, in their turn."""
+    found: dict[tuple[str, str], list[tuple[int, int]]] = {}
     for k, title in enumerate(low):
         if one := _TITLE.fullmatch(title):
-            families.setdefault((one["stem"], one["rest"]), []).append((int(one["number"]), k))
-    axes: list[tuple[int, str]] = []
-    torques: list[int] = []
-    for (stem, rest), found in families.items():
-        numbers = [number for number, _ in found]
-        in_turn = numbers == [*range(numbers[0], numbers[0] + len(numbers))]
-        if not in_turn or numbers[0] > 1 or len(numbers) < 5:
-            continue
-        name = stem + rest
-        if _TORQUE.search(name) and "target" not in name:
-            torques = torques or [k for _, k in found]
-        elif _WHERE.search(name) and not _NOT_WHERE.search(name) and not axes:
-            unit = _unit(stem, rest)
-            axes = [(k, f"A{n - numbers[0] + 1}{unit}") for n, k in found]
-    rails = [k for k, one in enumerate(low) if re.fullmatch(r".*\be1\b[^0-9]*", one)]
-    if rails and axes and not _NOT_WHERE.search(low[rails[0]]):
-        axes.append((rails[0], f"E1 [{'m' if '[m]' in low[rails[0]] else 'mm'}]"))
-    posed = any(one in ("pose", "stellung", "messpose") for one in low)
-    if not timed or not axes or posed:
-        return None
-    return _Columns(timed[0], tuple(axes), tuple(torques) if len(torques) == len(axes) else ())
+            found.setdefault((one["stem"], one["rest"]), []).append((int(one["number"]), k))
+    for (stem, rest), columns in found.items():
+        numbers, places = zip(*columns, strict=True)
+        first, count = numbers[0], len(numbers)
+        if first <= 1 and count >= _ARM and [*numbers] == [*range(first, first + count)]:
+            yield _Family(stem, rest, places)
+
+
+def _time(low: Sequence[str]) -> tuple[int, float] | None:
+    """Place of the time, and what makes seconds of it."""
+    found = ((k, _TIME.fullmatch(title)) for k, title in enumerate(low))
+    return next(((k, 1e-3 if one["unit"] == "ms" else 1.0) for k, one in found if one), None)
+
+
+def _axes(families: Sequence[_Family]) -> list[tuple[int, str]]:
+    """Place and title of each axis of the arm."""
+    for one in families:
+        if one.of_axes:
+            unit = _unit(one.stem, one.rest)
+            return [(k, f"A{n}{unit}") for n, k in enumerate(one.places, 1)]
+    return []
+
+
+def _rail(low: Sequence[str]) -> list[tuple[int, str]]:
+    """Place and title of the rail, where there is one."""
+    k = next((k for k, one in enumerate(low) if _E1.fullmatch(one)), None)
+    if k is None or _NOT_WHERE.search(low[k]):
+        return []
+    return [(k, f"E1 [{'m' if '[m]' in low[k] else 'mm'}]")]
 
 
 def _unit(stem: str, rest: str) -> str:
@@ -126,20 +175,20 @@ def _standing(columns: _Columns, rows: Array) -> bytes | None:
     at = rows[:, [k for k, _ in columns.axes]]
     titles = [title for _, title in columns.axes]
     away = np.array([_tolerance(title, at[:, k]) for k, title in enumerate(titles)])
-    stood = [
-        (one, np.median(at[one], axis=0), np.median(rows[one][:, list(columns.torques)], axis=0))
-        for one in _stands(at, away)
-        if time[one][-1] - time[one][0] >= _STOOD_S
-    ]
-    again = _came_back(np.array([mean for _, mean, _ in stood]).reshape(-1, len(titles)), away)
-    kept = [one for one, twice in zip(stood, again, strict=True) if not twice]
-    if not kept:
-        return None
+    stops = [one for one in _stands(at, away) if time[one][-1] - time[one][0] >= _STOOD_S]
+    means = _medians(at, stops)
+    own = ~_came_back(means, away)
     driven = [f"tau{k}_nm" for k in range(1, len(columns.torques) + 1)]
+    values = np.hstack([means, _medians(rows[:, list(columns.torques)], stops)])[own]
+    lines = ["\t".join([str(k), *map(repr, each)]) for k, each in enumerate(values.tolist(), 1)]
     head = "\t".join(["pose", *titles, *driven])
-    cells = ([repr(float(x)) for x in (*mean, *tau)] for _, mean, tau in kept)
-    lines = ["\t".join([str(pose), *values]) for pose, values in enumerate(cells, 1)]
-    return "\n".join([head, *lines, ""]).encode()
+    return "\n".join([head, *lines, ""]).encode() if lines else None
+
+
+def _medians(values: Array, stops: Sequence[slice]) -> Array:
+    """Of each column at each stop, shape (m, k)."""
+    found = [np.median(values[one], axis=0) for one in stops]
+    return np.array(found).reshape(len(stops), values.shape[1])
 
 
 def _tolerance(title: str, values: Array) -> float:

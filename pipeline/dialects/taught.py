@@ -8,7 +8,6 @@ its point stands, so that a message still names the line of the file.
 from __future__ import annotations
 
 import re
-from collections import Counter
 from collections.abc import Iterator, Sequence
 from typing import NamedTuple
 
@@ -59,45 +58,53 @@ def table(data: bytes) -> bytes | None:
     by its place in the file. Points without a number beside such (XHOME), and numbered ones of
     another name where some are called p, pose or the like, are no poses.
     """
-    if len(data) > _LARGEST or not any(
-        word in data.upper() for word in (b"AXIS", b"JOINTTARGET", b"/POS")
-    ):
+    if len(data) > _LARGEST or not any(word in data.upper() for word in _MARKS):
         return None
     text = data.decode("latin-1").replace("\r\n", "\n").replace("\r", "\n")
-    found = [one for one in _points(text) if one.axes]
-    if not found:
-        return None
-    moved = {title for one in found for title, value in one.axes.items()
-             if title[0] != "E" or value}  # fmt: skip
-    titles = sorted(moved, key=lambda title: (title[0] == "E", title))
-    lines = [""] * max(text.count("\n") + 1, 2)
+    found = [one for points in (_krl, _rapid, _tp) for one in points(text) if one.axes]
+    return _written(found, text.count("\n") + 1) if found else None
+
+
+def _written(found: Sequence[_Point], count: int) -> bytes:
+    """Points as a table, each in its own of so many lines, and a header above."""
+    used = {title for one in found for title, value in one.axes.items() if title[0] != "E" or value}
+    titles = sorted(used, key=lambda title: (title[0] == "E", title))
+    lines = [""] * max(count, 2)
     for pose, one in sorted(_numbered(found), key=lambda both: both[1].line):
         cells = (repr(one.axes[title]) if title in one.axes else "" for title in titles)
         lines[one.line - 1] = "\t".join([str(pose), *cells])
-    head = "\t".join(["pose", *titles])
     if lines[0]:
         lines.insert(0, "")
-    return "\n".join([head, *lines[1:], ""]).encode()
+    return "\n".join(["\t".join(["pose", *titles]), *lines[1:], ""]).encode()
 
 
+_MARKS = (b"AXIS", b"JOINTTARGET", b"/POS")
+"""One of them is in every such file."""
 _LARGEST = 4_000_000
 """Bytes; programs are smaller."""
 
 
-def _points(text: str) -> Iterator[_Point]:
+def _krl(text: str) -> Iterator[_Point]:
+    units = {"A": "deg", "E": "mm"}
     for one in (*_KRL.finditer(text), *_KRL_ARM.finditer(text)):
-        units = {"A": "deg", "E": "mm"}
-        axes = {f"{a.upper()}{k} [{units[a.upper()]}]": float(x)
-                for a, k, x in _KRL_AXIS.findall(one["axes"])}  # fmt: skip
+        values = _KRL_AXIS.findall(one["axes"].upper())
+        axes = {f"{a}{k} [{units[a]}]": float(x) for a, k, x in values}
         yield _Point(_line(text, one), one["name"].lstrip("xX$") or one["name"], axes)
+
+
+def _rapid(text: str) -> Iterator[_Point]:
     for one in _RAPID.finditer(text):
         arm, more = ([float(x) for x in re.findall(_NUMBER, one[part])] for part in ("arm", "more"))
         axes = {f"A{k} [deg]": x for k, x in enumerate(arm, 1)}
         axes |= {f"E{k} [mm]": x for k, x in enumerate(more, 1) if abs(x) < _NONE}
         yield _Point(_line(text, one), one["name"], axes if len(arm) == _ARM else {})
+
+
+def _tp(text: str) -> Iterator[_Point]:
+    own = {"J": "A", "E": "E"}
     for one in _TP.finditer(text):
-        axes = {f"{'A' if a == 'J' else 'E'}{k} [{unit}]": float(x)
-                for a, k, x, unit in _TP_AXIS.findall(one["body"])}  # fmt: skip
+        values = _TP_AXIS.findall(one["body"])
+        axes = {f"{own[a]}{k} [{unit}]": float(x) for a, k, x, unit in values}
         yield _Point(_line(text, one), one["name"] or f"p{one['number']}", axes)
 
 
@@ -107,12 +114,19 @@ def _line(text: str, found: re.Match[str]) -> int:
 
 def _numbered(points: Sequence[_Point]) -> list[tuple[int, _Point]]:
     """The poses with their numbers."""
-    named = [(one, _NAMED.fullmatch(one.name)) for one in points]
-    stems = Counter(match["stem"].lower() for _, match in named if match)
-    known = [stem for stem in _POSES if stem in stems]
-    chosen = known[0] if known else max(stems, key=lambda stem: stems[stem], default=None)
-    own = [(int(match["number"]), one) for one, match in named
-           if match and match["stem"].lower() == chosen]  # fmt: skip
-    if own and len({pose for pose, _ in own}) == len(own) and (known or len(stems) == 1):
+    by_stem = _by_stem(points)
+    known = [stem for stem in _POSES if stem in by_stem]
+    chosen = known[:1] or ([*by_stem] if len(by_stem) == 1 else [])
+    own = [both for stem in chosen for both in by_stem[stem]]
+    if own and len({pose for pose, _ in own}) == len(own):
         return own
     return list(enumerate(sorted(points), 1))
+
+
+def _by_stem(points: Sequence[_Point]) -> dict[str, list[tuple[int, _Point]]]:
+    """Points with the numbers in their names, by what the names begin with."""
+    found: dict[str, list[tuple[int, _Point]]] = {}
+    for one in points:
+        if match := _NAMED.fullmatch(one.name):
+            found.setdefault(match["stem"].lower(), []).append((int(match["number"]), one))
+    return found

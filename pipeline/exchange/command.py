@@ -48,10 +48,8 @@ def robot(
         raise UsageError(
             "give a URDF with --base and --flange, or --list, or --show NAME for a robot that ships"
         )
-    if output is not None and output.suffix != ".toml":
-        raise UsageError(f"{output} does not end in .toml, as a robot file does")
-    if output is not None and output.exists():
-        raise UsageError(f"{output} is there already: choose another --output")
+    if output is not None:
+        _refuse(output)
     text, found = made(file, base, flange, payload)
     if output is None:
         typer.echo(text, nl=False)
@@ -63,6 +61,14 @@ def robot(
         f"{found.position_m:.1e} m, {found.angle_rad:.1e} rad.",
         err=True,
     )
+
+
+def _refuse(output: Path) -> None:
+    """Only a new file whose name ends as that of a robot file does is written."""
+    if output.suffix != ".toml":
+        raise UsageError(f"{output} does not end in .toml, as a robot file does")
+    if output.exists():
+        raise UsageError(f"{output} is there already: choose another --output")
 
 
 def listing() -> list[str]:

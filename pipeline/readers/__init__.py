@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import functools
+from collections.abc import Iterable, Sequence
 
 from pipeline.base.doors import found
 from pipeline.base.errors import InputError, at, listed
@@ -53,10 +54,8 @@ def recognise(file: Text) -> Reader:
     Raises:
         InputError: More than one dialect fits, or there is no table of points.
     """
-    sample = file.sample()
     dialects = [reader for key, reader in catalogue().items() if key != table.NAME]
-    fitting = [reader for reader in dialects if reader.recognise(sample)]
-    fitting = [reader for reader in fitting if not reader.general] or fitting
+    fitting = _fitting(dialects, file.sample())
     if not fitting and table.holds_one(file):
         return table.READER
     if len(fitting) == 1:
@@ -69,6 +68,12 @@ def recognise(file: Text) -> Reader:
         "columns group,target,x_mm,y_mm,z_mm,time",
         line=1,
     )
+
+
+def _fitting(dialects: Iterable[Reader], sample: Sequence[str]) -> list[Reader]:
+    """The readers that claim a file; one with a mark of its own before those of any table."""
+    fitting = [reader for reader in dialects if reader.recognise(sample)]
+    return [reader for reader in fitting if not reader.general] or fitting
 
 
 def read(name: str, data: bytes, hints: Hints | None = None) -> Export:
