@@ -28,11 +28,11 @@ from bench.league.play import Rules, at_further_poses, drawn, play
 from bench.league.run import KINDS, League, Played, answer_of, fixtures, played
 from bench.league.table import ece, interval, rows
 from pipeline.base.errors import InputError
-from pipeline.base.executor import Here, Processes
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import configure, load
+from pipeline.service.executor import Here, Processes
 
 KR500 = load("kr500_rail")
 TWINS = twins(KR500)
