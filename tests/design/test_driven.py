@@ -71,14 +71,14 @@ def test_no_pose_and_no_way_between_poses_meets_the_arm(name):
     """Coal finds no touching pair along the ways that are called free."""
     problem, q = planned(name, 1)
     checked = Checked(problem.robot, {}, {})
-    pairs = [one for one in checked.pairs if one not in checked.touching_at_zero]
     found = legs(problem, q, problem.anchor_lower)
 
     assert not standing(problem, q)
     for (a, b), leg in zip(pairwise(q), found, strict=True):
         if leg.blocked is None:
             for at in driven((a, b), leg.via):
-                assert min(checked.apart(at, pair) for pair in pairs) > -5e-3
+                checked.set(at)
+                assert all(checked.between(one) > -5e-3 for one in checked.near(checked.watched))
 
 
 @pytest.mark.parametrize("name", ROBOTS)
@@ -98,7 +98,7 @@ def test_a_way_through_the_arm_is_refused_with_pose_and_reason():
     """A pose in which Coal finds the arm in itself has no way to it, and does not stand."""
     problem, _ = planned("kr210_r2700_2", 1)
     checked, rng = Checked(problem.robot, {}, {}), np.random.default_rng(5)
-    pairs = [one for one in checked.pairs if one not in checked.touching_at_zero]
+    pairs = checked.watched
     drawn = (rng.uniform(problem.lower, problem.upper) for _ in range(1000))
     q = next(one for one in drawn if min(checked.apart(one, p) for p in pairs) < -0.02)
     there = next(one for one in drawn if min(checked.apart(one, p) for p in pairs) > 0.02)
