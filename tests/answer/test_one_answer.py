@@ -116,6 +116,8 @@ def test_each_campaign_stands_for_the_model_that_holds(told):
         assert same == (name in ("adequate", "unexplained"))
     assert answers["explained"]["extended"]["stiffness"] == answers["explained"]["stiffness"]
     assert answers["adequate"]["extended"] is None
+    (cause,) = (c for c in answers["explained"]["diagnosis"]["causes"] if c["gain"])
+    assert cause["name"] == "rail_roll"  # and no law that nobody listed
     truth = answers["explained"]["stiffness"]
     for mine, right in zip(answers["bad_data"]["stiffness"], truth, strict=True):
         assert mine["value"] == pytest.approx(right["value"], rel=0.03)
