@@ -82,8 +82,8 @@ def test_one_force_copied_down_the_column(seed):
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("force", ["1200.00", "3000.00"])
 def test_no_interval_beside_a_copied_force_misses_what_the_true_forces_give(seed, force):
-    """Pulls of three sizes logged as the least or the largest: no value, and intervals that hold."""
-    head, rows = table(files(seed), "loads.csv")
+    """Pulls of three sizes, logged as the least or the largest: no value, intervals hold."""
+    _, rows = table(files(seed), "loads.csv")
     most = max(float(row[2]) for row in rows)
     made = with_forces(files(seed), force)
     right = answered("right", in_memory(files(seed))).answer.stiffness
