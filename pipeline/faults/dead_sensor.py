@@ -28,6 +28,7 @@ from pipeline.readers.known import GROSS_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import STILL_M, Measured
 from pipeline.reduction.register import XYZ
+from pipeline.reduction.settings import Scale
 
 _STIFF = 1 / 30
 """No robot moves by a smaller part of what its joints typically yield [1]: stiffnesses of a type
@@ -160,7 +161,8 @@ def _of_copy(case: Case, data: Measured, same: Ints, force: float, every: bool) 
 
 def _unlogged(case: Case) -> Case:
     """The campaign with forces of which no more is known than that they are of this order."""
-    scale = case.settings.scale.model_copy(update={"sigma_rel": 1.0, "gain_sigma": 1.0})
+    known = case.settings.scale or Scale()
+    scale = known.model_copy(update={"sigma_rel": 1.0, "gain_sigma": 1.0})
     return replace(case, settings=case.settings.model_copy(update={"scale": scale}))
 
 
