@@ -563,8 +563,9 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         "scatter more, and the joint springs stay."
     ),
     Finding.NOTHING_DETERMINED: lambda _: (
-        "No stiffness is determined: the targets hardly move with the load. Check whether the "
-        "robot was pulled in the loaded readings, and whether the forces belong to them."
+        "No stiffness is determined: the targets move with the load by no more than readings and "
+        "forces are uncertain. Check whether the robot was pulled in the loaded readings, and "
+        "whether the forces belong to them."
     ),
     Finding.PREDICTS_NOTHING: _predicts_nothing,
     Finding.SPRINGS_DISAGREE: _springs_disagree,
