@@ -17,7 +17,7 @@ from pipeline.base.quantities import plain
 from pipeline.base.shown import printable, typed
 from pipeline.base.toml import quoted
 from pipeline.machine.instrument import sheet
-from pipeline.machine.robot import SHIPPED, Robot, load
+from pipeline.machine.robot import Robot, load
 from pipeline.store.campaign import Campaign, unfit
 
 if TYPE_CHECKING:  # it brings the readers
@@ -34,11 +34,6 @@ _TARGETS = ("P1", "P2", "P3")
 _BASE = ("B1", "B2", "B3")
 _LOGS = ("loads.csv", "joints.csv")
 """What logs are called where there are none yet."""
-
-
-def robots() -> str:
-    """The robots that ship, for a sentence."""
-    return ", ".join(SHIPPED)
 
 
 @dataclass(frozen=True)
@@ -205,12 +200,13 @@ def _fitting(found: Sequence[str]) -> str:
     """Which robots a joint log fits, or those there are."""
     if found:
         return f"{' or '.join(found)}: the joint log fits each of them"
-    return f"{robots()}, or a robot file in this folder"
+    return "one of `pipeline robot --list`, or a robot file in this folder"
 
 
 def described(folder: Path, found: Sequence[str]) -> list[str]:
-    """What each of some robots is, or of all that ship."""
-    return [f"{name}: {load(name, folder).description}" for name in found or SHIPPED]
+    """What each of some robots is, or where all that ship are listed."""
+    shown = [f"{name}: {load(name, folder).description}" for name in found]
+    return shown or ["`pipeline robot --list` lists the robots that ship, with maker and type."]
 
 
 def log_columns(said: Proposal, robot: str | None) -> dict[str, str]:
