@@ -93,6 +93,9 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
         if ask
         else replace(given, robot=robot, instrument=given.words.get("instrument.model"))
     )
+    if made := blank.simulated(root, folder.name, files):
+        known = replace(known, simulated=True)
+        _tell(f"{listed(made)} are those of the rehearsal: campaign.toml says simulated = true.")
     left = blank.write(folder, said, known)
     typer.echo(folder)
     if said.nothing:
