@@ -240,8 +240,8 @@ def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
         return said
     return (
         f"{said} A controller's table of joint stiffnesses has no entry for {listed(beside)}: "
-        f"correct paths and programs with `pipeline compensate {typed(found.campaign)}`, or enter "
-        "the effective values."
+        f"correct paths and programs with `pipeline compensate {typed(found.campaign)} PATH`, or "
+        "enter the effective values."
     )
 
 

@@ -59,6 +59,9 @@ def by_size(
 ) -> BySize:
     """Best figure for each m_0 and n; the limit on single compliances is left out.
 
+    Readings share nothing here, so that information goes with their number: the best poses for
+    one n are those for every n, and one search for each m_0 is enough.
+
     Args:
         problem: The problem.
         poses: Values of m_0.
@@ -68,9 +71,13 @@ def by_size(
     """
     figure = np.full((len(poses), len(readings)), np.nan)
     for i, m0 in enumerate(poses):
-        for j, n in enumerate(readings):
-            if n % m0 == 0 and n >= 3:
-                figure[i, j] = _best(_sized(problem, m0, n), seed, effort)
+        shared = [j for j, n in enumerate(readings) if n % m0 == 0 and n >= 3]
+        sized = {j: _sized(problem, m0, readings[j]) for j in shared}
+        plan = _best(sized[shared[-1]], seed, effort) if shared else None
+        if plan is None:
+            continue
+        for j in shared:
+            figure[i, j] = evaluate(sized[j], plan.q[None], plan.anchor[None])[0].figure
     return BySize(np.array(poses), np.array(readings), figure)
 
 
@@ -83,12 +90,12 @@ def _sized(problem: Problem, poses: int, readings: int) -> Problem:
     return replace(build(revised(problem.spec, changes), problem.robot), known=problem.known)
 
 
-def _best(problem: Problem, seed: int, effort: Effort) -> float:
+def _best(problem: Problem, seed: int, effort: Effort) -> Plan | None:
     try:
         *_, last = search(problem, np.random.default_rng(seed), effort)
     except InputError:
-        return float("nan")
-    return float("nan") if last.best is None else last.best.figure
+        return None
+    return last.best
 
 
 def by_anchor(

@@ -202,7 +202,7 @@ def test_what_to_type_is_shown_without_marks_of_ours(campaign, told):
 
     assert "`" not in page + spoken + told[1]
     if found.name == "explained":
-        said = f"pipeline compensate {found.name}"
+        said = f"pipeline compensate {found.name} PATH"
         assert f"`{said}`" in answer["first_screen"][1]["text"]
         assert f"<code>{said}</code>" in page
         assert f"'{said}'" in told[1]

@@ -371,7 +371,7 @@ def written(proposal, tmp_path_factory):
 def test_a_design_is_written_as_plan_and_sheet(written):
     """The plan is TOML that simulate reads; page and PDF stand beside its pictures."""
     root, made = written
-    plan, page, paper, *driven = made.written
+    plan, page, paper, *driven, asked = made.written
 
     assert parse(plan.read_text()).poses.number == 6
     assert page.read_text().startswith("<!doctype html>")
@@ -379,7 +379,8 @@ def test_a_design_is_written_as_plan_and_sheet(written):
     assert paper.read_bytes().startswith(b"%PDF")
     figures = {p.name for p in (root / "reports" / "plans" / "six" / "figures").iterdir()}
     assert {"pose-1.svg", "pose-6.svg", "sights.svg", "anchor.svg"} <= figures
-    assert "pipeline design" in plan.read_text().splitlines()[0]
+    assert "pipeline design data/plans/six.problem.toml" in plan.read_text().splitlines()[0]
+    assert specs.parse(asked.read_text()).model_dump() == made.proposal.problem.spec.model_dump()
     assert str(plan) in made.as_text()
     assert {one.suffix for one in driven} <= {".src", ".dat", ".xlsx"}
 
