@@ -154,7 +154,7 @@ ROWS = {
     Finding.BEYOND_CERTIFICATE: (Facts(beyond_certificate=True), Verdict.UNEXPLAINED),
     Finding.OFF_THE_TABLE: (replace(FOUND, unloaded=USELESS), Verdict.UNEXPLAINED),
     Finding.CAUSE_IDENTIFIED: (FOUND, Verdict.EXPLAINED),
-    Finding.MISFIT: (Facts(stated_p=1e-5, misfit_p=4e-4), Verdict.UNEXPLAINED),
+    Finding.MISFIT: (Facts(stated_p=1e-5, misfit_p=3e-4), Verdict.UNEXPLAINED),
     Finding.SCATTER: (Facts(scatter=(cause("tracker_noise"),)), Verdict.EXPLAINED),
     Finding.BEYOND_A_TRACKER: (Facts(beyond_a_tracker=True), Verdict.UNEXPLAINED),
     Finding.SPRINGS_DISAGREE: (
