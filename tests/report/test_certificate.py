@@ -147,7 +147,7 @@ def test_what_to_measure_next_ends_with_a_sentence(sample):
     """The first page has its first sentences, and no pose that only begins."""
     answer, tables = sample
     first = "No question is open. Pulls along the rail would help most: E1 is known to 43 %."
-    line = Line(about=About.NEXT, text=f"{first} One more pose: E1 9.355 m, A1 -77.63°. {first}")
+    line = Line(about=About.NEXT, text=f"{first} One more pose: {', '.join(['A1 -77.63°'] * 9)}.")
     screen = (*answer.first_screen, line)
 
     said = certificate(answer.model_copy(update={"first_screen": screen}), tables).measure
