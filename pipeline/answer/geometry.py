@@ -11,6 +11,7 @@ from pipeline.answer.words import listed
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Parameter
 from pipeline.base.linear import rms
+from pipeline.base.tails import NORMAL_95
 from pipeline.diagnosis.facts import Standing
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.letters import letters, nominal
@@ -49,10 +50,6 @@ def table_entries(
             every, table, off, variance, rough, before, strict=True
         )
     )
-
-
-QUANTILE = 1.959964
-"""Of 95 % intervals: there are many readings."""
 
 
 _HALF = 2.0
@@ -99,7 +96,7 @@ def _combination(
         ),
         value=value,
         std=std,
-        ci95=(value - QUANTILE * std, value + QUANTILE * std),
+        ci95=(value - NORMAL_95 * std, value + NORMAL_95 * std),
         unit=members[0].unit,
     )
 

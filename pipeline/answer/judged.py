@@ -10,14 +10,13 @@ import pandas as pd
 from pipeline.answer import contract
 from pipeline.answer.contract import AxisValue, JudgedPath, Stretch, TestPose
 from pipeline.base.arrays import Array
+from pipeline.base.quantities import MM
 from pipeline.machine.robot import Robot, axes
 from pipeline.prediction.compensate import beside_pulls
 from pipeline.prediction.decision import Decision
 from pipeline.prediction.tolerance import Judged, stretches
 from pipeline.reduction import settings
 from pipeline.reduction.pose_of_interest import Where
-
-MM = 1e3
 
 
 def pose_entry(robot: Robot, where: Where, found: Judged) -> TestPose:

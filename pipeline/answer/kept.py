@@ -26,6 +26,7 @@ from pipeline.reduction.bring import Keep, Step
 from pipeline.reduction.pose_of_interest import Where
 
 SEED = 20261103
+"""Of its draws: another one moves numbers within what they say of their scatter."""
 
 _CORRECTED = (("22_forces", tables.FORCES), ("23_displacements", tables.DISPLACEMENTS))
 """Tables that a mistake in the data changes, and that the answer rests on."""

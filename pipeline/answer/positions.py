@@ -12,7 +12,7 @@ import pandas as pd
 from pipeline.answer import contract
 from pipeline.answer.contract import About, Answer, Line, NoiseFrom, Reason
 from pipeline.answer.diagnosis import cause_entry, mistake_entry, placed
-from pipeline.answer.geometry import KNOWN, QUANTILE, table_combinations, table_entries
+from pipeline.answer.geometry import KNOWN, table_combinations, table_entries
 from pipeline.answer.inputs import (
     identity_entry,
     input_entries,
@@ -40,7 +40,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.base.quantities import p_value, percent, plain
-from pipeline.base.tails import chi2_beyond
+from pipeline.base.tails import NORMAL_95, chi2_beyond
 from pipeline.diagnosis.average import Springs
 from pipeline.diagnosis.facts import Cause, Facts
 from pipeline.diagnosis.positions import facts_of
@@ -253,7 +253,7 @@ def stiffness_entries(found: Identified) -> tuple[contract.Stiffness, ...]:
     x, cov = found.solution.x[part], found.solution.cov[part, part]
     std = np.sqrt(np.diag(cov))
     known = std**2 < KNOWN * found.known.std[part] ** 2
-    springs = Springs(x, cov, x - QUANTILE * std, x + QUANTILE * std, known)
+    springs = Springs(x, cov, x - NORMAL_95 * std, x + NORMAL_95 * std, known)
     return tuple(
         told(one, _about(joint, float(x[k]), bool(known[k])))
         for k, joint in enumerate(robot.joints)

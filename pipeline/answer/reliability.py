@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.answer.contract import Carried, Controlled
+from pipeline.answer.contract import LEAST_CONTROLLED, Carried, Controlled
 from pipeline.answer.recommended import Values
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
@@ -39,10 +39,6 @@ _AXES = np.array(["x", "y", "z"], dtype=object)
 _NONE = 1e-7
 """An error so much smaller than the largest of its source is rounding [1], such as that of a chain
 along itself: variances carry sixteen digits, their roots eight."""
-
-
-_TOLD = 10
-"""So many of the errors that are controlled least stand in result.json."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -299,7 +295,7 @@ def _names(case: Case, placed: pd.DataFrame) -> _Names:
 
 def controlled_entries(control: pd.DataFrame) -> tuple[Controlled, ...]:
     """`reliability`: the errors with the lowest r of table RELIABILITY."""
-    least = control.nsmallest(_TOLD, "r")
+    least = control.nsmallest(LEAST_CONTROLLED, "r")
     return tuple(Controlled(**_plain(row)) for row in least.to_dict("records"))
 
 

@@ -23,7 +23,7 @@ from pipeline.reduction.settings import Settings
 MOST = 40
 """Poses in one picture; of more, the worst and an even choice of the rest are drawn."""
 
-_TOOL_RADIUS = 0.35
+TOOL_RADIUS = 0.35
 """Radius of a rod of the effector over that of the last link."""
 
 Tables = dict[str, pd.DataFrame]
@@ -70,7 +70,7 @@ def _bodies(
 ) -> pd.DataFrame:
     """Table SCENE."""
     base, carriage, arm = bodies.links(robot, here)
-    thick = _TOOL_RADIUS * (float(arm.radius[-1]) if len(arm.radius) else 0.05)
+    thick = TOOL_RADIUS * (float(arm.radius[-1]) if len(arm.radius) else 0.05)
     still = [_rows(one, np.zeros(1, np.int64)) for one in (base, *standing) if len(one.names)]
     moving = [_rows(one, poses) for one in (carriage, arm, bodies.effector(here, tool, thick))]
     return pd.concat([*still, *moving], ignore_index=True)

@@ -39,6 +39,7 @@ from pipeline.reduction.bring import Keep, Step
 from pipeline.store.campaign import Raw
 
 _SEED = 20261123
+"""Of its draws: another one moves numbers within what they say of their scatter."""
 
 MODEL = "positions.npz"
 """What `pipeline predict` reads."""

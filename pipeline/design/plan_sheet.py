@@ -9,9 +9,10 @@ from operator import itemgetter
 
 import numpy as np
 
+from pipeline.answer.contract import LEAST_CONTROLLED
 from pipeline.answer.words import capital
 from pipeline.base.arrays import Array
-from pipeline.base.quantities import percent, plain
+from pipeline.base.quantities import MM, percent, plain
 from pipeline.design.control import Control
 from pipeline.design.curves import ByAnchor, BySize
 from pipeline.design.discriminate import Sight
@@ -41,7 +42,6 @@ from pipeline.report.record import (
     unlabelled,
 )
 
-MM = 1e3
 _BEFORE = (
     "Fix the anchor, mount the effector, measure its points and put them into campaign.toml. Read "
     "the base reflectors before the first pose and after the last."
@@ -428,10 +428,6 @@ def _seeing(sights: list[Sight], axes: words.Axes) -> Section | None:
     return section_of("sights", "What it will and will not see", [Text(told), figure, table])
 
 
-_LEAST = 10
-"""So many of the readings that are controlled least are shown."""
-
-
 def _controlling(problem: Problem, controls: Sequence[Control]) -> Section | None:
     """Uncontrolled observations and those of least redundancy: to be taken twice."""
     if not controls:
@@ -458,7 +454,7 @@ def _controlling(problem: Problem, controls: Sequence[Control]) -> Section | Non
         "columns say what it would move most. Readings of chain and base are no part of a plan."
     )
     title = "Readings of least redundancy"
-    table = table_of("control", title, columns, controls[:_LEAST], note)
+    table = table_of("control", title, columns, controls[:LEAST_CONTROLLED], note)
     return section_of("control", "Uncontrolled observations", [Text(told), table])
 
 

@@ -10,7 +10,7 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Parameter
-from pipeline.base.tails import NORMAL_95
+from pipeline.base.tails import CHI2_95, NORMAL_95
 from pipeline.diagnosis.average import Hypothesis, Size, each_way, size
 from pipeline.diagnosis.facts import Amplitude
 from pipeline.diagnosis.identify import Case, of_model
@@ -133,7 +133,7 @@ def _profile(
     out = []
     for side in (-NORMAL_95, NORMAL_95):
         rise = _rise(view, suspect, parameter, value + side * std) / variance
-        out.append(value + side * std * float(np.sqrt(3.84 / max(rise, 1.0))))
+        out.append(value + side * std * float(np.sqrt(CHI2_95 / max(rise, 1.0))))
     return out[0], out[1]
 
 

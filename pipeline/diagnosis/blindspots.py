@@ -17,6 +17,7 @@ from pipeline.system.beside import left_beside
 from pipeline.system.whitened import Whitened
 
 _POWER = 0.8
+"""Probability with which what is called visible is seen [1]: the usual power of a test."""
 
 
 def smallest_visible(view: Whitened, base: Ints, p: float) -> Array:

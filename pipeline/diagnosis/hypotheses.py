@@ -24,6 +24,7 @@ from pipeline.system.system import Errors, Estimate, System
 from pipeline.system.whitened import with_laws
 
 _SEED = 20261122
+"""Of its draws: another one moves numbers within what they say of their scatter."""
 
 _USUAL = 2.5
 """Standard deviation of an unnoticed cause in typical sizes [1]: the second largest of the widths

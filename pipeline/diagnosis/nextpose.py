@@ -33,6 +33,7 @@ _SETTLED = 0.002
 """Chance of a wrong name from which a further pose need not do better."""
 
 _CANDIDATES = 240
+"""Poses that are drawn to choose from."""
 
 _LIGHT = 0.25
 """Weak pulls, of the largest: proposed as well where the campaign's steps are all large."""

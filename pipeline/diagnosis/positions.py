@@ -27,9 +27,6 @@ from pipeline.machine.robot.axes import alone
 
 UNLISTED = "unlisted_law"
 
-_QUANTILE = 1.959964
-"""Of 95 % intervals: there are thousands of readings."""
-
 
 def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> Facts:
     """All that the verdict depends on.
@@ -85,7 +82,7 @@ def _entries(found: Study, robot: Robot) -> Iterator[Cause]:
             source="geometry.estimate.ROUGH",
             axis=alone(robot)[letter.joint - 1],
         )
-        size = Amplitude.symmetric(parameter, off, float(std[k]), _QUANTILE)
+        size = Amplitude.symmetric(parameter, off, float(std[k]))
         yield Cause(effect, 1.0, (size,), 0.0)
 
 
@@ -122,7 +119,6 @@ def _listed(one: Listed, robot: Robot) -> Cause:
             Parameter(p.name, p.unit, typical.get(p.name, max(abs(p.value), p.std))),
             p.value,
             p.std,
-            _QUANTILE,
         )
         for p in one.amounts
     )
@@ -156,7 +152,7 @@ def _cause(law: NamedLaw, robot: Robot) -> Cause:
     slides = bool(robot.prismatic[law.joint - 1])
     unit = "m" if slides else "rad"
     parameter = Parameter("amplitude", unit, START[slides])
-    height = Amplitude.symmetric(parameter, law.amplitude, law.std, _QUANTILE)
+    height = Amplitude.symmetric(parameter, law.amplitude, law.std)
     effect = _effect(law, robot, parameter)
     return Cause(effect, 1.0, (height,), law.p, gain=_gain(law.gain), height=height)
 

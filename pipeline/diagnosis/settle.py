@@ -34,6 +34,7 @@ from pipeline.system.linearised import linearise
 from pipeline.system.shape import Shape, shape, tails
 
 _SEED = 20261103
+"""Of its draws: another one moves numbers within what they say of their scatter."""
 
 _ROUNDS = 6
 """Moves of the mistakes at most [1]; where ends follow each other in a circle they are as good, and

@@ -43,8 +43,10 @@ _MISFIT = 1e-6
 """Below this p the readings' noise alone does not explain where the reflectors stand."""
 
 _MOST = 4
+"""Causes that are named in one table at most."""
 
 _SEED = 20261123
+"""Of its draws: another one moves numbers within what they say of their scatter."""
 
 _WIDE = 0.1
 """Standard deviation of what is off, [m] and [rad]; masses, ten times their usual size."""

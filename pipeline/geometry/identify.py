@@ -36,6 +36,7 @@ _FEWEST, _SETTLED, _MOST = 3, 8, 14
 turns are a product, which takes more of them than a table that is off by milliradians."""
 
 _STRAIGHT = 0.02
+"""The same of nearly all of them, over the noise of one reading [1]."""
 _MOST_OF_THEM = 0.98
 """How far so many of the readings may stand from where the last linearisation has them, in their
 noise; where a torque is about zero, steps of its sign come and go."""

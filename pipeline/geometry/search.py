@@ -207,6 +207,7 @@ def times(inputs: Inputs) -> list[int]:
 
 
 _TIMES = 40
+"""Poses of a series from which on the instrument may have moved: tried so many, evenly."""
 
 
 def _of_torque(inputs: Inputs, joint: int) -> Iterator[Law]:

@@ -101,7 +101,7 @@ class Hypothesis(Locked):
         """Covariance A C A' of displacements A x [m], A (m, j, k), shape (m, j, j).
 
         What is determined of the parameters carries over even where they are not: variances are
-        infinite only where `free` moves a displacement by more than `_NOTHING_M`.
+        infinite only where `free` moves a displacement by more than `NOTHING_M`.
         """
         known = np.isfinite(self.std)
         cov = self.cov.copy()
@@ -114,7 +114,7 @@ class Hypothesis(Locked):
             cov[~known], cov[:, ~known] = 0.0, 0.0
             free = np.diag(typical)[:, ~known]
         found = A @ cov @ np.swapaxes(A, 1, 2)
-        m, axis = np.nonzero(np.abs(A @ free).max(axis=-1, initial=0.0) > _NOTHING_M)
+        m, axis = np.nonzero(np.abs(A @ free).max(axis=-1, initial=0.0) > NOTHING_M)
         found[m, axis, axis] = np.inf
         return np.asarray(found)
 
@@ -293,7 +293,7 @@ class Model(Locked):
         return Prediction(*(self._mean([getattr(one, name) for one in each]) for name in names))
 
 
-_NOTHING_M = 1e-9
+NOTHING_M = 1e-9
 """What moves a point less than this at its typical size does not act there."""
 
 

@@ -53,7 +53,7 @@ BASE_REFLECTORS = 3
 _MOST_GLOBS = 20
 """Patterns that stand for several exports."""
 
-_ONE_LINE = 1e-3
+ONE_LINE = 1e-3
 """Second width of the targets over the first: below, nobody knows how they turn about it."""
 
 Point = tuple[Length, Length, Length]
@@ -642,7 +642,7 @@ class Settings(Surrounded):
 def tells_a_pose(places: Array) -> bool:
     """Whether targets at these places (t, 3) [m] tell a pose: three that are not on one line."""
     first, second, *_ = *extent(places), 0.0, 0.0
-    return len(places) > 2 and bool(second > _ONE_LINE * first)
+    return len(places) > 2 and bool(second > ONE_LINE * first)
 
 
 _UNFILLED = re.compile(r'\s*#\s*("[^"]+"|[^\s=#]+)\s*=\s*\?')

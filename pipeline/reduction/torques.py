@@ -42,6 +42,7 @@ _DARK = 1e-12
 """Part of the largest information below which a direction is rounding [1]."""
 
 _SEED = 20261122
+"""Of its draws: another one moves numbers within what they say of their scatter."""
 
 _WEIGHT = 2.0
 """So many readings at most is worth what other joints say of the scatter of one [1]."""

@@ -9,6 +9,7 @@ from pipeline.base.shown import quoted
 from pipeline.report.record import Figure, Report, Table, Text
 
 _WIDTH = 96
+"""Characters of a line."""
 
 
 def as_text(report: Report) -> str:

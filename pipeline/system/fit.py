@@ -25,6 +25,7 @@ from pipeline.system.turning import apart
 from pipeline.system.variance import Components, noise, rescaled, resting_on
 
 _SEED = 20261122
+"""Of its draws: another one moves numbers within what they say of their scatter."""
 
 
 @dataclass(frozen=True, eq=False)

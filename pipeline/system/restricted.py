@@ -21,8 +21,6 @@ from pipeline.system.system import System
 _Loss = Callable[[Array], tuple[Array, float]]
 """Minus twice a restricted log likelihood by log scales: part of each pose, and the rest."""
 
-_NOTHING = 1e-300
-
 
 @dataclass(frozen=True, eq=False)
 class Blocks(Locked):
@@ -66,7 +64,9 @@ class Blocks(Locked):
         rest = ~np.isin(source, [name for group in groups for name in group])
         masks = [np.isin(source, group) for group in groups] + [rest]
         parts = np.stack([blocks.covariance(errors.G[:, mask & own]) for mask in masks]) / unit**2
-        rough = 0.5 * np.log(max(y @ y, _NOTHING) / max(np.einsum("kpii->", parts[:-1]), _NOTHING))
+        rough = 0.5 * np.log(
+            max(y @ y, linear.TINY) / max(np.einsum("kpii->", parts[:-1]), linear.TINY)
+        )
         which, at = np.nonzero(~blocks.there)
         parts[-1, which, at, at] = 1.0  # padding: independent rows of zeros
         return cls(

@@ -14,14 +14,14 @@ from pipeline.answer.contract import Answer, Placed, Stiffness
 from pipeline.answer.tolerated import DECIDED
 from pipeline.answer.words import capital
 from pipeline.base.arrays import Array
-from pipeline.base.quantities import percent, plain, with_uncertainty
+from pipeline.base.quantities import MM, percent, plain, with_uncertainty
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
 from pipeline.report.figures.plot import Plot
 from pipeline.report.figures.scene import View, outlines
 from pipeline.report.figures.sheet import Sheet
 from pipeline.report.record import Figure
-from pipeline.report.summaries import MM, Tables
+from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, BODY, EDGE, GREEN, GRID, INK, MUTED, PAPER, RED
 
 _FROM, _TO = ([f"{end}_{a}_m" for a in "xyz"] for end in ("from", "to"))

@@ -11,6 +11,7 @@ from typing import Any
 import pandas as pd
 
 from pipeline.answer.contract import (
+    LEAST_CONTROLLED,
     Answer,
     Growth,
     NoiseComponent,
@@ -27,9 +28,6 @@ from pipeline.report.figures.catalogue import figures
 from pipeline.report.figures.marks import each_row
 from pipeline.report.record import Column, Entry, Section, Table, Text, entry, section_of
 from pipeline.report.summaries import Tables, has, registration_by_target
-
-_LEAST = 10
-"""So many of the readings that are controlled least are shown."""
 
 _MOST_ROWS = 400
 """Rows of rejected readings shown; the rest is counted and stands in the tables."""
@@ -257,7 +255,7 @@ def _least(single: pd.DataFrame) -> Table | None:
         number("Shifts by [σ]", lambda row: row.moves_sigmas, roughly),
         said("Which", lambda row: row.moves_most),
     ]
-    rows = each_row(single.nsmallest(_LEAST, "r"))
+    rows = each_row(single.nsmallest(LEAST_CONTROLLED, "r"))
     note = (
         "Redundancy is the part of an error that the residuals show, 0 to 1. The minimal "
         "detectable bias is found in 80 % of the cases at 0.1 % false alarms; the last two "
