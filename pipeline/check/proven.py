@@ -42,7 +42,9 @@ def proven(case: Case, reduced: Reduced) -> list[str]:
     files = files_of(case, reduced)
     said = [one.evidence for one in files.findings]
     kept = reduced if files.case is case else None
-    return [*said, *_not_rigid(files.case), *_table(files.case, kept)]
+    by_positions = case.settings.positions is not None  # the table is estimated from these
+    table = () if by_positions else _table(files.case, kept)
+    return [*said, *_not_rigid(files.case), *table]
 
 
 def _not_rigid(case: Case) -> Iterator[str]:

@@ -23,7 +23,10 @@ on every robot."""
 
 
 def robot(
-    file: Annotated[Path | None, Argument(metavar="FILE.urdf", help="URDF of the robot.")] = None,
+    file: Annotated[
+        Path | None,
+        Argument(metavar="FILE.urdf", help="URDF of the robot; with --list part of a name, kuka."),
+    ] = None,
     base: Annotated[str | None, Option(help="Link whose frame is the base frame F_b.")] = None,
     flange: Annotated[str | None, Option(help="Link whose frame is the flange frame.")] = None,
     output: Annotated[
@@ -42,7 +45,7 @@ def robot(
 ) -> None:
     """List the robots that ship, show one, or make a robot file from a URDF and verify it."""
     if every or shown is not None:
-        typer.echo("\n".join(listing()) if every else shipped(shown or ""))
+        typer.echo("\n".join(listing(str(file or ""))) if every else shipped(shown or ""))
         return
     if file is None or base is None or flange is None:
         raise UsageError(
@@ -71,15 +74,22 @@ def _refuse(output: Path) -> None:
         raise UsageError(f"{output} is there already: choose another --output")
 
 
-def listing() -> list[str]:
-    """The robots that ship: name, maker and variant, axes of the controller, rated payload."""
-    from pipeline.machine.robot import SHIPPED, axes, load
+def listing(part: str = "") -> list[str]:
+    """The robots that ship: name, maker and variant, axes of the controller, rated payload.
+
+    Raises:
+        UsageError: None has this part of a name.
+    """
+    from pipeline.machine.robot import axes, load
+    from pipeline.machine.robot.mdh import meant
 
     rows = []
-    for name in SHIPPED:
+    for name in meant(part):
         one = load(name)
         payload = "" if one.payload_kg is None else f"{one.payload_kg:g} kg"
         rows.append((name, one.description, " ".join(axes.of(one).names), payload))
+    if not rows:
+        raise UsageError(f'no robot that ships is like "{part}": `pipeline robot --list` has all')
     wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(f"{c:{w}}" for c, w in zip(row, wide, strict=True)).rstrip() for row in rows]
 
@@ -91,9 +101,11 @@ def shipped(name: str) -> str:
         UsageError: None of this name does.
     """
     from pipeline.machine.robot import SHIPPED, load
+    from pipeline.machine.robot.mdh import no_robot
 
     if name not in SHIPPED:
-        raise UsageError(f'no robot "{name}" ships: `pipeline robot --list` has those that do')
+        unknown = no_robot(name, None)
+        raise UsageError(f"{unknown.thing}; {unknown.way_out}")
     return load(name).text.rstrip("\n")
 
 

@@ -93,6 +93,9 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
         if ask
         else replace(given, robot=robot, instrument=given.words.get("instrument.model"))
     )
+    if made := blank.simulated(root, folder.name, files):
+        known = replace(known, simulated=True)
+        _tell(f"{listed(made)} are those of the rehearsal: campaign.toml says simulated = true.")
     left = blank.write(folder, said, known)
     typer.echo(folder)
     if said.nothing:
@@ -157,12 +160,19 @@ def _robot(root: Path, folder: Path, said: Proposal, ask: bool) -> str | None:
     for line in blank.described(folder, fitting):
         _tell(line)
     which = "which of these" if fitting else "one of these, or a robot file"
-    if usual:
-        typed = str(typer.prompt(f"Robot, {which}", usual, err=True))
-    elif not (typed := _answer(f"Robot, {which}")):
-        return None
-    blank.known(root, folder.name, typed)
-    return typed
+    while typed := _typed(f"Robot, {which}", usual):
+        try:
+            blank.known(root, folder.name, typed)
+        except UsageError as unknown:  # a brand name, as on the type plate: those like it are named
+            _tell(str(unknown).removeprefix("--robot: "))
+        else:
+            return typed
+    return None
+
+
+def _typed(question: str, usual: str | None) -> str:
+    """What is typed, or what is usual where there is such."""
+    return str(typer.prompt(question, usual, err=True)) if usual else _answer(question)
 
 
 def _asked(said: Proposal, robot: str | None, given: Known) -> Known:

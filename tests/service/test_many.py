@@ -13,6 +13,7 @@ from pathlib import Path
 from typing import ClassVar
 
 import pytest
+from conftest import without_pages
 from filelock import FileLock, Timeout
 
 from pipeline.app import cli
@@ -119,7 +120,8 @@ def held(parcel):
     try:
         FileLock(lock).acquire(timeout=0)
     except Timeout:
-        return many.computed(parcel)
+        with without_pages():
+            return many.computed(parcel)
     raise AssertionError(f"{lock} is not held")
 
 

@@ -75,6 +75,10 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def everything(
+    context: typer.Context,
+    root: Annotated[
+        Path | None, Option(help="Project folder, before the command or behind it.")
+    ] = None,
     version: Annotated[
         bool,
         Option("--version", callback=_version, is_eager=True, help="Print the version."),
@@ -84,6 +88,8 @@ def everything(
 
     Every value comes with its uncertainty and with a diagnosis of what the model leaves out.
     """
+    if root is not None:
+        context.default_map = {name: {"root": str(root)} for name in COMMANDS}
 
 
 Root = Annotated[Path, Option(help="Project folder, with data/ and reports/ in it.")]
