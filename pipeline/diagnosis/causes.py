@@ -59,10 +59,9 @@ def of_displacements(
         odds = {one.effect.label: one for one in standing}
         mine = odds.pop(effect.label, None)
         either = _either(case, found, place)
-        laws = [other.effect.law for other in either[1:] if other.effect.law is not None]
         out.append(
             Cause(
-                effect=undecided(case.cell.robot, effect, laws) if laws else effect,
+                effect=_worded(case, effect, either),
                 probability=mine.probability if mine else 0.0,
                 amplitudes=sizes[place],
                 p_value=found.p_values[place],
@@ -78,6 +77,12 @@ def of_displacements(
             )
         )
     return tuple(out)
+
+
+def _worded(case: Case, effect: Effect, either: Sequence[Named]) -> Effect:
+    """The effect; where its law is undecided, in the words of all."""
+    laws = [other.effect.law for other in either[1:] if other.effect.law is not None]
+    return undecided(case.cell.robot, effect, laws) if laws else effect
 
 
 def _either(case: Case, found: Found, place: int) -> tuple[Named, ...]:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy import special
@@ -49,6 +50,20 @@ _POINTS_M = 3e-4
 """Standard uncertainty per axis of the tool's points [m] where the campaign states none."""
 
 
+def _to_measure(
+    case: Case,
+    found: Found,
+    causes: tuple[Cause, ...],
+    worth: Gain | None,
+    known: Twins,
+    rng: np.random.Generator,
+) -> dict[str, Any]:
+    """Poses that would tell causes apart; where there are none, those that determine joints."""
+    proposed = next_poses(case, found, causes, worth, known, rng)
+    joints = () if proposed else determining(case, found, rng.spawn(1)[0])
+    return {"next_poses": proposed, "determining": joints}
+
+
 def diagnose(
     cell: Cell,
     data: Measured,
@@ -91,7 +106,8 @@ def diagnose(
     sets = hypotheses(case, found, stood.believed, facts.helps)
     causes = of_displacements(case, found, worth, where, known, sets, rng.spawn(1)[0])
     stated_p, misfit = _misfit(sets[0].estimate if sets else estimate, spread)
-    causes = tuple(replace(one, missing=missing(found, misfit)) for one in causes)
+    lacking = missing(found, misfit)
+    causes = tuple(replace(one, missing=lacking) for one in causes)
     facts = replace(
         facts,
         causes=causes,
@@ -106,16 +122,15 @@ def diagnose(
     held = (facts.causes if facts.helps else ()) + facts.scatter
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
-    main = [forms[0] for forms in by_label(case.suspects).values()]
+    every = by_label(case.suspects)
+    main = [forms[0] for forms in every.values()]
     single = _alone(found, worth, rng)
-    proposed = next_poses(case, found, causes, worth, known, rng)
     return Diagnosis(
         facts=facts,
         causes=facts.moved + drifts + held,
         alone=single,
         blind_spots=_blind_spots(whole, found, facts, known),
-        next_poses=proposed,
-        determining=() if proposed else determining(case, found, rng.spawn(1)[0]),
+        **_to_measure(case, found, causes, worth, known, rng),
         refused=found.refused,
         clues=clues(found),
         threshold=found.threshold.p,
@@ -126,7 +141,7 @@ def diagnose(
         scatter=spread,
         equilibrium=case.cell.equilibrium,
         apart=separation(found.first.M, found.first.base, found.first.at[main]),
-        apart_labels=tuple(by_label(case.suspects)),
+        apart_labels=tuple(every),
         apart_found=_apart_found(case, found, main, facts.helps),
         hypotheses=sets,
         **_left_out(found, worth, facts.helps),

@@ -504,17 +504,22 @@ class _Move:
         return merged(suspects, (*some[:at], *self.into, *some[at:]))
 
 
+def _ranked(case: Case, view: Whitened, most: int) -> list[_Move]:
+    """Moves that gain, those that gain most first."""
+    places = range(len(view.model.accepted))
+    outs = [*combinations(places, 1), *combinations(places, 2)]
+    moves = [m for out in outs for m in _moves(case, view, out, most) if m.gain > _BETTER]
+    return sorted(moves, key=lambda one: (-round(one.gain, 6), one.out, one.into))
+
+
 def _better(
     case: Case, view: Whitened, tried: Set[frozenset[int]], limit: float = 0.0
 ) -> tuple[int, ...] | None:
     """Better causes than the accepted ones that were not accepted before: by the best move."""
     accepted = view.model.accepted
-    places = range(len(accepted))
-    outs = [*combinations(places, 1), *combinations(places, 2)]
     most = 2 if limit and len(accepted) < _MOST else 0
-    moves = [m for out in outs for m in _moves(case, view, out, most) if m.gain > _BETTER]
     asked = 0
-    for move in sorted(moves, key=lambda one: (-round(one.gain, 6), one.out, one.into)):
+    for move in _ranked(case, view, most):
         after = move.of(case.suspects, accepted)
         if frozenset(after) in tried:
             continue
@@ -546,13 +551,20 @@ def _moves(case: Case, view: Whitened, out: tuple[int, ...], most: int) -> Itera
     for i in free:
         yield _Move(float(now.log_evidence[i]) - WORTH - mine, out, (i,))
     if max(len(out), most) > 1:
-        for first in _leading(case, now, free):
-            already = float(now.log_evidence[first])
-            then = _beside(case, view, (*rest, first))
-            for i in free:
-                if now.log_evidence[i] <= already and may_join(case.suspects, (first,), i):
-                    gain = already + float(then.log_evidence[i]) - 2 * WORTH - mine
-                    yield _Move(gain, out, (first, i))
+        for pair, evidence in _in_pairs(case, view, rest, now, free):
+            yield _Move(evidence - 2 * WORTH - mine, out, pair)
+
+
+def _in_pairs(
+    case: Case, view: Whitened, rest: tuple[int, ...], now: Scores, free: Sequence[int]
+) -> Iterator[tuple[tuple[int, int], float]]:
+    """Pairs of causes that come beside the rest, the likelier one first, with their evidence."""
+    for first in _leading(case, now, free):
+        already = float(now.log_evidence[first])
+        then = _beside(case, view, (*rest, first))
+        for i in free:
+            if now.log_evidence[i] <= already and may_join(case.suspects, (first,), i):
+                yield (first, i), already + float(then.log_evidence[i])
 
 
 def _leading(case: Case, now: Scores, free: Sequence[int]) -> list[int]:

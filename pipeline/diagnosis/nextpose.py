@@ -10,7 +10,7 @@ rests least on a model that may be wrong.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -243,6 +243,13 @@ def _series(
     return chosen, np.array(apart)
 
 
+def _pairs(questions: Sequence[Question]) -> Iterator[tuple[int, int, int]]:
+    """Number of a question, and two of those that it asks for."""
+    for number, one in enumerate(questions):
+        for a, b in combinations(range(len(one.who)), 2):
+            yield number, a, b
+
+
 @dataclass(frozen=True, eq=False)
 class _Contest(Locked):
     """All causes in question beside the springs: only their columns.
@@ -277,11 +284,7 @@ class _Contest(Locked):
         for i, part, end in zip(suspects, parts, ends, strict=True):
             at[i] = np.arange(end - len(part), end)
         columns = np.concatenate([np.arange(view.first), *parts])
-        pairs = [
-            (number, a, b)
-            for number, one in enumerate(questions)
-            for a, b in combinations(range(len(one.who)), 2)
-        ]
+        pairs = [*_pairs(questions)]
         weight = [np.sqrt(questions[n].odds[a] * questions[n].odds[b]) for n, a, b in pairs]
         return cls(
             questions=tuple(questions),

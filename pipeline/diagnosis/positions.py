@@ -96,13 +96,18 @@ def _off(one: Cause) -> Off:
 # --- causes of the catalogue ----------------------------------------------------------------------
 
 
+def _in_catalogue(one: Listed, robot: Robot) -> Effect | None:
+    """The effect of this name, place and form; where there is no such form, of the first one."""
+    if one.form in _NOUNS:
+        return None
+    named = [e for e in catalogue(robot) if (e.name, e.where) == _key(one)[:2]]
+    return next((e for e in named if e.form == one.form), next(iter(named), None))
+
+
 def _listed(one: Listed, robot: Robot) -> Cause:
     """A cause that the catalogue has, with its parameters as positions show them."""
     noun = _NOUNS.get(one.form) or _NOUNS.get(one.name) or one.name.replace("_", " ")
-    known = (e for e in catalogue(robot) if (e.name, e.where, e.form) == _key(one))
-    by_name = (e for e in catalogue(robot) if (e.name, e.where) == _key(one)[:2])
-    there = None if one.form in _NOUNS else next(known, None) or next(by_name, None)
-    effect = there or Effect(
+    effect = _in_catalogue(one, robot) or Effect(
         name=one.name,
         where=one.where,
         noun=noun,

@@ -16,6 +16,7 @@ odds that hold all that was tried, and predict poses that were left out.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 
@@ -191,14 +192,20 @@ def _likely(
     able &= chance < alarms.LAW
     if not able.any():
         return {}
-    best = evidence[able].max()
-    out: dict[Effect, float] = {}
-    for i in np.argsort(-evidence, kind="stable"):
-        of = Counter(one.label for one in out)
-        room = 0 < of[laws[i].label] < _FORMS or (laws[i].label not in of and len(of) < _MOST)
-        if able[i] and evidence[i] > best - _WITHIN and room:
-            out[unlisted.worded(case.cell.robot, laws[i])] = float(chance[i])
-    return out
+    able &= evidence > evidence[able].max() - _WITHIN
+    ranked = [int(i) for i in np.argsort(-evidence, kind="stable") if able[i]]
+    robot = case.cell.robot
+    return {unlisted.worded(robot, laws[i]): float(chance[i]) for i in _with_room(laws, ranked)}
+
+
+def _with_room(laws: Sequence[Effect], ranked: Sequence[int]) -> Iterator[int]:
+    """Of some laws, the likeliest first, so many places and so many forms of each."""
+    of: Counter[str] = Counter()
+    for i in ranked:
+        label = laws[i].label
+        if 0 < of[label] < _FORMS or (label not in of and len(of) < _MOST):
+            of[label] += 1
+            yield i
 
 
 def _view(

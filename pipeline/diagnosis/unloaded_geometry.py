@@ -299,6 +299,7 @@ def _off(search: _Search, number: int) -> Off:
     others = [other for other in search.asked if other not in rest]
     odds = special.softmax([beside.evidence(other) for other in others])
     twins = [other for other in others if other is not one and same(zeros, sums, one, other)]
+    mine = [i for i, other in enumerate(others) if other is one or other in twins]
     order = np.argsort(-np.round(odds, 9), kind="stable")
     at, units = list(one.columns), _units(one)
     cov = search.found.covariance[np.ix_(at, at)] * units[:, None] * units
@@ -307,11 +308,11 @@ def _off(search: _Search, number: int) -> Off:
         value=search.found.mean[at] * units,
         std=np.sqrt(np.diag(cov)),
         p_value=search.p_value(one),
-        probability=float(sum(odds[i] for i, o in enumerate(others) if o is one or o in twins)),
+        probability=float(sum(odds[i] for i in mine)),
         rivals=tuple(
             Named(others[i].effect, float(odds[i]))
             for i in order
-            if odds[i] > alarms.GEOMETRY and others[i] is not one and others[i] not in twins
+            if odds[i] > alarms.GEOMETRY and i not in mine
         ),
         twins=tuple(other.effect for other in twins),
     )

@@ -419,10 +419,14 @@ def _states(asked: Screening, moved: Moved) -> list[Mistake]:
     return found
 
 
-def _in_pose(
-    case: Case, here: pd.DataFrame, pulls: dict[int, Array], noise: float, model: float
-) -> Iterator[tuple[Ring, list[str], float, float]]:
-    """Rings of the states of a pose with an unloaded one among them, and misfits before, after."""
+def _whole_states(
+    case: Case, here: pd.DataFrame, pulls: dict[int, Array]
+) -> tuple[Array, Array, Bools, list[str]] | None:
+    """States of a pose that were read whole; None where not both kinds are there.
+
+    Returns:
+        Places (s, 3 t) [m], what each pull moves them by, which have none, and their groups.
+    """
     measured = case.settings.measured
     at = here.pivot(index="group", columns="target", values=XYZ)
     at = at.reorder_levels([1, 0], axis=1).reindex(
@@ -430,27 +434,43 @@ def _in_pose(
     )
     first = here.drop_duplicates("group").set_index("group").loc[at.index]
     zero = (first["state"] == "unloaded").to_numpy()
-    keys = first["repeat"].astype(int).tolist()
-    known = np.array([z or key in pulls for z, key in zip(zero, keys, strict=True)])
-    known &= at.notna().all(axis=1).to_numpy()
+    repeat = first["repeat"].astype(int).to_numpy()
+    known = (zero | np.isin(repeat, [*pulls])) & at.notna().all(axis=1).to_numpy()
     if known.sum() < 2 or not zero[known].any() or zero[known].all():
-        return
-    Y, zero = at.to_numpy(float)[known], zero[known]
-    keys = [key for key, k in zip(keys, known, strict=True) if k]
-    due = np.array(
-        [np.zeros(Y.shape[1]) if z else pulls[k] for z, k in zip(zero, keys, strict=True)]
-    )
-    names = [str(name) for name in at.index[known]]
-    usual = noise**2 + model**2 * np.mean(due**2, axis=1)  # of each place
+        return None
+    Y, zero, repeat = at.to_numpy(float)[known], zero[known], repeat[known]
+    nothing = np.zeros(Y.shape[1])
+    due = [nothing if z else pulls[int(k)] for z, k in zip(zero, repeat, strict=True)]
+    return Y, np.array(due), zero, [str(name) for name in at.index[known]]
 
-    def misfit(j: int, k: int) -> Array:
-        """Of all contents in all places where content j is in place k."""
-        square = np.mean((Y[:, None] - (Y[j] - due[k]) - due) ** 2, axis=2)
-        return np.asarray(square / (usual + usual[k]))
 
+def _cheapest(Y: Array, due: Array, zero: Bools, usual: Array) -> Array:
+    """Misfit of every content in every place [1], where one content is taken to be in its place.
+
+    Args:
+        Y: Places as read [m], shape (s, 3 t).
+        due: What the pull of each state moves them by [m], shape (s, 3 t).
+        zero: States without a pull, shape (s,).
+        usual: Variance of each place [m^2], shape (s,).
+    """
     some = int(np.flatnonzero(zero)[0])
-    costs = [misfit(j, k) for j in range(len(Y)) for k in {j, some}]
-    best = min(costs, key=_total)
+    costs = []
+    for j in range(len(Y)):
+        for k in {j, some}:  # all contents in all places where content j is in place k
+            square = np.mean((Y[:, None] - (Y[j] - due[k]) - due) ** 2, axis=2)
+            costs.append(np.asarray(square / (usual + usual[k])))
+    return min(costs, key=_total)
+
+
+def _in_pose(
+    case: Case, here: pd.DataFrame, pulls: dict[int, Array], noise: float, model: float
+) -> Iterator[tuple[Ring, list[str], float, float]]:
+    """Rings of the states of a pose with an unloaded one among them, and misfits before, after."""
+    states = _whole_states(case, here, pulls)
+    if states is None:
+        return
+    Y, due, zero, names = states
+    best = _cheapest(Y, due, zero, noise**2 + model**2 * np.mean(due**2, axis=1))
     for ring in rings(best, _APART**2, _APART**2):
         kinds = zero[list(ring.members)]
         if kinds.any() and not kinds.all() and not ring.ended:

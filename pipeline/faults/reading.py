@@ -226,11 +226,11 @@ def outliers(asked: Screening) -> list[Mistake]:
     suspects = Suspects(shifted.D, shifted.blocks)
     free = shifted.poses_free(reduced.data), shifted.pulls_free()
     least = 1.0 if system.noise_stated else _NOTHING
-    for base in (shifted.springs(system), free[0]):
-        held = shifted.held(base, suspects, least)
+    held = shifted.held(shifted.springs(system), suspects, least)
+    fits = _fits(held, suspects.beside(free[1], held.which)[0], least)
+    if not fits:
+        held = shifted.held(free[0], suspects, least)
         fits = _fits(held, suspects.beside(free[1], held.which)[0], least)
-        if fits:
-            break
     told = shifted.told(held, suspects, free, seen=not fits)
     p, size = held.p(), np.linalg.norm(held.size, axis=1)
     least_m = smallest(reduced.placed, float(np.sqrt(held.variance)))

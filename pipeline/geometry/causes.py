@@ -103,10 +103,15 @@ def _listed(robot: Robot, q: Array, tau: Array) -> Iterator[Listed]:
     for joint in turning(robot):
         if most[joint - 1] > _LOADED * most.max():
             yield Listed("joint_lost_motion", Law(joint, "step", "torque", joint, 0.0))
-        for order in _WAVES:
-            name = "compensator" if joint == shoulder and order < _WAVES[-1] else ""
-            if name or order * np.ptp(q[:, joint - 1]) > np.pi:
-                yield Listed(name, Law(joint, "periodic", "angle", joint, order))
+        yield from _waves(joint, joint == shoulder, np.ptp(q[:, joint - 1]))
+
+
+def _waves(joint: int, shoulder: bool, span: float) -> Iterator[Listed]:
+    """Waves over the angle of a joint; those of a balanced shoulder are its compensator's."""
+    for order in _WAVES:
+        name = "compensator" if shoulder and order < _WAVES[-1] else ""
+        if name or order * span > np.pi:
+            yield Listed(name, Law(joint, "periodic", "angle", joint, order))
 
 
 _LOADED = 1e-3

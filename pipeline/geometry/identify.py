@@ -151,10 +151,9 @@ def identify(
         moved = mechanism.moved(found.x, layout(mechanism))
         then = linearised(readings, moved, weights)
         off = np.einsum("mij,mj->mi", whitened.W, then.y[:, then.used]) - whitened.y
-        far = np.quantile(np.abs(off + whitened.along(found.x)), _MOST_OF_THEM)
+        far = float(np.quantile(np.abs(off + whitened.along(found.x)), _MOST_OF_THEM))
         turned = np.abs(moved.compliance - mechanism.compliance) / begun.table.nominal_compliance
-        still = far < _STRAIGHT and turned.max() < _STILL
-        if turn + 1 == _MOST or (still and turn + 1 >= _FEWEST):
+        if _ends(turn + 1, far, float(turned.max())):
             break
         mechanism, here = moved, then
     if mechanism.unknown:
@@ -193,6 +192,19 @@ def _only(known: Prior, mechanism: Mechanism, wanted: Wanted) -> Prior:
     return replace(known, std=std, mean=mean)
 
 
+def _amplitudes(begun: Mechanism, wanted: Wanted) -> Array:
+    """Of the laws that are wanted, where those of before are the first of them."""
+    count = sum(law.amplitudes for law in wanted.laws)
+    if begun.laws != wanted.laws[: len(begun.laws)]:
+        return np.zeros(count)
+    return padded(begun.amplitudes, count)
+
+
+def _ends(count: int, far: float, turned: float) -> bool:
+    """Whether so many linearisations are enough: the last one holds, or there were many."""
+    return count == _MOST or (count >= _FEWEST and far < _STRAIGHT and turned < _STILL)
+
+
 def _equipped(begun: Mechanism, readings: Readings, wanted: Wanted) -> Mechanism:
     """A mechanism with what is wanted, at zero where it is new."""
     size = {one.screw: one.size for one in begun.curves}
@@ -200,9 +212,6 @@ def _equipped(begun: Mechanism, readings: Readings, wanted: Wanted) -> Mechanism
         replace(one, size=size.get(one.screw, one.size))
         for one in _curves(begun.table, readings, wanted)
     )
-    amplitudes = np.zeros(sum(law.amplitudes for law in wanted.laws))
-    if begun.laws == wanted.laws[: len(begun.laws)]:
-        amplitudes = padded(begun.amplitudes, len(amplitudes))
     elements = begun.elements
     if wanted.yields != bool(elements):
         elements = yielding(begun.table) if wanted.yields else ()
@@ -218,7 +227,7 @@ def _equipped(begun: Mechanism, readings: Readings, wanted: Wanted) -> Mechanism
         compliance=compliance,
         unknown=wanted.moments,
         laws=wanted.laws,
-        amplitudes=amplitudes,
+        amplitudes=_amplitudes(begun, wanted),
         curves=fresh,
         knots=np.zeros(sum(one.count for one in fresh)),
     )

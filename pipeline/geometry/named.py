@@ -121,6 +121,18 @@ class Whole:
     causes: tuple[Cause, ...]
 
 
+def _candidates(base: Identified, names: Sequence[Listed]) -> list[Law]:
+    """Laws that may be there beside those of the catalogue."""
+    known = {_key(one.law) for one in names}
+    bed = base.wanted.bed is not None  # what a carriage does along the rail is the bed's
+    every = search.candidates(base.linear.inputs, base.mechanism.table.prismatic)
+    return [
+        law
+        for law in every
+        if _key(law) not in known and not (bed and law.joint == 1 and _own_angle(law))
+    ]
+
+
 def with_laws(
     data: Data,
     base: Identified,
@@ -139,11 +151,9 @@ def with_laws(
     """
     signs = search.flips(data.readings, rng, rail=rail(base.mechanism.table))
     inputs, slides = base.linear.inputs, base.mechanism.table.prismatic
-    known = {_key(one.law) for one in names}
-    bed = base.wanted.bed is not None  # what a carriage does along the rail is the bed's
-    every = [law for law in search.candidates(inputs, slides) if _key(law) not in known]
-    every = [law for law in every if not (bed and law.joint == 1 and _own_angle(law))]
+    every = _candidates(base, names)
     clues = search.clues(search.score(base, signs), inputs, every, slides.tolist())
+    bed = base.wanted.bed is not None
     clues = [clue for clue in clues if clue.law is not None or not (bed and clue.joint == 1)]
     judge = Judge(parts, rng)
     found, p = _of_own_angles(data, base, clues, judge)
@@ -155,14 +165,20 @@ def with_laws(
     return Whole(found, _named(found, p, judge), causes(found, names, signs, judge))
 
 
-def _of_own_angles(
-    data: Data, springs: Identified, clues: Sequence[search.Clue], judge: Judge
-) -> tuple[Identified, dict[_Key, float]]:
-    """Joints with curves over their own angles, or with a wave for one, and the chance of each."""
+def _bent(clues: Sequence[search.Clue]) -> dict[int, float]:
+    """Joints that err with their own angles, and the chance of it."""
     bent: dict[int, float] = {}
     for clue in clues:
         if clue.p < alarms.LAW and (clue.law is None or _own_angle(clue.law)):
             bent[clue.joint - 1] = min(clue.p, bent.get(clue.joint - 1, 1.0))
+    return bent
+
+
+def _of_own_angles(
+    data: Data, springs: Identified, clues: Sequence[search.Clue], judge: Judge
+) -> tuple[Identified, dict[_Key, float]]:
+    """Joints with curves over their own angles, or with a wave for one, and the chance of each."""
+    bent = _bent(clues)
     if not bent:
         return springs, {}
     joints = sorted(bent)

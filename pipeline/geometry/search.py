@@ -272,6 +272,15 @@ _NOTHING = 1e-30
 """Of a column that is zero."""
 
 
+def _most_by_a_joint(here: Score, inputs: Inputs) -> float:
+    """The most that a joint explains which stands elsewhere from some time on."""
+    every = range(1, inputs.q.shape[1] + 1)
+    return max(
+        float(explained(here, list(steps_in_time(inputs, joint)), inputs)[:, 0].max())
+        for joint in every
+    )
+
+
 def moved(found: Identified, signs: Array) -> Moved | None:
     """Whether the instrument stood elsewhere from some pose of a series on; None where it did not.
 
@@ -294,12 +303,8 @@ def moved(found: Identified, signs: Array) -> Moved | None:
     best = int(np.argmax([one.T[0] for one in seen]))
     here = score(found, signs, seen[best].left)
     frames = np.stack([_frame_moved(found, here, pose, signs).T for pose in at])
-    joints = [
-        explained(here, list(steps_in_time(inputs, joint)), inputs)
-        for joint in range(1, inputs.q.shape[1] + 1)
-    ]
     cost = float(np.log(found.linear.read.sum()))
-    rival = max(float(T[:, 0].max()) for T in joints) - cost
+    rival = _most_by_a_joint(here, inputs) - cost
     p = _beyond(frames[:, 1:].max(axis=0), frames[best, :1]).item()
     if p >= alarms.MOVED or frames[best, 0] - 6 * cost < rival:
         return None

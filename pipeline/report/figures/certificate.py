@@ -276,9 +276,10 @@ def _write(answer: Answer, tables: Tables) -> Figure:
     seated = [k for k, _ in _seated(arm_of(tables, _HIGH, 0.0), answer)]
     named = [f"{k} {words.placed(answer.diagnosis.causes[k - 1])}" for k in seated]
     sits = f" Marked: {'; '.join(named)}." if named else ""
-    pose = answer.test_pose
-    moves = "" if pose is None else f" The arrow is the deflection, {plain(pose.deflection_mm)} mm."
-    at = "" if pose is None else f" {_stands(pose)}"
+    moves = at = ""
+    if (pose := answer.test_pose) is not None:
+        moves = f" The arrow is the deflection, {plain(pose.deflection_mm)} mm."
+        at = f" {_stands(pose)}"
     nominal = any(joint.nominal for joint in answer.stiffness)
     what = "Share of the nominal stiffness" if nominal else "Relative uncertainty of the stiffness"
     return Figure(
