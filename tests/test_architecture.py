@@ -409,3 +409,16 @@ def test_every_number_says_what_it_is(path):
             for line, below in numbers(path)}  # fmt: skip
 
     assert not [line for line, words in said.items() if not isinstance(words, str)]
+
+
+def test_a_class_of_the_core_has_its_name_alone():
+    """One noun for one thing: a reader who meets it knows which."""
+    seen = {}
+    for path in PACKAGE.rglob("*.py"):
+        if path.relative_to(PACKAGE).parts[0] in OUTBUILDINGS:
+            continue
+        for node in nodes(path):
+            if isinstance(node, ast.ClassDef):
+                seen.setdefault(node.name, []).append(path.relative_to(PACKAGE).as_posix())
+
+    assert not {name: where for name, where in seen.items() if len(where) > 1}

@@ -15,7 +15,7 @@ from pipeline.machine.cell import Tool, load
 from pipeline.machine.effect import Elastic, Pulls
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import torque, velocity
-from pipeline.prediction.model import Hypothesis
+from pipeline.prediction.model import ModelHypothesis
 from pipeline.prediction.workspace import arm_joints
 from pipeline.reduction.pose_of_interest import Where
 
@@ -23,7 +23,7 @@ JOINT, PLACE = "joint", "place"
 """Parts of POSTURE that are points: origins of joints, middles of links that a cause may be in."""
 
 
-def posture(model: Hypothesis, where: Where) -> pd.DataFrame:
+def posture(model: ModelHypothesis, where: Where) -> pd.DataFrame:
     """Table POSTURE of the test pose.
 
     A point p carried by joint j moves by the sum over the virtual joints v that j or one before it

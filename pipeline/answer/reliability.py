@@ -14,7 +14,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.answer.contract import LEAST_CONTROLLED, Carried, Controlled
-from pipeline.answer.recommended import Values
+from pipeline.answer.recommended import ModelValues
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.machine.cell import Cell, jacobian
@@ -76,7 +76,7 @@ def asked(cell: Cell, values: Array, where: Where) -> Asked:
     )
 
 
-def control(values: Values, where: Where) -> tuple[pd.DataFrame, pd.DataFrame]:
+def control(values: ModelValues, where: Where) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Tables RELIABILITY and INFLUENCE of the likeliest model."""
     first, fitted = values.first, values.fitted
     system, x = first.system, first.estimate.value
@@ -305,7 +305,7 @@ def _plain(row: Mapping[Hashable, Any]) -> dict[str, Any]:
     return cells | {"line": None if cells["line"] is None else int(cells["line"])}
 
 
-def carried_entries(carried: pd.DataFrame, values: Values) -> tuple[Carried, ...]:
+def carried_entries(carried: pd.DataFrame, values: ModelValues) -> tuple[Carried, ...]:
     """`influence`: of each stiffness and of each cause the pull that moves it most."""
     of = {one.name: effect for effect in values.first.effects for one in effect.parameters}
     key = [of[what].label if what in of else what for what in carried["what"]]

@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.answer.recommended import Values
+from pipeline.answer.recommended import ModelValues
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import PAIRS, PLACES
 from pipeline.geometry.study import Study
@@ -29,7 +29,7 @@ TOOL_RADIUS = 0.35
 Tables = dict[str, pd.DataFrame]
 
 
-def scene(values: Values) -> Tables:
+def scene(values: ModelValues) -> Tables:
     """Tables SCENE, POSES and VECTORS of a campaign of loads."""
     case, data = values.fitted.case, values.fitted.data
     first = np.unique(data.pulls.pose, return_index=True)[1]
@@ -96,7 +96,7 @@ def _xyz(name: str) -> list[str]:
 # --- pulled ---------------------------------------------------------------------------------------
 
 
-def _displaced(values: Values) -> pd.DataFrame:
+def _displaced(values: ModelValues) -> pd.DataFrame:
     """Table VECTORS of all poses, each under its largest load."""
     data, left = values.fitted.data, values.first.estimate.residual.reshape(-1, 3)
     size = np.linalg.norm(data.pulls.force, axis=1)
@@ -136,7 +136,7 @@ def _spread(name: str, vectors: Array) -> dict[str, Array]:
     return {name.format(axis): column for axis, column in zip("xyz", vectors.T, strict=True)}
 
 
-def _poses_pulled(values: Values, shown: Ints) -> pd.DataFrame:
+def _poses_pulled(values: ModelValues, shown: Ints) -> pd.DataFrame:
     """Table POSES."""
     case, pulls = values.fitted.case, values.fitted.data.pulls
     size = np.linalg.norm(pulls.force, axis=1)

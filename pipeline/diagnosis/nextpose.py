@@ -19,7 +19,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.diagnosis.facts import APART, Determining, Pose, Proposal
-from pipeline.diagnosis.identify import Case
+from pipeline.diagnosis.identify import SearchCase
 from pipeline.diagnosis.separability import left_by, sizes
 from pipeline.machine.cell import sensitivity
 from pipeline.machine.effect import Effect, Pulls
@@ -90,7 +90,7 @@ class Candidates(Locked):
         )
 
 
-def candidates(case: Case, rng: np.random.Generator) -> Candidates:
+def candidates(case: SearchCase, rng: np.random.Generator) -> Candidates:
     """Random reachable poses, pulled as the campaign's fullest pose was.
 
     As hard as the hardest pull, and no harder than the weight that the robot carries: nobody knows

@@ -29,7 +29,7 @@ from pipeline.system import alarms
 from pipeline.system.assemble import TRACKED
 from pipeline.system.contrasts import pure_error
 from pipeline.system.noise import TOLERATED
-from pipeline.system.restricted import Blocks, lowest
+from pipeline.system.restricted import PaddedRows, lowest
 from pipeline.system.whiten import whitener
 
 _FEWEST = 30
@@ -174,7 +174,7 @@ def _scatter(asked: Screening) -> _Scatter | None:
     pure = pure_error(asked.system, left, asked.reduced.data, asked.zeros, asked.cell)
     if len(pure.rows) < _FEWEST:
         return None
-    blocks = Blocks.of(pure, pure.B, [TRACKED])
+    blocks = PaddedRows.of(pure, pure.B, [TRACKED])
     t = lowest(blocks.of_scales(np.array([True])), np.array([blocks.rough]))
     w = np.abs(whitener(pure.errors, pure.rows.pose).by_pose(pure.c))
     part = np.array([0.1, 0.5, 0.9])

@@ -12,9 +12,9 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.geometry import curves as curve
 from pipeline.geometry.estimate import (
     HELD,
+    Posterior,
     Prior,
-    Rows,
-    Solution,
+    ReadRows,
     again,
     by_a_factor,
     larger,
@@ -24,10 +24,10 @@ from pipeline.geometry.estimate import (
     rows,
     solved,
 )
-from pipeline.geometry.laws import Law
-from pipeline.geometry.mechanism import Linear, Mechanism, Weights, layout, linearised
-from pipeline.geometry.readings import Readings
-from pipeline.geometry.scatter import Scatter
+from pipeline.geometry.laws import JointLaw
+from pipeline.geometry.mechanism import ArmWeights, Linear, Mechanism, layout, linearised
+from pipeline.geometry.readings import PositionReadings
+from pipeline.geometry.scatter import PoseScatter
 from pipeline.geometry.yielding import sizes, usual, yielding
 from pipeline.machine.robot import Robot
 
@@ -68,7 +68,7 @@ class Wanted:
 
     table: bool = True
     springs: bool = True
-    laws: tuple[Law, ...] = ()
+    laws: tuple[JointLaw, ...] = ()
     curves: tuple[tuple[int, float], ...] = ()
     yields: bool = False
     moments: bool = False
@@ -92,13 +92,13 @@ class Identified(Locked):
     """
 
     mechanism: Mechanism
-    readings: Readings
-    weights: Weights
+    readings: PositionReadings
+    weights: ArmWeights
     known: Prior
-    scatter: Scatter
+    scatter: PoseScatter
     linear: Linear
-    rows: Rows
-    solution: Solution
+    rows: ReadRows
+    solution: Posterior
     wanted: Wanted
 
     @property
@@ -115,10 +115,10 @@ class Identified(Locked):
 
 def identify(
     begun: Mechanism,
-    readings: Readings,
-    weights: Weights,
+    readings: PositionReadings,
+    weights: ArmWeights,
     wanted: Wanted,
-    scatter: Scatter,
+    scatter: PoseScatter,
     stated: tuple[float, float] = (np.nan, np.nan),
     known: Prior | None = None,
 ) -> Identified:
@@ -205,7 +205,7 @@ def _ends(count: int, far: float, turned: float) -> bool:
     return count == _MOST or (count >= _FEWEST and far < _STRAIGHT and turned < _STILL)
 
 
-def _equipped(begun: Mechanism, readings: Readings, wanted: Wanted) -> Mechanism:
+def _equipped(begun: Mechanism, readings: PositionReadings, wanted: Wanted) -> Mechanism:
     """A mechanism with what is wanted, at zero where it is new."""
     size = {one.screw: one.size for one in begun.curves}
     fresh = tuple(
@@ -233,7 +233,7 @@ def _equipped(begun: Mechanism, readings: Readings, wanted: Wanted) -> Mechanism
     )
 
 
-def _curves(robot: Robot, readings: Readings, wanted: Wanted) -> Iterator[curve.Curve]:
+def _curves(robot: Robot, readings: PositionReadings, wanted: Wanted) -> Iterator[curve.Curve]:
     """Curves of joints, then those of the bed."""
     for j, length in wanted.curves:
         slides = bool(robot.prismatic[j])

@@ -17,8 +17,8 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.geometry import leftout
 from pipeline.geometry.begin import begin
-from pipeline.geometry.mechanism import Weights, linearised
-from pipeline.geometry.readings import Readings
+from pipeline.geometry.mechanism import ArmWeights, linearised
+from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.effects._anatomy import rail, turning
 from pipeline.machine.robot import SHIPPED, Robot, load
 from pipeline.machine.robot.letters import Letter, all_letters, nominal
@@ -120,7 +120,7 @@ def _apart(robot: Robot, other: Robot) -> tuple[Letter, float, float] | None:
 
 
 def corrected(
-    robot: Robot, readings: Readings, weights: Weights, tool: dict[str, Array]
+    robot: Robot, readings: PositionReadings, weights: ArmWeights, tool: dict[str, Array]
 ) -> tuple[Robot, tuple[TableMistake, ...]]:
     """The robot with the entries that are wrong by a step put right, and what they are.
 
@@ -153,7 +153,9 @@ def _mistake(robot: Robot, step: _Step, before: float, after: float) -> TableMis
     return TableMistake(step.name, step.where, letter.key, letter.joint, said, value, before, after)
 
 
-def _off(robot: Robot, readings: Readings, weights: Weights, tool: dict[str, Array]) -> float:
+def _off(
+    robot: Robot, readings: PositionReadings, weights: ArmWeights, tool: dict[str, Array]
+) -> float:
     """Median distance of the targets from a nominal robot, tool and frames fitted [m]."""
     rows = linearised(readings, begin(robot, readings, tool), weights)
     return float(np.nanmedian(leftout.distances(rows.y, rows.read)))

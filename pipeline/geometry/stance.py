@@ -12,7 +12,7 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.base.tails import chi2_beyond
 from pipeline.geometry.estimate import rows, softened
 from pipeline.geometry.identify import Identified
-from pipeline.geometry.mechanism import Mechanism, Weights, layout, linearised
+from pipeline.geometry.mechanism import ArmWeights, Mechanism, layout, linearised
 from pipeline.machine.stance import Stance
 from pipeline.reduction.bring import bring
 from pipeline.reduction.case import Case
@@ -28,7 +28,7 @@ class _Unloaded:
     """Where a mechanism has its joints and targets under its own weight, as `Stance.unloaded`."""
 
     mechanism: Mechanism
-    weights: Weights
+    weights: ArmWeights
     which: Ints
 
     def __call__(self, q: Array) -> tuple[Array, Array]:

@@ -18,7 +18,7 @@ from pipeline.base.errors import InputError
 from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.readers.known import GROSS_M
 from pipeline.reduction._index import run
-from pipeline.reduction.growth import Growth, by_temperature, with_reflectors
+from pipeline.reduction.growth import BaseGrowth, by_temperature, with_reflectors
 from pipeline.reduction.settings import BASE_REFLECTORS, ONE_LINE, Settings
 
 XYZ = ["x_m", "y_m", "z_m"]
@@ -69,7 +69,7 @@ class Registration(Locked):
     chi2: float | None
     dof: int
     from_scatter: bool = False
-    growth: Growth = field(default_factory=Growth)
+    growth: BaseGrowth = field(default_factory=BaseGrowth)
 
     @property
     def tracker(self) -> Array:

@@ -28,7 +28,7 @@ from pipeline.system import alarms
 from pipeline.system.assemble import TRACKED
 from pipeline.system.contrasts import ZEROS, pure_error, repeated_zeros
 from pipeline.system.family import Family
-from pipeline.system.restricted import Blocks, maximum
+from pipeline.system.restricted import PaddedRows, maximum
 from pipeline.system.system import Estimate, Goodness, System
 from pipeline.system.whiten import whitener
 
@@ -168,7 +168,7 @@ def variance_components(
     p = np.ones(len(names))
     if len(system.rows) - X.shape[1] < _FEWEST:
         return _components(system, names, log_scale, std, p, len(system.rows))
-    blocks = Blocks.of(system, X, [_SCALED[name] for name in names])
+    blocks = PaddedRows.of(system, X, [_SCALED[name] for name in names])
     told = np.array([_told(system, _SCALED[name]) for name in names])
     if told.any():
         log_scale[told], std[told], p[told] = maximum(blocks, told)
@@ -285,7 +285,7 @@ def _with_scale(found: Components, system: System, estimate: Estimate) -> Compon
     known = np.isfinite(found.std[k]) or not found.stated
     if known or linear.rms(estimate.residual) > stated_m:
         return found
-    blocks = Blocks.of(system, system.B, [_SCALED[str(name)] for name in found.name])
+    blocks = PaddedRows.of(system, system.B, [_SCALED[str(name)] for name in found.name])
     tried = np.where(np.arange(len(found.name)) == k, _LOWER[:, None], np.log(found.scale))
     loss = np.array([blocks.whole(log_scale) for log_scale in tried])
     beyond = loss - loss.min()
