@@ -25,7 +25,7 @@ from pipeline.base.tails import chi2_beyond
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import Cell, sensitivity
 from pipeline.machine.effect import Effect
-from pipeline.machine.stance import Common, Stance
+from pipeline.machine.stance import CommonSoftness, Stance
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.assemble import POSITIONS, by_stance
@@ -55,7 +55,7 @@ class Agreement(Locked):
     weight: Array
     pulls: Array
     factor: float | None
-    common: Common | None = None
+    common: CommonSoftness | None = None
     table_p: float = 1.0
 
     @property

@@ -14,8 +14,8 @@ from pipeline.base.tails import chi2_beyond
 from pipeline.geometry.estimate import between_knots, padded, precision, rows, softened
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import (
+    ArmWeights,
     Mechanism,
-    Weights,
     by_frame,
     derivatives,
     layout,
@@ -38,7 +38,7 @@ class _Unloaded:
     """Where a mechanism has its joints and targets under its own weight, as `Stance.unloaded`."""
 
     mechanism: Mechanism
-    weights: Weights
+    weights: ArmWeights
     which: Ints
 
     def __call__(self, q: Array) -> tuple[Array, Array]:

@@ -9,7 +9,7 @@ from pipeline.answer.contract import PositionStep, Reason, Unit
 from pipeline.answer.history import changes, ordered, previous, robots, together, trends
 from pipeline.fleet.overview import comparison, overview, render_overview
 from pipeline.report.model import compose
-from pipeline.report.record import Figure, Table
+from pipeline.report.record import Figure, ReportTable
 from pipeline.report.render import render
 
 SAMPLE = report_sample.answer()
@@ -239,7 +239,7 @@ def test_a_campaign_says_what_changed_since_the_previous_one():
 
     report = compose(result, tables, previous=before)
     stiffness = next(one for one in report.sections if one.key == "stiffness")
-    table = next(b for b in stiffness.blocks if isinstance(b, Table))
+    table = next(b for b in stiffness.blocks if isinstance(b, ReportTable))
     findings = [b.text for b in stiffness.blocks if getattr(b, "tone", "") == "finding"]
 
     assert table.columns[-1].title == "Change since kr500-spring [%]"

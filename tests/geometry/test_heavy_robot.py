@@ -18,7 +18,7 @@ from heavy_robot import (
 )
 
 from pipeline.geometry.begin import begin
-from pipeline.geometry.mechanism import Payloads, Weights, layout, linearised
+from pipeline.geometry.mechanism import ArmWeights, Payloads, layout, linearised
 from pipeline.geometry.mistaken import corrected
 from pipeline.geometry.study import Step, study
 from pipeline.geometry.worth import Parting
@@ -33,7 +33,7 @@ NOTHING = Payloads((), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))
 
 
 def under_weight(m):
-    return Weights(GRAVITY, NOTHING, np.zeros(m, dtype=np.int64))
+    return ArmWeights(GRAVITY, NOTHING, np.zeros(m, dtype=np.int64))
 
 
 def stated(rng):

@@ -5,7 +5,7 @@ import pandas as pd
 import pytest
 from test_geometry import TOOL, TURN, made, stands
 
-from pipeline.faults.position_rows import Sheet, position_rows
+from pipeline.faults.position_rows import PositionSheet, position_rows
 from pipeline.geometry.positioned import as_read
 from pipeline.store.campaign import in_memory
 
@@ -37,7 +37,7 @@ def three(right):
 
 def sheet(rows, toml=TOML):
     raw = in_memory({"campaign.toml": toml.encode(), "p.csv": rows.to_csv(index=False).encode()})
-    return Sheet(raw.robot, raw.settings, as_read(raw.settings, raw.robot, raw.files)[0])
+    return PositionSheet(raw.robot, raw.settings, as_read(raw.settings, raw.robot, raw.files)[0])
 
 
 def screened(rows, toml=TOML):

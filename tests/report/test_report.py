@@ -14,7 +14,7 @@ import pytest
 import report_sample
 from matplotlib import rc_context
 from matplotlib.figure import Figure as Canvas
-from matplotlib.text import Text as Label
+from matplotlib.text import Paragraph as Label
 from pdf_text import filled, pages_of
 from pydantic import BaseModel
 from pypdf.generic import DictionaryObject
@@ -25,7 +25,15 @@ from pipeline.report.certificate import digest
 from pipeline.report.figures.catalogue import CATALOGUE, draw
 from pipeline.report.model import compose
 from pipeline.report.paper import printed
-from pipeline.report.record import Column, Entry, Figure, Report, Section, Table, Text
+from pipeline.report.record import (
+    Column,
+    Figure,
+    Paragraph,
+    Report,
+    ReportTable,
+    Section,
+    TableEntry,
+)
 from pipeline.report.render import pdf, render
 from pipeline.report.sections.stiffness import stiffness
 from pipeline.report.summaries import courses, has
@@ -203,7 +211,7 @@ def test_a_joint_that_is_not_determined_gets_no_number(sample):
     """No stiffness is stated for a joint that the poses do not determine, and the way out is."""
     report = compose(*sample)
     section = part(report, "stiffness")
-    table = next(b for b in section.blocks if isinstance(b, Table))
+    table = next(b for b in section.blocks if isinstance(b, ReportTable))
     row = [cell.text for cell in table.rows[6]]
 
     assert row[:3] == ["k_theta7", "not determined", numbers.MISSING]
@@ -213,7 +221,7 @@ def test_a_joint_that_is_not_determined_gets_no_number(sample):
 def test_stiffness_is_shown_in_one_prefix_with_its_unit(sample):
     """All joints share a prefix, so that their numbers can be compared by eye."""
     section = part(compose(*sample), "stiffness")
-    table = next(b for b in section.blocks if isinstance(b, Table))
+    table = next(b for b in section.blocks if isinstance(b, ReportTable))
     shown = [(row[1].text, row[3].text) for row in table.rows[:2]]
 
     assert shown == [("77.92 ± 0.32", "MN/m"), ("3.751 ± 0.030", "MN·m/rad")]
@@ -245,7 +253,7 @@ def test_what_is_null_leaves_its_part_out_and_nothing_else(sample):
 
     keys = [section.key for section in report.sections]
     assert keys == [key for key in ORDER if key not in ("identity", "validation", "budget")]
-    table = next(b for b in part(report, "stiffness").blocks if isinstance(b, Table))
+    table = next(b for b in part(report, "stiffness").blocks if isinstance(b, ReportTable))
     assert [row[1].text for row in table.rows] == [
         "not determined" if not joint.identifiable else numbers.MISSING
         for joint in answer.stiffness
@@ -448,7 +456,7 @@ def test_suspects_are_ordered_by_their_evidence(sample):
 def test_every_stiffness_stands_in_page_and_pdf(sample, html, files):
     """Both renderings show every joint with the same digits."""
     section = part(compose(*sample), "stiffness")
-    table = next(block for block in section.blocks if isinstance(block, Table))
+    table = next(block for block in section.blocks if isinstance(block, ReportTable))
     spoken = pdf_words(files["report.pdf"])
 
     for row in table.rows:
@@ -466,8 +474,8 @@ def test_no_page_of_the_pdf_is_half_empty(files):
 def test_a_number_and_its_uncertainty_stay_on_one_line(reader):
     """Also in a table of more columns than fit at the usual size, which is set smaller."""
     columns = tuple(Column(f"Value {k} [mm]", numeric=True) for k in range(9))
-    rows = (tuple(Entry("123.7747 ± 0.0065", 123.7747) for _ in columns),) * 4
-    wide = Section("wide", "Wide", (Table("wide", "Wide", columns, rows),))
+    rows = (tuple(TableEntry("123.7747 ± 0.0065", 123.7747) for _ in columns),) * 4
+    wide = Section("wide", "Wide", (ReportTable("wide", "Wide", columns, rows),))
     report = Report("k", "h", "Joint stiffness of all", "Fits", "good", (), (wide,))
     pages = pypdf.PdfReader(io.BytesIO(pdf(report, {}))).pages
     right = [tm[4] for page in pages for tm in _places(page)]
@@ -509,7 +517,7 @@ def told(report):
     for section in report.sections:
         yield section.title
         for block in section.blocks:
-            if isinstance(block, Table):
+            if isinstance(block, ReportTable):
                 yield from (block.title, block.note, *(c.text for row in block.rows for c in row))
             else:
                 yield getattr(block, "text", None) or block.caption
@@ -522,7 +530,7 @@ def test_the_page_says_all_and_the_pdf_what_is_printed(sample, html, files):
     page, spoken = words(escaping.unescape(html)), pdf_words(files["report.pdf"])
     report = compose(*sample)
     on_paper, everywhere = list(told(printed(report))), list(told(report))
-    titles = [b.title for s in report.sections for b in s.blocks if not isinstance(b, Text)]
+    titles = [b.title for s in report.sections for b in s.blocks if not isinstance(b, Paragraph)]
     lacking = [one for one in titles if one not in on_paper and words(one) not in spoken]
 
     assert len(everywhere) > len(on_paper) > 90
@@ -666,7 +674,7 @@ def test_tables_of_the_pdf_have_header_cells(reader, sample):
     """Every table is a table with headings to a screen reader, not a drawing of one."""
     kinds = [str(e.get("/S")) for e in structure(reader.trailer["/Root"]["/StructTreeRoot"])]
     report = printed(compose(*sample))
-    tables = [b for s in report.sections for b in s.blocks if isinstance(b, Table)]
+    tables = [b for s in report.sections for b in s.blocks if isinstance(b, ReportTable)]
     values = 4 + any(bar.enter for bar in report.certificate.bars)  # of the certificate
 
     assert kinds.count("/Table") == 1 + len(tables)
@@ -687,7 +695,7 @@ def test_nothing_short_is_cut_by_a_page(files, sample):
         for block in (block for one in printed(report).sections for block in one.blocks):
             if isinstance(block, Figure):
                 ends = words(AXIS[block.name]), words(block.caption)[-40:]
-            elif isinstance(block, Table) and len(block.rows) <= 14:
+            elif isinstance(block, ReportTable) and len(block.rows) <= 14:
                 ends = words(block.title), words("".join(c.text for c in block.rows[-1]))
             else:
                 continue
@@ -748,7 +756,7 @@ def test_what_is_true_of_several_stiffnesses_is_said_once(sample):
     )
 
     section = stiffness(sample[0].model_copy(update={"stiffness": joints}), None)
-    said = [block.text for block in section.blocks if isinstance(block, Text)]
+    said = [block.text for block in section.blocks if isinstance(block, Paragraph)]
 
     rest = "which the data do not exclude; its interval covers each of them."
     tilt = "depends on whether the cause is tilt of the bearing in joint"

@@ -13,7 +13,7 @@ from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.beam import Beam, _taken
 from pipeline.system.fit import beside_everything, fit
-from pipeline.system.linearised import Model, linearise
+from pipeline.system.linearised import CurrentModel, linearise
 from pipeline.system.shape import shape
 
 
@@ -104,7 +104,7 @@ def test_springs_are_known_better_by_the_range(polar):
 def test_a_wrong_model_is_no_worse_angle(calm):
     """What it leaves across the beam is many times the noise, and changes no weight."""
     cell, data = calm.case.cell, calm.plain
-    seen = linearise(Model(cell, calm.estimate.value, 7), data, ())
+    seen = linearise(CurrentModel(cell, calm.estimate.value, 7), data, ())
     beams = data.unloaded - data.tracker
     side = np.cross(beams, [0.0, 0.0, 1.0])
     side /= np.linalg.norm(side, axis=1, keepdims=True)
