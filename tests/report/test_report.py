@@ -390,11 +390,11 @@ def test_an_identified_cause_is_compared_as_large_as_it_was_found(sample):
     told = {**tables, "separability": pairs.assign(sigmas_found=np.where(own, 2.25, np.nan))}
 
     caption = next(f for f in compose(answer, told).figures if f.name == "separability").caption
-    page = render(answer, told)["index.html"].decode()
+    drawn = draw("separability", answer, told).inline
 
     assert "3 could not be" in caption
     assert "at the magnitude that these readings give" in caption
-    tips = re.findall(r'data-tip="([^"]* or [^"]* σ[^"]*)"', page)
+    tips = re.findall(r'data-tip="([^"]* or [^"]* σ[^"]*)"', drawn)
     assert sorted(tips) == [
         "tilt of the bearing in joint 2 or roll of the carriage about the rail: 0.80 σ",
         "wrong zero of the spring scale or roll of the carriage about the rail: 2.2 σ, "
