@@ -235,6 +235,12 @@ def bared(value, model=Answer):
     return {key: bared(value[key], hints[name]) for key, name in here.items()}
 
 
+@pytest.fixture(scope="module")
+def whole(sample):
+    """The parts of its report by their keys."""
+    return {section.key: section for section in compose(*sample).sections}
+
+
 def test_what_is_null_leaves_its_part_out_and_nothing_else(sample):
     """Whatever an answer may leave open is null, in every joint, too: there still is a report."""
     answer, tables = sample
@@ -270,7 +276,7 @@ def test_what_is_null_leaves_its_part_out_and_nothing_else(sample):
     ],
     ids=lambda path: ".".join(map(str, path)),
 )
-def test_a_fact_that_is_open_changes_its_own_part_only(sample, path):
+def test_a_fact_that_is_open_changes_its_own_part_only(sample, whole, path):
     """One null: every other part says what it said."""
     answer, tables = sample
 
@@ -280,7 +286,6 @@ def test_a_fact_that_is_open_changes_its_own_part_only(sample, path):
             content = content[key]
         content[last] = None
 
-    whole = {section.key: section for section in compose(answer, tables).sections}
     said = compose(report_sample.revised(answer, forget), tables)
 
     changed = {s.key for s in said.sections if s != whole[s.key]}
