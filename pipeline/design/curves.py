@@ -74,7 +74,9 @@ def by_size(
         shared = [j for j, n in enumerate(readings) if n % m0 == 0 and n >= 3]
         sized = {j: _sized(problem, m0, readings[j]) for j in shared}
         plan = _best(sized[shared[-1]], seed, effort) if shared else None
-        for j in shared if plan else ():
+        if plan is None:
+            continue
+        for j in shared:
             figure[i, j] = evaluate(sized[j], plan.q[None], plan.anchor[None])[0].figure
     return BySize(np.array(poses), np.array(readings), figure)
 
