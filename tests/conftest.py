@@ -62,6 +62,20 @@ def without_pages() -> Iterator[None]:
         yield
 
 
+@contextlib.contextmanager
+def without_drawings() -> Iterator[None]:
+    """Runs in this process leave pages and PDFs whose pictures are blank.
+
+    Matplotlib takes three quarters of a report; who reads its words needs none of that.
+    """
+    from pipeline.report.svg import by_hand  # matplotlib imports for half a second
+
+    blank = by_hand('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"/>')
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pipeline.report.figures.catalogue.draw", lambda *_: blank)
+        yield
+
+
 @pytest.fixture
 def unseen() -> Iterator[None]:
     """A test `without_pages`."""

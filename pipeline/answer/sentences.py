@@ -136,21 +136,33 @@ def _other(found: Findings, springs: str, data: str, delivered: str) -> list[str
 
 def _verdict(found: Findings) -> str:
     """Whether the model holds."""
-    fitted = found.told.values.fitted
+    fitted, reason = found.told.values.fitted, found.row.reason
     estimate, good = fitted.estimate, fits(fitted.estimate, fitted.data.tracked)
+    alone = found.row.model == Which.JOINT_SPRINGS or reason == Reason.TOO_SMALL
     if found.mistakes:
         return mistaken(found.facts)
-    alone = found.row.model == Which.JOINT_SPRINGS or found.row.reason == Reason.TOO_SMALL
-    if not good and estimate.p_value is None and alone:
+    if alone and not good and estimate.p_value is None:
         left = 1e3 * estimate.residual_std_m
         return (
             f"The joint stiffness model does not fit as well as a tracker measures: {left:.3f} mm "
             "remain."
         )
+    return _of_springs(estimate, good) if reason in _SPRINGS else _of_reason(found)
+
+
+_SPRINGS = (Reason.ADEQUATE, Reason.TOO_SMALL)
+"""For which the springs alone are given."""
+
+
+def _of_reason(found: Findings) -> str:
+    """Whether a model of more than springs holds."""
     if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
         return "Joint springs explain the readings on a robot that is not as its file says."
-    if found.row.reason not in (Reason.ADEQUATE, Reason.TOO_SMALL):
-        return HOLDS[found.row.reason]
+    return HOLDS[found.row.reason]
+
+
+def _of_springs(estimate: Estimate, good: bool) -> str:
+    """Whether joint springs alone hold."""
     if estimate.dof < 1:
         return "These pulls leave nothing to test the joint stiffness model with."
     return f"Joint springs explain the readings{'' if good else _larger_scatter(estimate)}."
@@ -172,7 +184,8 @@ def _predicted(found: Findings) -> str:
     error, without = (left_out_mm(one.values.left_out_m) for one in (found.told, found.springs))
     if error is None:
         return "no pose can be predicted from the others"
-    told = f"cross-validation error {plain(error)} mm rms per coordinate"
+    of = "" if found.facts.positions is None else " of displacements"
+    told = f"cross-validation error{of} {plain(error)} mm rms per coordinate"
     if without is None or found.told.values is found.springs.values:
         return told
     return f"{told} ({plain(without)} mm {_instead(found)})"
@@ -468,6 +481,11 @@ def _next(found: Findings, stated: Stated) -> str:
         return (
             "Nothing until the joint log and the robot file agree with the unloaded reflectors: "
             "the readings taken may then do."
+        )
+    if found.row.reason == Reason.SPRINGS_DISAGREE:
+        return (
+            "A known weight hung from the load point in two of the poses: it tells whether the "
+            "scale is wrong or the masses are."
         )
     if not found.row.reason.holds_for_its_readings:
         return (

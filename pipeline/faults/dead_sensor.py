@@ -7,6 +7,7 @@ estimate, and none can be put right: what is missing was not measured.
 
 from __future__ import annotations
 
+from dataclasses import replace
 from functools import partial
 
 import numpy as np
@@ -27,6 +28,7 @@ from pipeline.readers.known import GROSS_M
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import STILL_M, Measured
 from pipeline.reduction.register import XYZ
+from pipeline.reduction.settings import Scale
 
 _STIFF = 1 / 30
 """No robot moves by a smaller part of what its joints typically yield [1]: stiffnesses of a type
@@ -144,16 +146,24 @@ def _of_copy(case: Case, data: Measured, same: Ints, force: float, every: bool) 
         evidence=f"{len(at)} pulls have the same force of {plain(force, 6)} N ({lines(at)}), and "
         f"within a pose they moved the robot by amounts that differ by more than {_UNLIKE} times: "
         "one number was copied down the column, or the scale hung",
-        correction="nothing can be corrected, no force was logged"
+        correction="nothing can be corrected, no force was logged; each was taken to be known to "
+        "100 % only"
         if every
         else "recomputed without these pulls",
         before=_UNLIKE,
         after=1.0,
         unit="1",
-        correct=as_it_is if every else partial(left_out, at=at, of="loads"),
+        correct=_unlogged if every else partial(left_out, at=at, of="loads"),
         at=at,
         hopeless=every,
     )
+
+
+def _unlogged(case: Case) -> Case:
+    """The campaign with forces of which no more is known than that they are of this order."""
+    known = case.settings.scale or Scale()
+    scale = known.model_copy(update={"sigma_rel": 1.0, "gain_sigma": 1.0})
+    return replace(case, settings=case.settings.model_copy(update={"scale": scale}))
 
 
 # --- the joint log --------------------------------------------------------------------------------

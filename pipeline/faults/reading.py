@@ -161,32 +161,18 @@ class Shifted(Locked):
         pose, out = self.readings.pose, set[int]()
         for one in np.unique(pose[held.which]):
             mine = held.which[pose[held.which] == one]
-            beside = suspects.beside(base, np.setdiff1d(held.which, mine))[0]
+            others = np.setdiff1d(held.which, mine)
+            beside = base.more(suspects.rows(base, others)) if len(others) else base
             states = np.column_stack([self.readings.pull, self.readings.nth])[mine]
             first = mine[np.unique(states, axis=0, return_index=True)[1]]
-            gains = [self._as_one(beside, suspects, mine, k, held.variance) for k in first]
+            moved = [self._rigid(beside, k) for k in first]
+            every = beside.beside_all(np.hstack([*moved, suspects.rows(beside, mine)]))
+            at = np.arange(6 * len(first) + 3 * len(mine))
+            rigid, own = at[: 6 * len(first)].reshape(-1, 6), at[6 * len(first) :].reshape(-1, 3)
+            gains = [_as_one(every, mode, own, held.variance) for mode in rigid]
             if max(gains) > 0:
                 out.add(int(first[int(np.argmax(gains))]))
         return out
-
-    def _as_one(self, base: Base, suspects: Suspects, mine: Ints, k: int, variance: float) -> float:
-        """How much likelier a motion of the effector in the state of k is than readings off.
-
-        By minus twice the log likelihood with its priors, against all readings of the pose that are
-        held; of these, those that stand out beside the motion, the farthest first, stay.
-        """
-        rigid, left, best = self._rigid(base, k), mine, -np.inf
-        alone = base.beside_all(suspects.rows(base, mine))
-        each = cost(alone.drop / len(mine) / variance, 3)
-        while len(left):
-            own = suspects.rows(base, np.setdiff1d(mine, left))
-            moved = base.beside_all(np.hstack([rigid, own]))
-            more = float(moved.drop - alone.drop) / variance
-            motion = cost(moved.drop / variance, 6)
-            best = max(best, more - float(motion) + len(left) * float(each))
-            found = suspects.beside(base.more(np.hstack([rigid, own])), left[:0])[1]
-            left = np.delete(left, int(np.argmax(found.drop[left])))
-        return best
 
     def _rigid(self, base: Base, k: int) -> Array:
         """Six motions of the effector in the pull of a reading, or in all pulls from its zero."""
@@ -200,6 +186,31 @@ class Shifted(Locked):
         share = np.where(stack.pose == one.pose[k], share, 0.0)
         rigid = self.white.by_pose(stack.modes * share[:, None])
         return np.vstack([rigid, np.zeros((len(base.blocks.index) - len(rigid), 6))])
+
+
+def _as_one(every: Beside, rigid: Ints, own: Ints, variance: float) -> float:
+    """How much likelier a motion of the effector in one state is than readings off.
+
+    By minus twice the log likelihood with its priors, against all readings of the pose that are
+    held; of these, those that stand out beside the motion, the farthest first, stay.
+
+    Args:
+        every: Motions of the states of a pose and its held readings, as one suspect.
+        rigid: Columns of the motion, shape (6,).
+        own: Columns of the readings, shape (n, 3).
+        variance: Of the rows.
+    """
+    alone = float(every.parts(own.reshape(1, -1)).drop[0])
+    each = float(cost(alone / len(own) / variance, 3))
+    left, best = own, -np.inf
+    while len(left):
+        drop = float(every.parts(rigid[None]).drop[0])
+        motion = float(cost(drop / variance, 6))
+        best = max(best, (drop - alone) / variance - motion + len(left) * each)
+        wider = np.array([np.append(rigid, one) for one in left])
+        far = int(np.argmax(every.parts(wider).drop))
+        rigid, left = wider[far], np.delete(left, far, axis=0)
+    return best
 
 
 def outliers(asked: Screening) -> list[Mistake]:

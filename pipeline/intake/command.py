@@ -183,7 +183,7 @@ def _asked(said: Proposal, robot: str | None, given: Known) -> Known:
     from pipeline.intake.blank import log_columns
     from pipeline.machine.instrument import sheet
     from pipeline.readers._coordinates import USUAL_UNITS
-    from pipeline.readers.logs import FORCE, LENGTH, MASS
+    from pipeline.readers.logs import LENGTH
 
     unit = None
     if said.reach is not None:
@@ -196,13 +196,8 @@ def _asked(said: Proposal, robot: str | None, given: Known) -> Known:
             "Standard uncertainty of one tracker reading per axis [mm]", LENGTH, "mm",
             "Enter: it is found from repeats and misfit",
         )  # fmt: skip
-    sigma_n, mass_sigma_kg, warm = given.sigma_n, None, given.temperature_c
-    if "force" in said.unsure and sigma_n is None:
-        # step / sqrt(12), GUM F.2.2.1
-        _tell("Of the scale, its certificate says it; the last digit alone makes 0.29 of a step.")
-        sigma_n = _size("Standard uncertainty of one scale reading [N]", FORCE, "n")
-    if "mass" in said.unsure:
-        mass_sigma_kg = _size("Standard uncertainty of one weight [kg]", MASS, "kg")
+    sigma_n, mass_sigma_kg = _of_loads(said, given)
+    warm = given.temperature_c
     if said.exports and warm is None:
         warm = _number("Temperature of rail and base [degC]", "Enter: not known")
     return replace(
@@ -217,6 +212,20 @@ def _asked(said: Proposal, robot: str | None, given: Known) -> Known:
         places={**given.places, **(_places(said, given.places) if said.measured else {})},
         columns=columns,
     )
+
+
+def _of_loads(said: Proposal, given: Known) -> tuple[float | None, float | None]:
+    """Standard uncertainties of the scale [N] and of weights [kg]; None where nobody says."""
+    from pipeline.readers.logs import FORCE, MASS
+
+    sigma_n, mass_sigma_kg = given.sigma_n, None
+    if "force" in said.unsure and sigma_n is None:
+        # step / sqrt(12), GUM F.2.2.1
+        _tell("Of the scale, its certificate says it; the last digit alone makes 0.29 of a step.")
+        sigma_n = _size("Standard uncertainty of one scale reading [N]", FORCE, "n")
+    if "mass" in said.unsure:
+        mass_sigma_kg = _size("Standard uncertainty of one weight [kg]", MASS, "kg")
+    return sigma_n, mass_sigma_kg
 
 
 def _places(

@@ -2,22 +2,28 @@
 
 Every test that can call a clean campaign anything but `adequate` takes its rate from here, so that
 what all of them together may do is one sum. The rate of a family of tests (all suspects, all
-readings) holds for the family, not for each member.
+readings) holds for the family, not for each member. There is one budget, which the pulls and the
+positions of one campaign share: every rate is a part of it, and the parts are a hundred in the
+hundred (`TOGETHER`).
 """
 
 from __future__ import annotations
 
-SUSPECT = 0.002
+MOST = 0.01
+"""What all tests of one campaign together may reach, be it of pulls, of positions or of both: one
+clean campaign in a hundred, also where a thousand are counted [1]."""
+
+SUSPECT = 0.20 * MOST
 """Probability that any suspect of the catalogue is found beside the joint springs [1]."""
 
 PLANNED = SUSPECT / 70
 """The same of one suspect where a campaign is planned: a measured one finds its own threshold
 (`detect.threshold`), that of some 70 independent tests with the catalogue of a robot on a rail."""
 
-LACK_OF_FIT = 5e-4
+LACK_OF_FIT = 0.05 * MOST
 """The same of each of the two tests of lack of fit, by poses and by pulls [1]."""
 
-READING = 2.5e-4
+READING = 0.02 * MOST
 """The same of each family of readings: of poses, of pulls that are left out, of whole poses, of the
 base, of whole base reflectors, of the chain, of the scale, of those with equal digits, and of
 readings in use that are too many too far off [1]."""
@@ -29,28 +35,34 @@ whose readings they are, since chance has to make two of them fit each other by 
 SCALE = READING - EXCHANGED
 """What is left of it for a single reading of the scale [1]."""
 
-FRAME = 1e-4
+FRAME = 0.01 * MOST
 """The same of another frame of the stated covariances [1]."""
 
-DRIFT = 5e-4
+DRIFT = 0.05 * MOST
 """The same of a motion of the tracker that the base reflectors show [1]."""
 
-MISFIT = 5e-4
+MISFIT = 0.04 * MOST
 """The same of what the model leaves, by chi-square with the noise stated or found [1]: a fit less
 probable than this is never called adequate."""
 
-SCATTER = 5e-4
+SCATTER = 0.05 * MOST
 """The same of a scatter beyond `TOLERATED` times the stated one [1]; it is no fault of the model,
 and the joint springs stay."""
 
-LAW = 0.001
+LAW = 0.10 * MOST
 """The same of a law that nobody listed, in displacements or in positions [1]."""
 
-GEOMETRY = 5e-4
+GEOMETRY = 0.05 * MOST
 """The same of one cause among all that unloaded readings are asked for, and of a rough table
 [1]."""
 
-LOOSE = 1e-4
+MOVED = 1e-9
+"""The same of an instrument that stood elsewhere from some pose of a series on [1]. Copies of what
+the likeliest move leaves reach a quarter less than readings without any, of which 2 in 150 had
+p < 1e-3 and the least had 1e-6; a move by the noise of one reading has 1e-9 to 1e-7, twice that
+1e-26."""
+
+LOOSE = 0.01 * MOST - MOVED
 """The same of targets that only seem to move against each other under load [1]."""
 
 COMPONENT = 0.003
@@ -81,12 +93,6 @@ ACCUSING = {
 }
 """Every test that can take `adequate` away from a campaign of pulls, with its rate."""
 
-MOVED = 1e-9
-"""The same of an instrument that stood elsewhere from some pose of a series on [1]. Copies of what
-the likeliest move leaves reach a quarter less than readings without any, of which 2 in 150 had
-p < 1e-3 and the least had 1e-6; a move by the noise of one reading has 1e-9 to 1e-7, twice that
-1e-26."""
-
 OF_POSITIONS = {
     "a reading off": READING,
     "a law that nobody listed": LAW,
@@ -95,6 +101,9 @@ OF_POSITIONS = {
 }
 """The same of a campaign of positions."""
 
-MOST = 0.01
-"""What all of either table together may reach: one clean campaign in a hundred, also where a
-thousand are counted [1]."""
+TOGETHER = {
+    **ACCUSING,
+    **{f"{what}, of positions": rate for what, rate in OF_POSITIONS.items()},
+    "springs that disagree": MISFIT,
+}
+"""The same of a campaign of both, the most that is ever asked of one: the whole budget."""

@@ -109,6 +109,11 @@ class Beside(Locked):
         """The suspects of one block."""
         return replace(self, N=self.N[block], g=self.g[block], whole=self.whole[block])
 
+    def parts(self, at: Ints) -> Beside:
+        """Columns `at` (n, j) of one suspect of many columns, as n suspects of their own."""
+        N = self.N[at[:, :, None], at[:, None, :]]
+        return replace(self, N=N, g=self.g[at], whole=self.whole[at])
+
     def rows(self, suspects: Blocks) -> Beside:
         """The same in the suspects' own order, where they were padded by block."""
         return replace(

@@ -279,11 +279,10 @@ def _likeliest(base: Base, suspects: Suspects, among: Ints, held: Ints, variance
     found = base.beside_all(suspects.rows(base, among))
 
     def losses(places: Ints) -> Array:
-        at = (places[:, :, None] * k + np.arange(k)).reshape(len(places), -1)
-        N, g, m = found.N[at[:, :, None], at[:, None, :]], found.g[at], places.shape[1]
-        cov, rank = linear.left(N, found.whole[at])
-        drop = np.einsum("ni,nij,nj->n", g, cov, g) / variance
-        return np.asarray(m * cost(drop / m, rank / m) - drop)
+        m = places.shape[1]
+        own = found.parts((places[:, :, None] * k + np.arange(k)).reshape(len(places), -1))
+        drop = own.drop / variance
+        return np.asarray(m * cost(drop / m, own.rank / m) - drop)
 
     mine = np.searchsorted(among, held)
     tried = [(losses(sets), sets) for sets in _sets(len(among), mine)]

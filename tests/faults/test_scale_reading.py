@@ -217,7 +217,7 @@ def test_few_pulls_single_none_out(case, monkeypatch):
         monkeypatch.setattr(scale_reading, "FEWEST", fewest)
         monkeypatch.setattr(scale_reading, "MOST", most)
         assert bool(scale_outliers(*args)) is said
-    assert (alarms.READING, len(wrong.reduced.data.pulls)) == (2.5e-4, 12)
+    assert (alarms.READING, len(wrong.reduced.data.pulls)) == (2e-4, 12)
 
 
 def test_clean_draws_are_accused_no_more_often_than_the_rate(clean):

@@ -19,10 +19,17 @@ from pipeline.system.whitened import whiten
 PACKAGE = Path(alarms.__file__).parents[1]
 
 
-@pytest.mark.parametrize("table", [alarms.ACCUSING, alarms.OF_POSITIONS])
+@pytest.mark.parametrize("table", [alarms.ACCUSING, alarms.OF_POSITIONS, alarms.TOGETHER])
 def test_all_tests_together_accuse_one_clean_campaign_in_a_hundred(table):
     """The sum bounds what chance does, however the tests depend on each other (Boole)."""
     assert math.fsum(table.values()) <= alarms.MOST == 0.01
+
+
+def test_a_campaign_of_both_is_asked_all_that_either_is_and_whether_they_agree():
+    """Its table holds every test of both, none of them twice under one name."""
+    assert len(alarms.TOGETHER) == len(alarms.ACCUSING) + len(alarms.OF_POSITIONS) + 1
+    both = math.fsum([*alarms.ACCUSING.values(), *alarms.OF_POSITIONS.values(), alarms.MISFIT])
+    assert math.fsum(alarms.TOGETHER.values()) == pytest.approx(both, rel=1e-12)
 
 
 RATES = {

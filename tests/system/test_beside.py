@@ -66,6 +66,17 @@ def test_a_suspect_of_all_rows_is_the_difference_of_two_fits():
     assert float(found.p()) == pytest.approx(stats.f.sf(ratio, 2, M - 6))
 
 
+def test_some_columns_of_a_suspect_are_suspects_of_their_own():
+    """One or two of four columns, two of which are nearly a third: as fits of these alone."""
+    four = np.column_stack([D, RNG.standard_normal(M), D[:, 0]])
+    every = Base.of(X, Y).beside_all(four)
+    for at in ([[0], [1], [2], [3]], [[0, 1], [2, 1], [1, 3]], [[0, 1, 3]]):
+        found = every.parts(np.array(at))
+        want = [rss(X, Y) - rss(np.column_stack([X, four[:, one]]), Y) for one in at]
+        assert found.drop == pytest.approx(want)
+        assert found.rank.tolist() == [len({one % 3 for one in few}) for few in at]
+
+
 @pytest.mark.parametrize("own", [False, True])
 def test_suspects_of_one_block_each_are_fits_of_all_rows(own):
     """A base of all rows, or one that each block has to itself; three suspects in each block."""

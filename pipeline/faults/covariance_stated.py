@@ -1,0 +1,223 @@
+"""Covariances of an export that are stated in another frame or unit than they are read in.
+
+The columns are read as along the axes of the tracker. Some software states them along the axes of
+the base frame, some along the beam and across it; some in another unit, or variances for standard
+uncertainties. What no model of the robot can make of the readings (`contrasts.pure_error`) scatters
+as the right statement says: with L minus twice the restricted log likelihood, the scale s of all
+covariances free, and (ln s / ln 2)^2 for the scale itself, another statement has p = n exp((L -
+L_0) / 2), n of them being tried, as no ratio of likelihoods is above 1 / p more often than p where
+what is read is right (Markov). It is named where the scatter then is the stated one, too.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+from functools import partial
+
+import numpy as np
+from scipy import special
+
+from pipeline.base import covariance, linear
+from pipeline.base.arrays import Array, Bools
+from pipeline.faults.conventions import with_covariance
+from pipeline.faults.fault import Fault, Screening
+from pipeline.faults.mistake import Mistake
+from pipeline.reduction.case import Case
+from pipeline.reduction.register import XYZ
+from pipeline.system import alarms
+from pipeline.system.assemble import TRACKED
+from pipeline.system.contrasts import pure_error
+from pipeline.system.noise import TOLERATED
+from pipeline.system.restricted import Blocks, lowest
+from pipeline.system.whiten import whitener
+
+_FEWEST = 30
+"""Contrasts below which their scatter says nothing of axes."""
+
+_ROUND = 0.1
+"""Difference of the variances along the axes, over their mean, that no frame changes much [1]."""
+
+_USUAL = 2.0
+"""Scatter over the stated one that is one standard deviation of its logarithm [1], as for
+`diagnosis.bounds.FAULTY`: a tracker that is twice as noisy as its certificate is usual."""
+
+_ALIKE = 2.0
+"""Quantiles of the scatter, over those of a normal one, differ by less where one factor is wrong
+for all readings [1]: tails with three degrees of freedom differ by 1.3, a tenth of the readings
+that are far off by any number."""
+
+
+@dataclass(frozen=True)
+class _Statement:
+    """Another way to state covariances.
+
+    Attributes:
+        name: The kind of mistake.
+        where: Which of that kind.
+        said: What is so of the uncertainties, as a sentence's end.
+        within: Scatter over the stated one, or the inverse, that is left of it at most [1].
+        means: Covariances (m, 3, 3) and points (m, 3) in the tracker's frame, as read, to the
+            covariances that are meant.
+    """
+
+    name: str
+    where: str
+    said: str
+    within: float
+    means: Callable[[Array, Array], Array]
+
+    def correct(self, own: Bools, case: Case) -> Case:
+        """The campaign with the covariances of some rows as they are meant."""
+        C = covariance.matrices(case.readings)
+        C[own] = self.means(C[own], case.readings[list(XYZ)].to_numpy(float)[own])
+        return replace(case, readings=with_covariance(case.readings, covariance.flat(C)))
+
+
+def _frames(R: Array) -> list[_Statement]:
+    """Along other axes; R from the tracker's frame to F_b."""
+
+    def along(axes: Callable[[Array], Array]) -> Callable[[Array, Array], Array]:
+        return lambda C, points: axes(points) @ C @ np.swapaxes(axes(points), -1, -2)
+
+    kind, read = (
+        ("sign_or_convention", "covariance_frame"),
+        "and were read along the tracker's axes",
+    )
+    return [
+        _Statement(*kind, f"stated along the base frame {read}", TOLERATED, along(lambda _: R.T)),
+        _Statement(*kind, f"stated along the beam {read}", TOLERATED, along(_beam)),
+    ]
+
+
+def _units() -> list[_Statement]:
+    """In another unit, or as the squares or the roots of what is read."""
+    kind = "unit_mixup", "covariance"
+    out = []
+    for power in (-6, -3, 3, 6):
+        off = f"{10.0 ** abs(power):,.0f} times too {'small' if power > 0 else 'large'}"
+        said = f"{off}, as where another unit of length is meant"
+        out.append(_Statement(*kind, said, _USUAL, partial(_times, 10.0**power)))
+    for unit, size_m in (("m", 1.0), ("mm", 1e-3)):
+        roots = f"variances in {unit}^2 and were read as standard uncertainties in {unit}"
+        squares = f"standard uncertainties in {unit} and were read as variances in {unit}^2"
+        out.append(_Statement(*kind, roots, _USUAL, partial(_root, size_m)))
+        out.append(_Statement(*kind, squares, _USUAL, partial(_square, size_m)))
+    return out
+
+
+def misstated(asked: Screening) -> list[Mistake]:
+    """How the covariances are stated, where it is not as they are read."""
+    case = asked.case
+    own = (case.readings["covariance_from"] == "file").to_numpy()
+    if not own.any() or case.settings.displacements is not None:
+        return []
+    seen = _scatter(asked)
+    if seen is None:
+        return []
+    frames, units = _frames(asked.reduced.registration.R), _units()
+    tried = frames if _elongated(case, own) else []
+    if abs(np.log(seen.scale)) > np.log(_USUAL):
+        tried += [one for one in units if _near(one, case, own, seen.scale)]
+    found = []
+    for one in tried:
+        then = _scatter(replace(asked, case=one.correct(own, case), known=None))
+        if then is not None and then.alike and abs(np.log(then.scale)) < np.log(one.within):
+            found.append((then, one))
+    if not found:
+        return []
+    then, best = min(found, key=lambda one: one[0].loss)
+    p = len(frames + units) * float(np.exp(min(then.loss - seen.loss, 0.0) / 2))
+    if p >= alarms.FRAME:
+        return []
+    return [
+        Mistake(
+            name=best.name,
+            where=best.where,
+            evidence=f"the uncertainties of the readings are {best.said}: the reflectors of the "
+            f"effector scatter against each other {seen.scale:.3g} times as stated as given, "
+            f"{then.scale:.2f} times with that corrected",
+            correction="recomputed with the uncertainties that are meant",
+            before=seen.scale,
+            after=then.scale,
+            unit="1",
+            p_value=p,
+            correct=partial(best.correct, own),
+        )
+    ]
+
+
+@dataclass(frozen=True)
+class _Scatter:
+    """How the contrasts scatter under a statement.
+
+    Attributes:
+        loss: Minus twice the restricted log likelihood, and what the prior takes for the scale.
+        scale: Scatter over the stated one [1].
+        alike: All readings scatter by one factor more or less than stated.
+    """
+
+    loss: float
+    scale: float
+    alike: bool
+
+
+def _scatter(asked: Screening) -> _Scatter | None:
+    """Of the campaign as it is stated; None where there are too few contrasts."""
+    left = asked.estimate.residual
+    pure = pure_error(asked.system, left, asked.reduced.data, asked.zeros, asked.cell)
+    if len(pure.rows) < _FEWEST:
+        return None
+    blocks = Blocks.of(pure, pure.B, [TRACKED])
+    t = lowest(blocks.of_scales(np.array([True])), np.array([blocks.rough]))
+    w = np.abs(whitener(pure.errors, pure.rows.pose).by_pose(pure.c))
+    part = np.array([0.1, 0.5, 0.9])
+    sizes = np.quantile(w, part) / special.ndtri((1 + part) / 2)
+    scale = float(np.exp(t[0]))
+    prior = float(np.log(scale) / np.log(_USUAL)) ** 2
+    return _Scatter(blocks.whole(t) + prior, scale, bool(sizes.max() < _ALIKE * sizes.min()))
+
+
+def _near(one: _Statement, case: Case, own: Bools, scale: float) -> bool:
+    """Whether the scatter would be about the stated one, from the size of the covariances."""
+    before, after = (
+        np.median(np.einsum("mii->m", covariance.matrices(made.readings)[own]))
+        for made in (case, one.correct(own, case))
+    )
+    return bool(abs(np.log(scale) + 0.5 * np.log(before / after)) < 2 * np.log(one.within))
+
+
+def _elongated(case: Case, own: Bools) -> bool:
+    values = linear.directions(covariance.matrices(case.readings[own]))[0]
+    return bool(np.median(np.ptp(values, axis=1) / values.mean(axis=1)) > _ROUND)
+
+
+def _times(factor: float, C: Array, _: Array) -> Array:
+    return factor**2 * C
+
+
+def _root(unit_m: float, C: Array, _: Array) -> Array:
+    """What is meant where C is the square of variances, in units of a length."""
+    size, axes = linear.directions(C)
+    root = np.sqrt(np.maximum(size, 0.0))
+    return np.asarray(unit_m * (axes * root[:, None, :]) @ np.swapaxes(axes, 1, 2))
+
+
+def _square(unit_m: float, C: Array, _: Array) -> Array:
+    return C @ C / unit_m**2
+
+
+def _beam(points: Array) -> Array:
+    """Along the beam to each point, then across it level and upright, in the tracker's frame."""
+    along = points / np.linalg.norm(points, axis=1, keepdims=True)
+    level = np.cross([0.0, 0.0, 1.0], along)
+    level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), np.finfo(float).tiny)
+    return np.stack([along, level, np.cross(along, level)], axis=2)
+
+
+FAULT = Fault(
+    "sign_or_convention",
+    "covariances stated in another frame or unit",
+    misstated,
+    in_files=True,
+)

@@ -1,0 +1,135 @@
+"""Covariances stated in another frame or unit: planted by hand, named, and put right."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+
+from pipeline.base import covariance
+from pipeline.faults.covariance_stated import misstated
+from pipeline.faults.fault import Screening
+from pipeline.reduction.bring import bring, conformed, plain
+from pipeline.run import ingested
+from pipeline.simulate import Plan, simulate
+from pipeline.store.campaign import in_memory
+
+PLAN = Plan(name="good", seed=23, poses={"count": 12})
+ACROSS, ALONG = 1.5e-4, 1e-5
+
+
+@cache
+def good():
+    """A campaign whose readings scatter as an export with a covariance for each states it [m]."""
+    case = ingested(in_memory(simulate(PLAN).files), conformed, plain, plausible=False)
+    rows, rng = case.readings, np.random.default_rng(7)
+    points = rows[["x_m", "y_m", "z_m"]].to_numpy(float)
+    unit = points / np.linalg.norm(points, axis=1)[:, None]
+    C = ACROSS**2 * np.eye(3) + (ALONG**2 - ACROSS**2) * unit[:, :, None] * unit[:, None, :]
+    added = np.linalg.cholesky(C) @ rng.standard_normal((len(C), 3, 1))
+    rows = rows.assign(**dict(zip(["x_m", "y_m", "z_m"], (points + added[..., 0]).T, strict=True)))
+    noise = covariance.matrices(case.readings)  # which the campaign has already
+    return stated(replace(case, readings=rows), C + noise)
+
+
+def stated(case, C):
+    six = dict(zip(covariance.columns(), covariance.flat(C).T, strict=True))
+    return replace(case, readings=case.readings.assign(covariance_from="file", **six))
+
+
+def asked(case):
+    return Screening(case, case.cell, case.robot.nominal_compliance)
+
+
+def along_the_beam(case):
+    """The same numbers by an export that states them along the beam, across it, and across it."""
+    own = np.linalg.eigvalsh(covariance.matrices(case.readings))
+    return stated(case, own[:, :, None] * np.eye(3))
+
+
+def along_the_base(case):
+    """The same by one that turned them into the base frame."""
+    R = bring(case).registration.R
+    return stated(case, R @ covariance.matrices(case.readings) @ R.T)
+
+
+def test_covariances_in_the_frame_of_the_tracker_are_left_alone():
+    """As read: nothing."""
+    assert misstated(asked(good())) == []
+
+
+@pytest.mark.parametrize(
+    ("plant", "says"), [(along_the_beam, "the beam"), (along_the_base, "the base frame")]
+)
+def test_another_frame_is_named_and_turned_back(plant, says):
+    """To the covariances that the readings really have, whatever their sign of an axis."""
+    (found,) = misstated(asked(plant(good())))
+
+    assert found.name == "sign_or_convention"
+    assert f"along {says}" in found.evidence
+    assert found.after == pytest.approx(1.0, abs=0.15)
+    got = covariance.matrices(found.correct(plant(good())).readings)
+    true = covariance.matrices(good().readings)
+    assert np.abs(got - true).max() < 1e-3 * np.abs(true).max()
+
+
+def test_one_figure_for_all_axes_has_no_frame():
+    """Nothing to turn."""
+    case = good()
+    assert (
+        misstated(asked(stated(case, np.tile(ACROSS**2 * np.eye(3), (len(case.readings), 1, 1)))))
+        == []
+    )
+
+
+def with_spread(case, change):
+    """Covariances whose standard uncertainties [mm] along their own axes are others."""
+    size, axes = np.linalg.eigh(covariance.matrices(case.readings))
+    new = 1e-3 * change(1e3 * np.sqrt(size))
+    return stated(case, axes @ (new[:, :, None] ** 2 * np.eye(3)) @ np.linalg.inv(axes))
+
+
+@pytest.mark.parametrize(
+    ("change", "said"),
+    [
+        (lambda mm: mm / 1000, "1,000 times too small"),  # metres in a column of millimetres
+        (lambda mm: mm * 1000, "1,000 times too large"),  # micrometres
+        (lambda mm: mm**2, "variances in mm^2 and were read as standard uncertainties"),
+        (
+            lambda mm: 1e3 * np.sqrt(1e-3 * mm),
+            "standard uncertainties in m and were read as variances in m^2",
+        ),
+    ],
+)
+def test_another_unit_is_named_and_put_right(change, said):
+    """To the covariances that the readings really have."""
+    case = with_spread(good(), change)
+
+    (found,) = misstated(asked(case))
+
+    assert (found.name, found.where) == ("unit_mixup", "covariance")
+    assert said in found.evidence
+    assert found.after == pytest.approx(1.0, abs=0.15)
+    got = covariance.matrices(found.correct(case).readings)
+    true = covariance.matrices(good().readings)
+    assert np.abs(got - true).max() < 1e-6 * np.abs(true).max()
+
+
+@pytest.mark.parametrize("times", [0.2, 0.5, 2.0, 5.0, 12.0, 200.0])
+def test_a_certificate_that_is_merely_wrong_is_no_unit(times):
+    """By a factor that no unit and no square is: left to the noise."""
+    assert misstated(asked(with_spread(good(), lambda mm: times * mm))) == []
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("far_mm", [1.0, 5.0, 20.0, 30.0])
+@pytest.mark.parametrize("part", [0.1, 0.3])
+def test_many_readings_that_are_off_are_no_unit(part, far_mm):
+    """A tenth or a third of all readings far off, by as much as a unit may be."""
+    case, rng = good(), np.random.default_rng(3)
+    off = far_mm * 1e-3 * rng.standard_normal((len(case.readings), 3))
+    off *= (rng.random(len(off)) < part)[:, None]
+    rows = case.readings
+    moved = {f"{axis}_m": rows[f"{axis}_m"] + off[:, k] for k, axis in enumerate("xyz")}
+    said = misstated(asked(replace(case, readings=rows.assign(**moved))))
+    assert [one.name for one in said if one.name == "unit_mixup"] == []
