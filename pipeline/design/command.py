@@ -80,6 +80,7 @@ def design(
     made = make(asked, seed, Effort(rounds=rounds), at_work)
     if wanted or (wanted is None and not as_json):
         more = f" --add-to {typed(add_to)}" if add_to else ""
+        more += f" --language {language}" if language is not Language.EN else ""
         made = write(root, made, seed, f" --seed {seed} --rounds {rounds}{more}", language)
     typer.echo(made.as_json() if as_json else lines(made.as_text()))
     if made.interrupted:

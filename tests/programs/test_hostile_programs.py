@@ -450,7 +450,8 @@ tp(
 tp(
     "joint_points_and_two_groups",
     ["J P[1] 50% FINE    ;", "L P[2] 100mm/sec FINE    ;"],
-    "P[1]{\n   GP1:\n\tUF : 0, UT : 1,\t\n\tJ1=     0.000 deg,\tJ2=   0.000 deg,\tJ3=   0.000 deg,\n"
+    "P[1]{\n   GP1:\n\tUF : 0, UT : 1,\t\n\tJ1=     0.000 deg,\tJ2=   0.000 deg,\t"
+    "J3=   0.000 deg,\n"
     "\tJ4=     0.000 deg,\tJ5=   -90.000 deg,\tJ6=   0.000 deg\n};\n"
     + fp(2).replace("};", "   GP2:\n\tUF : 0, UT : 1,\t\n\tJ1=    0.000 deg\n};"),
     must=("J P[1]", "L P[2]"),
