@@ -512,8 +512,11 @@ def meant(typed: str) -> list[str]:
     plain = {name: _plain(name) for name in SHIPPED}
     word = _plain(typed)
     found = [one for one in SHIPPED if word in plain[one] or word in _plain(load(one).description)]
-    near = get_close_matches(word, plain.values(), 3)
-    return found or [name for name in SHIPPED if plain[name] in near]
+    heads = [one[: len(word)] for one in plain.values()]  # kr501: a type without its variant
+    near = get_close_matches(word, dict.fromkeys(heads), 3)
+    return found or [
+        name for one in near for name, own in zip(SHIPPED, heads, strict=True) if own == one
+    ]
 
 
 def _plain(words: str) -> str:
