@@ -27,8 +27,9 @@ from pipeline.base.arrays import Array
 from pipeline.diagnosis.facts import APART
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.isolability import twins
-from pipeline.machine.poses import default_anchors, draw_poses, feasible, rounded
+from pipeline.machine.poses import default_anchors, draw_poses, feasible
 from pipeline.machine.robot import Robot, load
+from pipeline.machine.robot.axes import rounded
 from pipeline.service.executor import Processes, in_order
 
 SEED, PLANS = 2027, 96

@@ -37,6 +37,7 @@ PURE = (
 )
 SPEAKING = (
     "command.py",
+    "predict.py",
     "plan_files.py",
     "plan_figures.py",
     "corrected.py",
@@ -237,7 +238,6 @@ OUTBUILDINGS = {
         "app.outcome": _COMMAND,
         "store.campaign": _PLACES,
         "readers": "it says what a reader will be told, and tries it",
-        "reduction._group_names": "how group names are read, which a campaign.toml then says",
         "reduction.settings": "it writes campaign.toml",
         "reduction.limits": "whether a robot can stand where a log says",
     },
@@ -248,6 +248,7 @@ OUTBUILDINGS = {
         "store.campaign": _PLACES,
         "prediction": "a program is a path of targets: aimed at and compensated as any other",
         "readers.logs": "a path is a table of joint values, as the log of a campaign is",
+        "readers.positions": "and so are the poses of which positions are predicted",
     },
     "service": {
         "app.commands._shared": _COMMAND,

@@ -430,7 +430,7 @@ def _test_pose(found: Findings, stated: Stated) -> Iterator[str]:
     """The pose, its force and what that does; what the recommended model changes there."""
     pose = stated.pose
     x, y, z = (plain(part, 4) for part in pose.force_n)
-    axes = ", ".join(f"{one.name} {_at(one.value, one.unit)}" for one in pose.axes)
+    axes = ", ".join(f"{one.name} {at_axis(one.value, one.unit)}" for one in pose.axes)
     none = "" if pose.stated else _stands_in(found)
     yield (
         f"The load point deflects by {expanded(pose)}, at {axes} under ({x}, {y}, {z}) N in the "
@@ -451,7 +451,7 @@ def _stands_in(found: Findings) -> str:
     )
 
 
-def _at(value: float, unit: str) -> str:
+def at_axis(value: float, unit: str) -> str:
     """Where an axis stands."""
     return f"{plain(value, 4)} m" if unit == "m" else f"{plain(value, 4)}°"
 
@@ -558,7 +558,7 @@ def _unchecked(stated: Stated) -> str:
 
 def pulled(pose: ToMeasure) -> str:
     """Where the robot stands and how it is pulled there."""
-    at = ", ".join(f"{axis.name} {_at(axis.value, axis.unit)}" for axis in pose.axes)
+    at = ", ".join(f"{axis.name} {at_axis(axis.value, axis.unit)}" for axis in pose.axes)
     return f"{at or _joints(pose)}, {loads(pose)}"
 
 
@@ -571,7 +571,7 @@ def loads(pose: ToMeasure) -> str:
 
 def _joints(pose: ToMeasure) -> str:
     """The joints of a robot whose file maps no axes."""
-    values = [_at(value, unit) for value, unit in zip(pose.q, pose.q_unit, strict=True)]
+    values = [at_axis(value, unit) for value, unit in zip(pose.q, pose.q_unit, strict=True)]
     return f"joints at ({', '.join(values)})"
 
 

@@ -715,8 +715,7 @@ DO: Mapping[Reason, str] = {
         "the one."
     ),
     Reason.SPRINGS_DISAGREE: (
-        "Enter none of these stiffnesses into a controller until it is known whether the scale or "
-        "the masses of the robot file are wrong."
+        "Enter none of these stiffnesses into a controller before scale and masses are checked."
     ),
     Reason.UNEXPLAINED: (
         "Enter none of these stiffnesses into a controller; find out first what the model misses."

@@ -28,8 +28,8 @@ from pipeline.check.proven import proven
 from pipeline.check.survey import Clock, Distance, Stand, clock, distances, over_nominal, stands
 from pipeline.check.wrong_lines import TOML, Wrong, mistaken, text_of, wrong_lines
 from pipeline.machine.effect import HUNG, MOUNTED
-from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import Robot, axes, configure
+from pipeline.machine.robot.axes import in_log_units
 from pipeline.prediction.compensate import Path, beside_pulls
 from pipeline.prediction.tolerance import asked
 from pipeline.readers import logs

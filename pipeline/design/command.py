@@ -141,7 +141,7 @@ def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, by
 
     from pipeline.design.driven import legs, standing
     from pipeline.design.made import printed
-    from pipeline.machine.poses import from_log_units
+    from pipeline.machine.robot.axes import from_log_units
     from pipeline.programs.for_plan import NO_CELL, brand_of, drive, programs
 
     problem, measurement = proposal.problem, proposal.measurement

@@ -17,6 +17,7 @@ from pipeline.base.arrays import Array
 from pipeline.base.bootstrap import interval
 from pipeline.base.linear import rms
 from pipeline.diagnosis.facts import NOTHING, Gain, Named, Off, Standing
+from pipeline.geometry import remastered
 from pipeline.geometry.roughness import (
     Cells,
     Suspect,
@@ -27,10 +28,11 @@ from pipeline.geometry.roughness import (
     straight,
     unrefined,
 )
+from pipeline.geometry.scatter import START
 from pipeline.geometry.unloaded import USUAL, Rows, Unloaded, off, unloaded
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, Geometry, Observation
-from pipeline.machine.effects import base_rotation, table
+from pipeline.machine.effects import base_rotation, joint_offset, table
 from pipeline.machine.robot.letters import changed
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
@@ -59,9 +61,11 @@ class _Suspect(Suspect):
 
     Attributes:
         effect: What it is.
+        tries: Of so many the likeliest, each as likely before the data.
     """
 
     effect: Effect
+    tries: int = 1
 
 
 def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]) -> Standing:
@@ -83,8 +87,8 @@ def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]
     table_only = straight(zeros, sums)
     search = _Search(zeros, asked, x, rows, cells(zeros, sums))
     if not _fits(zeros, rows, table_only):
-        search = search.done()
-    found = search.found
+        search = search.with_changes(effects).done().with_changes(effects).done()
+    found, zeros = search.found, search.zeros
     missed = left_out(table_only, rows), left_out(found, search.rows)
     return Standing(
         miss_m=rms((rows.y - rows.D @ table_only.mean)[rows.place]),
@@ -124,6 +128,10 @@ def _suspects(zeros: Unloaded, effects: Sequence[Effect]) -> Iterator[_Suspect]:
     ):
         if label in known and at.stop > at.start:
             yield _Suspect(label, tuple(range(at.start, at.stop)), wide, known[label])
+    tries = remastered.places(zeros)
+    for k, one in enumerate(zeros.changes, where.changes.start):
+        effect = joint_offset.since(zeros.robot, one.joint, one.before, one.since)
+        yield _Suspect(f"{effect.label} {effect.form}", (k,), _WIDE * tries, effect, tries)
 
 
 def _unseen(effects: Sequence[Effect], asked: Sequence[_Suspect]) -> set[str]:
@@ -166,6 +174,19 @@ class _Search:
             now = more
         return now
 
+    def with_changes(self, effects: Sequence[Effect]) -> _Search:
+        """The same, zeros of joints being asked that changed where what is left of it says so."""
+        where = self.zeros.columns.changes
+        if any(one.columns[0] >= where.start for one in self.free):
+            return self
+        zeros = replace(self.zeros, changes=remastered.changes(self.zeros, self.rows, self.found))
+        if zeros.changes == self.zeros.changes:
+            return self
+        x = np.append(self.x[: where.start], np.zeros(len(zeros.changes)))
+        asked, rows = tuple(_suspects(zeros, effects)), zeros.about(x)
+        free = tuple(one for one in asked if one.label in {old.label for old in self.free})
+        return _Search(zeros, asked, x, rows, cells(zeros, products(rows), free))
+
     @property
     def free(self) -> tuple[_Suspect, ...]:
         """The causes."""
@@ -200,7 +221,7 @@ class _Search:
         elif at[0] < len(self.zeros.letters):
             own = np.hypot(self.found.rough[:, int(self.zeros.turns[at[0]])], self.zeros.stated[at])
             beside = own[:, None]
-        return min(1.0, len(self.asked) * self.found.p_value(one, beside))
+        return min(1.0, sum(o.tries for o in self.asked) * self.found.p_value(one, beside))
 
 
 _ROUNDS = 4
@@ -220,6 +241,10 @@ def _rest(found: Cells, one: Suspect) -> float:
     if where.table.start <= first < where.table.stop:
         k = first - where.table.start
         return max(float(zeros.usual()[k]), float(found.per_letter[k]))
+    if first >= where.changes.start:
+        slides = zeros.robot.prismatic[zeros.changes[first - where.changes.start].joint - 1]
+        size = float(np.sqrt(found.weight @ found.transmission**2))
+        return START[bool(slides)] * max(size, 1 / BEYOND)
     if first == where.loose.start:
         return max(USUAL[1], float(found.roughness[1]), rms(zeros.rotation))
     return max(USUAL[0], float(found.roughness[0]))
@@ -329,7 +354,7 @@ def corrected(cell: Cell, data: Measured, found: Standing) -> tuple[Cell, Measur
         for facet in one.effect.facets:
             if isinstance(facet, Geometry) and one.effect.name == "gravity_sag":
                 q = facet.geometry(zeros.robot, data.pulls, one.value)
-    pulls = replace(data.pulls, q=q)
+    pulls = zeros.as_changed(replace(data.pulls, q=q), x)
     turn = x[zeros.columns.loose]
     for effect in base_rotation.effects(cell.robot):
         loaded = load(replace(cell, effects=(effect,)), pulls, turn)

@@ -50,6 +50,25 @@ HELD = 1e-8
 
 
 @dataclass(frozen=True)
+class Change:
+    """A joint whose zero changed in mid-campaign.
+
+    Attributes:
+        joint: From 1.
+        before: Numbers of the poses before that.
+        since: Number of the first pose after it.
+    """
+
+    joint: int
+    before: tuple[int, ...]
+    since: int
+
+    def share(self, pulls: Pulls) -> Array:
+        """What one unit of it adds to the joint of each pull: the log is right since, (m,)."""
+        return -np.isin(pulls.pose, self.before).astype(float)
+
+
+@dataclass(frozen=True)
 class Columns:
     """Where the unknowns stand in their vector.
 
@@ -60,6 +79,7 @@ class Columns:
         table: Geometric parameters.
         loose: Turn of F_b beyond what is stated, or of the rail in it [rad].
         masses: Of the arm, in units of their usual sizes.
+        changes: Of joints' zeros in mid-campaign [m] or [rad].
     """
 
     shift: slice
@@ -68,11 +88,12 @@ class Columns:
     table: slice
     loose: slice
     masses: slice
+    changes: slice
 
     @property
     def count(self) -> int:
         """Number of unknowns."""
-        return int(self.masses.stop)
+        return int(self.changes.stop)
 
 
 @dataclass(frozen=True, eq=False)
@@ -99,6 +120,7 @@ class Unloaded(Locked):
         turned: Covariance of the rotation of each pose at the radius of the targets [m^2], shape
             (p, 3, 3), where all targets of a pose were computed from one 6D pose, in place of which
             its position, of covariance `cov`, and its rotation are read; else None.
+        changes: Joints whose zeros may have changed in mid-campaign.
     """
 
     robot: Robot
@@ -115,6 +137,7 @@ class Unloaded(Locked):
     place: Array = field(default_factory=lambda: np.zeros(3))
     misshapen: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     turned: Array | None = None
+    changes: tuple[Change, ...] = ()
 
     @cached_property
     def letters(self) -> tuple[Letter, ...]:
@@ -130,7 +153,7 @@ class Unloaded(Locked):
     def columns(self) -> Columns:
         """Where the unknowns stand."""
         masses = len(self.sag.parameters) if self.sag else 0
-        sizes = (3, 3, 3 * len(self.tool.points), len(self.letters), 3, masses)
+        sizes = (3, 3, 3 * len(self.tool.points), len(self.letters), 3, masses, len(self.changes))
         ends = np.cumsum([0, *sizes]).tolist()
         return Columns(*(slice(a, b) for a, b in pairwise(ends)))
 
@@ -184,11 +207,22 @@ class Unloaded(Locked):
         Args:
             x: The unknowns, shape (K,).
         """
-        robot = changed(self.robot, self.letters, x[self.columns.table])
-        if self.sag is None or not x[self.columns.masses].any():
-            return robot, self.pulls
-        q = self.sag.geometry(self.robot, self.pulls, self.masses(x))
-        return robot, replace(self.pulls, q=q)
+        robot, pulls = changed(self.robot, self.letters, x[self.columns.table]), self.pulls
+        if self.sag is not None and x[self.columns.masses].any():
+            pulls = replace(pulls, q=self.sag.geometry(self.robot, pulls, self.masses(x)))
+        return robot, self.as_changed(pulls, x)
+
+    def as_changed(self, pulls: Pulls, x: Array) -> Pulls:
+        """Pulls of this campaign with the joints where changes of their zeros put them.
+
+        Args:
+            pulls: As the log has them, or as the arm's weight has them.
+            x: The unknowns, shape (K,).
+        """
+        q = pulls.q.copy()
+        for one, size in zip(self.changes, x[self.columns.changes], strict=True):
+            q[:, one.joint - 1] += size * one.share(pulls)
+        return replace(pulls, q=q) if self.changes else pulls
 
     def base_turn(self, x: Array) -> Array:
         """Turn of F_b against the base reflectors [rad], shape (3,)."""
@@ -213,6 +247,8 @@ class Unloaded(Locked):
         D[:, :, where.table] = R @ reach(twists(here, self.letters), p[:, None])[:, :3]
         if self.sag is not None:
             D[:, :, where.masses] = Z @ self._sagging()
+        for k, one in enumerate(self.changes, where.changes.start):
+            D[:, :, k] = Z[:, :, one.joint - 1] * one.share(self.pulls)[:, None]
         y = self.at - stands + D @ x
         if self.turned is not None:
             y, D, Z = self._in_poses(y[..., None])[..., 0], self._in_poses(D), self._in_poses(Z)

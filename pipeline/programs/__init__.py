@@ -2,8 +2,10 @@
 
 Their targets (`program.py`), how controllers write poses (`notation.py`), where the robot stands at
 them (`aim.py`, `inverse.py`), and one file per language. The offsets are `prediction`'s.
+A table of joint values is a path as well, of which `predict` says where the targets stand.
 
-Door: `programs.command:compensate`; `programs.judged:read`, the path that [tolerance] names.
+Door: `programs.command:compensate`, `programs.predict:predict`; `programs.judged:read`, the path
+that [tolerance] names.
 Tests: `tests/programs/`.
 """
 

@@ -14,11 +14,10 @@ from pipeline.base import toml
 from pipeline.base.arrays import Array, Parameter
 from pipeline.base.errors import UsageError
 from pipeline.base.strict import STANDARD_GRAVITY
-from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import SHIPPED, Robot
 from pipeline.machine.robot import load as load_robot
+from pipeline.machine.robot.axes import in_log_units, shown
 from pipeline.machine.robot.axes import of as axes_of
-from pipeline.machine.robot.axes import shown
 from pipeline.machine.surroundings import tooled
 from pipeline.readers import Readings, catalogue, text_of, writers
 from pipeline.simulate.blunders import Notebook, controller_axes

@@ -15,6 +15,7 @@ from pipeline.design import problem
 from pipeline.design import spec as specs
 from pipeline.design.command import write
 from pipeline.design.control import controls
+from pipeline.design.curves import by_anchor
 from pipeline.design.discriminate import APART, _covariance, lens, rows, sights
 from pipeline.design.information import information, station
 from pipeline.design.known import information_of
@@ -358,6 +359,18 @@ def test_the_sheet_says_which_readings_nobody_controls(proposal, readings):
     assert len(section.blocks[1].rows) == 10
     assert [one.r for one in readings] == sorted(one.r for one in readings)
     assert f"pose {worst.pose}" in section.blocks[0].text
+
+
+def test_each_place_of_the_anchor_is_searched_as_if_alone(proposal):
+    """All are searched together; the anchor stays where it is, and poses anew are no worse."""
+    both, alone = (
+        by_anchor(proposal.problem, proposal.plan, np.array(at), 1, starts=1)
+        for at in ([1.5, 3.0], [1.5])
+    )
+
+    assert both.figure[0] == pytest.approx(alone.figure[0], rel=1e-6)
+    assert both.fixed_poses[0] == pytest.approx(alone.fixed_poses[0], rel=1e-12)
+    assert (both.figure <= both.fixed_poses * 1.001).all()
 
 
 @pytest.fixture(scope="module")

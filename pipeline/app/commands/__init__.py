@@ -54,7 +54,7 @@ COMMANDS = {
         "Choose the poses to measure, with a measurement sheet.",
     ),
     "predict": Command(
-        "pipeline.app.commands.predict:predict",
+        "pipeline.programs.predict:predict",
         "Predict the positions of targets at given joint values.",
     ),
     "query": Command(

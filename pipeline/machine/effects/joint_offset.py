@@ -1,5 +1,7 @@
 """A joint's zero is off: the true joint value is q_j + d_j, not that of the log."""
 
+from dataclasses import replace
+
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
@@ -30,5 +32,30 @@ def _effect(robot: Robot, joint: int) -> Geometry:
         "the displacements hardly show it",
         needs="the unloaded absolute positions, in F_b, with the tool's coordinates known",
         source="derivative of Eqs. (2), (4) by q_j; 1 mrad, 1 mm before a geometric calibration",
+        geometry=geometry,
+    )
+
+
+def since(robot: Robot, joint: int, before: tuple[int, ...], pose: int) -> Geometry:
+    """The zero of a joint that changed in mid-campaign, the log being right since then.
+
+    Args:
+        robot: The robot.
+        joint: Which, from 1.
+        before: Numbers of the poses before.
+        pose: Number of the first pose after it.
+    """
+    usual = _effect(robot, joint)
+
+    def geometry(robot: Robot, pulls: Pulls, values: Array) -> Array:
+        share = np.isin(pulls.pose, before)[:, None]
+        return np.asarray(pulls.q - values[0] * share * np.eye(robot.n)[joint - 1])
+
+    return replace(
+        usual,
+        noun=f"zero that changed at pose {pose}",
+        form=f"since pose {pose}",
+        signature=f"before pose {pose} the unloaded reflectors stand off as joint {joint} would "
+        "move them, since then they do not; the displacements hardly show it",
         geometry=geometry,
     )

@@ -10,9 +10,8 @@ import sys
 import threading
 import time
 from collections.abc import Iterator
-from typing import TextIO
 
-from pipeline.base.shown import lines
+from pipeline.base.shown import say
 
 PYTHON = (sys.executable, "-P", "-m")
 """Runs a module of ours; never one that lies in the current folder, where anybody may write."""
@@ -85,14 +84,6 @@ def sheltered(end: int) -> Iterator[None]:
         signal.pthread_sigmask(signal.SIG_UNBLOCK, {signal.SIGINT})
     if asked.is_set():
         raise KeyboardInterrupt
-
-
-def say(line: str, screen: TextIO | None = None) -> None:
-    """One line on stdout or `screen`; a log on a full disk misses some, and that stops nothing."""
-    screen = screen or sys.stdout
-    with contextlib.suppress(OSError):
-        screen.write(f"{lines(line)}\n")
-        screen.flush()
 
 
 def log(line: str) -> None:

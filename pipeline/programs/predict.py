@@ -57,8 +57,8 @@ def predicted(root: Path, name: str, file: Path, model: Of = Of.RECOMMENDED) -> 
     import numpy as np
 
     from pipeline.prediction import standing
-    from pipeline.prediction.asked import as_csv, asked, under_pulls
     from pipeline.prediction.model import Model
+    from pipeline.programs.asked import as_csv, asked, under_pulls
     from pipeline.store import campaign as campaigns
 
     reports = campaigns.find(root, name).reports

@@ -2,7 +2,7 @@
 
 import datetime
 
-from pipeline.base import processes
+from pipeline.service import processes
 
 
 def test_a_line_of_a_service_has_its_time(capsys):

@@ -1,0 +1,126 @@
+"""A zero that changed in mid-campaign: planted in the joint log, which is all that changes."""
+
+from dataclasses import replace
+from functools import cache
+
+import numpy as np
+import pytest
+from small_case import asked, small
+
+from pipeline.answer.contract import Which
+from pipeline.diagnosis.unloaded_geometry import corrected, standing
+from pipeline.machine.effects import catalogue
+from pipeline.run import answered
+from pipeline.simulate import Plan, simulate
+from pipeline.store.campaign import in_memory
+
+
+@cache
+def clean(seed, count=12, hidden=()):
+    return small(seed, poses={"count": count}, hidden={"effects": list(hidden)})
+
+
+def relogged(case, joint, pose, size):
+    """Before a pose the log says `size` more than the robot stands at; since then it is right."""
+    column = case.joint_columns[joint - 1]
+    off = np.where(case.joints["pose"] < pose, size, 0.0)
+    return replace(case, joints=case.joints.assign(**{column: case.joints[column] + off}))
+
+
+def stood(case):
+    made = asked(case)
+    return made, standing(made.cell, made.reduced.data, 1.0, catalogue(case.robot))
+
+
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize(
+    ("seed", "joint", "pose", "size"),
+    [(3, 3, 7, 1.5e-3), (4, 4, 5, -1e-3), (5, 2, 9, 2e-3), (6, 6, 6, -3e-3), (3, 5, 4, 1e-3)],
+)
+def test_a_changed_zero_is_named_with_joint_pose_and_size(seed, joint, pose, size):
+    """Alone; left-out poses stand where it puts them, and the log of the poses before is moved."""
+    made, found = stood(relogged(clean(seed), joint, pose, size))
+
+    (one,) = found.causes
+    assert (one.effect.name, one.effect.where) == ("joint_offset", joint)
+    assert one.effect.form == f"since pose {pose}"
+    assert one.value[0] == pytest.approx(size, abs=4 * one.std[0])
+    assert one.std[0] < abs(size) / 5
+    assert found.believed
+    assert found.gain.ci95[0] > 0
+    data = made.reduced.data
+    moved = corrected(made.cell, data, found)[1].pulls.q - data.pulls.q
+    before = data.pulls.pose < pose
+    assert moved[before, joint - 1] == pytest.approx(-one.value[0])
+    moved[before, joint - 1] = 0.0
+    assert np.abs(moved).max() < 1e-9
+
+
+@pytest.mark.sampled(3)
+@pytest.mark.parametrize("seed", range(12))
+def test_no_zero_changed_in_a_clean_campaign(seed):
+    """Nor in one whose table has a wrong zero from its beginning."""
+    hidden = () if seed % 2 else ("joint_offset:3=2x",)
+    _, found = stood(clean(seed, hidden=hidden))
+    assert [one.effect.label for one in found.causes] == [one.split("=")[0] for one in hidden]
+    assert all(not one.effect.form for one in found.causes)
+
+
+def test_a_changed_zero_is_found_beside_one_that_was_wrong_from_the_beginning():
+    """Both by name: the table's entry, and the change."""
+    case = relogged(clean(3, hidden=("joint_offset:3=4x",)), 5, 6, 2e-3)
+    _, found = stood(case)
+    said = {(one.effect.where, one.effect.form) for one in found.causes}
+    assert said == {(3, ""), (5, "since pose 6")}
+
+
+def test_a_zero_that_is_wrong_since_it_changed_is_both():
+    """The table's entry is wrong as the robot stands now, and was right before."""
+    before = relogged(clean(3), 3, 7, 2e-3)
+    column = before.joint_columns[2]
+    case = replace(before, joints=before.joints.assign(**{column: before.joints[column] - 2e-3}))
+    _, found = stood(case)
+    assert {one.effect.form for one in found.causes} == {"", "since pose 7"}
+    assert [one.value[0] for one in found.causes] == pytest.approx([2e-3, 2e-3], abs=1e-4)
+
+
+def test_the_order_of_time_counts_and_not_that_of_numbers():
+    """Poses numbered the other way round: those that were read later are those after it."""
+    case = clean(4)
+    late = relogged(case, 3, 7, 2e-3)  # reads: from its seventh pose on the log is right
+
+    def turned(table):
+        return table.assign(pose=13 - table["pose"])
+
+    renumbered = replace(
+        late,
+        readings=turned(late.readings),
+        joints=turned(late.joints).sort_values("pose", ignore_index=True),
+        loads=turned(late.loads),
+    )
+    (one,) = stood(renumbered)[1].causes
+    assert one.effect.form == "since pose 6"
+    assert one.value[0] == pytest.approx(2e-3, abs=4 * one.std[0])
+
+
+def test_a_campaign_in_which_a_joint_was_mastered_anew_is_explained():
+    """From its files: the joint log is written with another zero up to pose 7."""
+    plan = Plan(name="anew", seed=11, poses={"count": 12}, pulls={"steps_n": [1500.0, 3000.0]})
+    files = dict(simulate(plan).files)
+    head, *rows = files["joints.csv"].decode().splitlines()
+    column = head.split(",").index(next(one for one in head.split(",") if "theta4" in one))
+    out = [head]
+    for row in rows:
+        cells = row.split(",")
+        if int(cells[0]) < 8:
+            cells[column] = f"{float(cells[column]) + np.degrees(1.5e-3):.6f}"
+        out.append(",".join(cells))
+    files["joints.csv"] = ("\n".join(out) + "\n").encode()
+
+    said = answered("anew", in_memory(files)).answer
+
+    assert str(said.diagnosis.verdict) == "explained"
+    (one,) = [cause for cause in said.diagnosis.causes if cause.name == "joint_offset"]
+    assert (one.where, one.form) == (4, "since pose 8")
+    assert "changed at pose 8" in " ".join(said.verdict_sentence)
+    assert said.recommended.model in {Which.EXTENDED, Which.JOINT_SPRINGS}
