@@ -1051,6 +1051,19 @@ end
 
 READERS = {"src": (of_kuka, K), "mod": (of_abb, R), "ls": (of_fanuc, T), "script": (of_ur, U)}
 EVERY = [(end, name) for end, (_, own) in READERS.items() for name in own]
+ITSELF = {
+    ("ls", "offsets"): (" Offset,PR", "Tool_Offset", "FINE Offset  "),
+    ("ls", "incremental_and_skip"): ("INC  ", "COORD", "RTCP"),
+    ("ls", "weave_track_touch"): ("FINE VOFFSET", "Track TAST", "Touch Offset"),
+    ("ls", "indirect"): ("P[R[1]]", "PR[3]", "PR[R[2]]"),
+    ("mod", "other_motion_words"): ("ArcL", "MoveExtJ", "SpotML", "CSSDeactMoveL"),
+    ("mod", "functions_of_targets"): ("Offs(", "RelTool(", "CRobT", "MirPos", "CalcJointT"),
+    ("src", "geometric_operator"): (":{X 0,Y 0,Z 50", "$POS_ACT"),
+    ("src", "asynchronous_and_trigger"): ("ASYPTP",),
+    ("script", "servo_and_others"): ("speedl", "optimovel", "optimovej", "tool_contact_move"),
+    ("script", "composed"): ("pose_trans", "pose_add"),
+}
+"""Motions that are listed by their own line: what is said of their point is not enough."""
 
 
 def names(program):
@@ -1084,6 +1097,20 @@ def test_no_motion_is_lost_and_no_unknown_point_is_moved(end, name):
             assert there, f"line {number}: {line}"
         if any(one in line for one in never):
             assert number not in targets, f"line {number}: {line}"
+
+
+@pytest.mark.parametrize(("end", "name"), ITSELF)
+def test_a_motion_that_is_not_as_taught_is_listed_by_its_own_line(end, name):
+    """An offset, a function or an unknown word moves the robot elsewhere than to the point."""
+    reader, own = READERS[end]
+    body, *_ = own[name]
+    program = reader.read(f"{name}.{end}", letters(f"{name}.{end}", body.encode()), None)
+    listed = {one.line for one in program.left}
+
+    for word in ITSELF[end, name]:
+        lines = [k for k, line in enumerate(body.split("\n"), 1) if word in line]
+        assert lines
+        assert set(lines) <= listed, word
 
 
 def test_every_language_has_more_than_ten():
