@@ -14,9 +14,10 @@ import numpy as np
 import xlsxwriter
 
 from pipeline.base.arrays import Array
+from pipeline.base.quantities import MM
 from pipeline.design.language import Say
 from pipeline.design.made import printed
-from pipeline.design.plan_sheet import MM, expected, turnings
+from pipeline.design.plan_sheet import expected, turnings
 from pipeline.design.propose import Proposal
 from pipeline.machine.effect import branches
 from pipeline.machine.robot import axes

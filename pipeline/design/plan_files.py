@@ -6,12 +6,13 @@ from dataclasses import replace
 
 import numpy as np
 
+from pipeline.base.quantities import MM
 from pipeline.design.control import controls
 from pipeline.design.curves import ByAnchor, BySize, by_anchor, by_size
 from pipeline.design.language import Language, Say, said, spoken
 from pipeline.design.plan_book import book
 from pipeline.design.plan_figures import anchor_curve, pose_picture, sight_chart, size_curves
-from pipeline.design.plan_sheet import MM, Extras, sheet
+from pipeline.design.plan_sheet import Extras, sheet
 from pipeline.design.propose import Proposal
 from pipeline.report import words
 from pipeline.report.render import page, pdf
@@ -20,6 +21,7 @@ from pipeline.report.svg import Drawing
 _SIZES = (3, 4, 6, 12)
 """Numbers of poses and of readings of Table II."""
 _PLACES = 9
+"""Places of the anchor along an axis that the sheet shows."""
 
 
 def plan_files(
