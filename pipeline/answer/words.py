@@ -23,6 +23,7 @@ from pipeline.base.quantities import (
 from pipeline.diagnosis.average import LIKELY
 from pipeline.diagnosis.facts import ROUGH, Drift, Facts, FoundCause, PossibleCause
 from pipeline.diagnosis.finding import Finding
+from pipeline.diagnosis.joined import Excess
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.machine.effect import Effect, Table, in_place
 from pipeline.machine.effects.tracker_drift import GROUP_S, HOUR_S, PER_GROUP
@@ -452,6 +453,14 @@ def _predicts_nothing(facts: Facts) -> str:
 def _springs_disagree(facts: Facts) -> str:
     assert facts.agreement is not None
     held = facts.agreement
+    if held.elements.p < Excess(held.chi2, held.dof).p:
+        return (
+            f"Under the arm's own weight yields what does not so under the pulls "
+            f"({listed(list(held.held))}; chi-square {plain(held.elements.chi2, 3)} with "
+            f"{held.elements.dof} degrees of freedom): the weight acts on something that the model "
+            "lacks, a balancer or a law of the joint beside it. The stiffnesses are those of the "
+            "pulls alone."
+        )
     if held.common is not None:
         ratio, std = 1 / held.common.factor, held.common.std / held.common.factor**2
         why = (

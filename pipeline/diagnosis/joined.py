@@ -15,6 +15,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 import scipy.sparse
@@ -30,8 +31,23 @@ from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.assemble import POSITIONS, by_stance
 from pipeline.system.estimate import solve
-from pipeline.system.system import Errors, Rows, System
+from pipeline.system.system import Errors, Estimate, Rows, System
 from pipeline.system.whiten import whitener
+
+
+class Excess(NamedTuple):
+    """A chi-square with its degrees of freedom."""
+
+    chi2: float
+    dof: int
+
+    @property
+    def p(self) -> float:
+        """Chance of so much."""
+        return float(chi2_beyond(self.chi2, self.dof)) if self.dof else 1.0
+
+
+_NOTHING = Excess(0.0, 0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,6 +64,8 @@ class Agreement(Locked):
         common: The same where masses are stated, if nothing else parts the two; None where it does.
         table_p: Chance that the unloaded readings of the pulls are so far from where the positions
             have the robot.
+        elements: Squared difference of what yields beside the joints, under weight and under pulls.
+        held: What that is.
     """
 
     chi2: float
@@ -57,6 +75,8 @@ class Agreement(Locked):
     factor: float | None
     common: CommonSoftness | None = None
     table_p: float = 1.0
+    elements: Excess = _NOTHING
+    held: tuple[str, ...] = ()
 
     @property
     def most(self) -> tuple[int, float]:
@@ -67,8 +87,9 @@ class Agreement(Locked):
 
     @property
     def p(self) -> float:
-        """Chance of so much difference."""
-        return float(chi2_beyond(self.chi2, self.dof)) if self.dof else 1.0
+        """Chance of so much difference in springs or in elements, the rarer of the two."""
+        springs = Excess(self.chi2, self.dof).p
+        return min(2 * min(springs, self.elements.p), 1.0) if self.elements.dof else springs
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,15 +100,15 @@ class Joined(Locked):
         hypothesis: Springs, causes, and elements that yield under the weight.
         value: Springs and elements as a stance has them, and errors of table and points, (s,).
         cov: Their covariance, shape (s, s).
-        chi2: By how much more the rows of the springs leave.
-        dof: How many of them are told twice.
+        springs: What the rows of the springs leave more.
+        elements: The same of the rows of the elements, without those.
     """
 
     hypothesis: Hypothesis
     value: Array
     cov: Array
-    chi2: float
-    dof: int
+    springs: Excess
+    elements: Excess
 
 
 def joined(one: Hypothesis, data: Measured, usual: Array | None = None) -> Joined:
@@ -105,8 +126,11 @@ def joined(one: Hypothesis, data: Measured, usual: Array | None = None) -> Joine
     start = np.append(one.estimate.value, stance.yields)
     found = solve(system, start)
     told = np.zeros(len(system.rows), dtype=bool)
-    told[np.flatnonzero(system.rows.pull < 0)[: len(stance.told)]] = stance.told
+    below = np.flatnonzero(system.rows.pull < 0)[: stance.springs]
+    told[below[: len(stance.told)]] = stance.told
     less = solve(system.part(~told), start)
+    told[below[len(stance.told) :]] = True
+    least = solve(system.part(~told), start) if stance.held else less
     M = int((system.rows.pull >= 0).sum())
     estimate = replace(
         found,
@@ -119,7 +143,12 @@ def joined(one: Hypothesis, data: Measured, usual: Array | None = None) -> Joine
     whole = replace(cell, held=stance.weighs, effects=(*cell.effects, *stance.held))
     now = replace(one, cell=whole, system=system, estimate=estimate, ratio=1.0, sized=None)
     value, cov = _of_stance(system, stance, k)
-    return Joined(now, value, cov, found.chi2 - less.chi2, found.dof - less.dof)
+    return Joined(now, value, cov, _more(found, less), _more(less, least))
+
+
+def _more(one: Estimate, less: Estimate) -> Excess:
+    """What some rows leave more than without others."""
+    return Excess(max(one.chi2 - less.chi2, 0.0), max(one.dof - less.dof, 0))
 
 
 def agreement(one: Hypothesis, beside: Joined, stance: Stance, lighter: float) -> Agreement:
@@ -140,12 +169,14 @@ def agreement(one: Hypothesis, beside: Joined, stance: Stance, lighter: float) -
     common = None if shared else stance.common(only, cov, one.estimate.identifiable[:n])
     fits = common is not None and chi2_beyond(common.chi2, common.dof) >= alarms.MISFIT
     return Agreement(
-        chi2=max(beside.chi2, 0.0),
-        dof=max(beside.dof - shared, 0),
+        chi2=beside.springs.chi2,
+        dof=max(beside.springs.dof - shared, 0),
         weight=weight,
         pulls=pulls,
         factor=lighter if shared else None,
         common=common if fits else None,
+        elements=beside.elements,
+        held=tuple(one.called for one in stance.held),
     )
 
 

@@ -11,7 +11,14 @@ import scipy.linalg
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.tails import chi2_beyond
-from pipeline.geometry.estimate import between_knots, padded, precision, rows, softened
+from pipeline.geometry.estimate import (
+    HELD,
+    between_knots,
+    padded,
+    precision,
+    rows,
+    softened,
+)
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import (
     ArmWeights,
@@ -207,8 +214,8 @@ def beside_pulls(found: Identified, known: Stance, value: Array, cov: Array) -> 
 
     linearised anew where that leads, as a weight and the spring that it turns are a product.
 
-    The whole model has the masses of the file, and springs as soft as these make them: of those
-    the pulls say as much less as masses are uncertain (M, `by_masses`), (1 + N M)^-1 N.
+    Masses that the robot file states are then parameters, too, known as `by_masses` has them:
+    the readings know sag, the pulls springs, and what that leaves for the masses follows.
 
     Args:
         found: The estimate from the positions alone, of an arm of the weight that pulls tell.
@@ -216,6 +223,7 @@ def beside_pulls(found: Identified, known: Stance, value: Array, cov: Array) -> 
         value: z, springs and elements, and errors of letters and points, shape (s,).
         cov: Their covariance C_z, shape (s, s).
     """
+    found = _doubted(found)
     there, where = found.mechanism, layout(found.mechanism)
     targets, places = found.readings.targets.tolist(), list(_places(there))
     held = [k for one in known.held for k in places[there.elements.index(one)]]
@@ -228,8 +236,30 @@ def beside_pulls(found: Identified, known: Stance, value: Array, cov: Array) -> 
     z0 = np.concatenate([known.compliance, known.yields, zero]) / size
     now = np.concatenate([(T @ there.at(where))[: known.springs], zero])  # letters count from here
     said = after @ (value / size) - before @ z0 - N @ now
-    less = linear.solve(np.eye(len(T)) + N @ T @ by_masses(found) @ T.T, np.column_stack([N, said]))
-    return _with(found, T.T @ less[:, :-1] @ T, T.T @ less[:, -1])
+    return _with(found, T.T @ N @ T, T.T @ said)
+
+
+def _doubted(found: Identified) -> Identified:
+    """The same with masses of the robot file as parameters that are known as well as files know."""
+    there = found.mechanism
+    if there.unknown or not there.moments.any():
+        return found
+    loose, known = replace(there, unknown=True), found.known
+    at, last = layout(loose), layout(there).moments.start
+    std = np.maximum(_MASSES * np.abs(there.moments.ravel()), HELD)
+    known = replace(
+        known,
+        mean=np.insert(known.mean, last, there.moments.ravel()),
+        std=np.insert(known.std, last, std),
+        most=np.insert(known.most, last, std),
+        groups=tuple(
+            slice(one.start + at.moments.stop - last, one.stop + at.moments.stop - last)
+            if one.start >= last
+            else one
+            for one in known.groups
+        ),
+    )
+    return _about(replace(found, known=known), loose, np.zeros((at.size, at.size)))
 
 
 def _with(found: Identified, N: Array, said: Array) -> Identified:
