@@ -54,7 +54,7 @@ def test_a_tracker_of_its_data_sheet_has_no_tails(world):
 def test_tails_are_seen_beside_the_beam(world, tailed):
     """Readings of such a tracker that scatter with tails or in bursts are known from others."""
     found = fitted(world)
-    springs = Model(found.case.cell, found.estimate.value, found.case.robot.n)
+    springs = CurrentModel(found.case.cell, found.estimate.value, found.case.robot.n)
 
     seen = shape(linearise(springs, found.plain, ()), ())
 
