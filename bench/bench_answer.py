@@ -37,8 +37,8 @@ from pipeline.answer.contract import Stiffness
 from pipeline.answer.history import Change, changes
 from pipeline.base import files
 from pipeline.base.arrays import Array
-from pipeline.base.executor import Processes
 from pipeline.machine.robot import Robot, load
+from pipeline.service.executor import Processes
 from pipeline.simulate.blunders import INCH_M, KGF_N
 from pipeline.store.campaign import code_version
 

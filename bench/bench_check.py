@@ -17,8 +17,8 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.app.wrong_lines import wrong_lines
 from pipeline.base import toml
+from pipeline.check.wrong_lines import wrong_lines
 from pipeline.machine.robot import SHIPPED
 from pipeline.simulate import Plan, simulate
 from pipeline.simulate.plan import BASE, TOOL

@@ -7,11 +7,11 @@ each time and go through raw files and every stage, as a real campaign does.
 import numpy as np
 from scipy import stats
 
-from pipeline.base.executor import Processes, in_order
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
 from pipeline.run import reduce, tool
+from pipeline.service.executor import Processes, in_order
 from pipeline.simulate import Plan, build, draw, raw_files, revised
 from pipeline.store.campaign import in_memory
 from pipeline.system.estimate import identify

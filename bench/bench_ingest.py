@@ -10,11 +10,13 @@ import pyarrow as pa
 from pyarrow import csv
 
 from pipeline import readers
-from pipeline.readers import READERS
+from pipeline.readers import catalogue
 from pipeline.reduction.bring import conformed, plain, to_displacements
 from pipeline.run import ingested, reduce
 from pipeline.simulate import Plan
 from pipeline.store.campaign import Raw, in_memory
+
+READERS = catalogue()
 
 POSES, PULLS = 10_000, 19
 TARGETS = ("P1", "P2", "P3", "Pl1", "Pl2")

@@ -18,7 +18,7 @@ from dataclasses import asdict, dataclass
 from pathlib import Path
 
 from pipeline.app.shell import run_all
-from pipeline.base.executor import Processes
+from pipeline.service.executor import Processes
 from pipeline.store.campaign import code_version
 
 PROJECT = Path(__file__).parents[1]

@@ -12,9 +12,9 @@ from pathlib import Path
 import numpy as np
 
 from pipeline.base import files
-from pipeline.base.processes import PYTHON
 from pipeline.service import server as service
 from pipeline.service import supervisor
+from pipeline.service.processes import PYTHON
 from pipeline.simulate import Plan, simulate
 
 KILLS = 100

@@ -14,13 +14,13 @@ import numpy as np
 from scipy import stats
 
 from bench.bench_screening import INSTRUMENT, plan
-from pipeline.base.executor import Processes, in_order
 from pipeline.faults.reading import Readings, shifted_readings
 from pipeline.faults.screen import screen
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 from pipeline.run import ingested
+from pipeline.service.executor import Processes, in_order
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.estimate import identify

@@ -9,12 +9,12 @@ from collections.abc import Iterable
 
 import numpy as np
 
-from pipeline.base.executor import Processes, in_order
 from pipeline.faults.screen import screen
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
+from pipeline.service.executor import Processes, in_order
 from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 

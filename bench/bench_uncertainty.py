@@ -12,10 +12,10 @@ from pathlib import Path
 
 import numpy as np
 
-from pipeline.base.executor import Processes, in_order
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
+from pipeline.service.executor import Processes, in_order
 from pipeline.simulate import build, draw, parse, raw_files, revised, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.budget import budget

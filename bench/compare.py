@@ -39,9 +39,9 @@ from bench.bench_screening import plan as plan_of
 from bench.league.hidden import SECRETS
 from bench.league.play import drawn, play
 from bench.league.run import Fixture, League, _sizes, fixtures, largest
-from pipeline.base.executor import Processes
 from pipeline.machine.robot import load
 from pipeline.run import answered
+from pipeline.service.executor import Processes
 from pipeline.simulate import revised, simulate
 from pipeline.simulate.blunders import UNITS
 from pipeline.store.campaign import dump, find, in_memory

@@ -19,6 +19,7 @@ from pipeline.answer.both import Both
 from pipeline.answer.contract import Answer, Which
 from pipeline.answer.findings import Findings
 from pipeline.answer.kept import kept, predicted
+from pipeline.answer.positions import Positions
 from pipeline.answer.recommended import (
     Basis,
     beside_positions,
@@ -31,13 +32,13 @@ from pipeline.answer.recommended import (
 from pipeline.answer.reliability import control
 from pipeline.answer.standing import identified as positions
 from pipeline.answer.standing import stood
+from pipeline.base import doors
 from pipeline.base.errors import InputError, at
 from pipeline.diagnosis.settle import settle
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
 from pipeline.machine.robot import Robot
-from pipeline.prediction import handover
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import Model, dumps
 from pipeline.prediction.tolerance import Shown, asked, judge
 from pipeline.reduction.bring import Keep, Reduced, Step, bring, conformed, plain
 from pipeline.reduction.case import Case
@@ -45,12 +46,13 @@ from pipeline.reduction.case import tool as tool
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.stations import one_station
-from pipeline.report import workbook
 from pipeline.report.render import render
 from pipeline.store.campaign import Campaign, Raw, dump
 from pipeline.system.fit import fit
 from pipeline.system.one_pose import as_measured
 
+_FOR_OTHERS = "pipeline.exchange.files:files"
+"""A workbook, and the robot for simulators."""
 _LAST_RESORT = "campaign.toml"
 """Named in what rejects an input for reasons that stand in no one file."""
 
@@ -136,11 +138,12 @@ def _compute(campaign: Campaign, raw: Raw, step: Step) -> Answer:
     found = answered(campaign.name, raw, campaign.keep, step)
     run_time_s = time.perf_counter() - began
     before = archive.earlier(campaign, found.answer)
+    for_others = doors.found(_FOR_OTHERS)
     answers = {
         "result.json": dump(found.answer.as_json()),
-        **handover.files(found.model),
+        "model.toml": dumps(found.model).encode(),
         **found.files,
-        **workbook.files(found.answer, found.shown),
+        **(for_others(found.answer, found.shown, found.model) if for_others else {}),
     }
     wear = archive.together(found.answer, campaign.root)  # as known before this campaign
     pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers), wear)
@@ -175,20 +178,16 @@ class Answered:
 def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) -> Answered:
     """To stiffnesses and what is wrong with data or model."""
     with raw.placing():
-        return _answered(name, raw, keep, step)
+        read = None if raw.settings.positions is None else positions(name, raw, keep, step)
+        if read is None or not raw.settings.of_positions:
+            return _of_pulls(name, raw, read, keep, step)
+        end = stood(read, keep, step)
+        return Answered(end.answer, end.shown, end.model, end.files)
 
 
-def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
-    read = None
-    if raw.settings.positions is not None:
-        read = positions(name, raw, keep, step)
-        if raw.settings.of_positions:
-            end = stood(read, keep, step)
-            return Answered(end.answer, end.shown, end.model, end.files)
-    raw.settings.within_reach(raw.files[_LAST_RESORT].decode("utf-8", "replace"))
-    case = ingested(raw, keep, step, plausible=False)
-    both = None if read is None else Both.of(case, read, step)
-    case = case if both is None else both.case
+def _of_pulls(name: str, raw: Raw, read: Positions | None, keep: Keep, step: Step) -> Answered:
+    """Of a campaign of pulls; beside what its positions say, where there are any."""
+    case, both = _joined(raw, read, keep, step)
     path = asked(raw.settings.tolerance, raw.files, case.robot, case.tool)
     case, reduced, pose = step(as_measured)(case, bring(case, keep, step))
     _enough(reduced.data, raw.robot)
@@ -208,14 +207,12 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
     if both is not None and both.agrees:
         values = step(beside_positions)(alone)
     told = predicted(values.model(name, word, row), values, where, step)
-    if both is not None or row.model != Which.JOINT_SPRINGS or stands is not given:
-        springs = joint_springs(given if both is None else both.given(step))
+    paper, delivered = told, given if both is None else both.given(step)
+    if row.model != Which.JOINT_SPRINGS or stands is not delivered:
+        springs = joint_springs(delivered)
         paper = predicted(springs.model(name, word, row), springs, where, step)
-    else:
-        paper = told
     controls, carried = step(control)(alone, where)
     shown_m = Shown(told.model.held_out_m, right.data.pulls.range_n[1])
-    most_m = 1e-3 * raw.settings.tolerance.deflection_mm if raw.settings.tolerance else np.inf
     found = Findings(
         campaign=name,
         raw=raw,
@@ -230,7 +227,7 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
         where=where,
         control=controls,
         carried=carried,
-        judged=step(judge)(told.model, where.q, where.force, shown_m, path, most_m),
+        judged=step(judge)(told.model, where.q, where.force, shown_m, path, _most_m(raw)),
         one_pose=pose,
     )
     shown = {**right.reduced.shown, "rejected": case.rejected, **kept(found, keep, step)}
@@ -238,6 +235,22 @@ def _answered(name: str, raw: Raw, keep: Keep, step: Step) -> Answered:
         return Answered(answer_of(found), shown, told.model)
     shown |= both.shown(shown, keep)
     return Answered(both.answer(found, answer_of(found)), shown, told.model, both.files)
+
+
+def _joined(raw: Raw, read: Positions | None, keep: Keep, step: Step) -> tuple[Case, Both | None]:
+    """A campaign's tables of pulls, and what they are beside positions where it has such, too."""
+    raw.settings.within_reach(raw.files[_LAST_RESORT].decode("utf-8", "replace"))
+    case = ingested(raw, keep, step, plausible=False)
+    if read is None:
+        return case, None
+    both = Both.of(case, read, step)
+    return both.case, both
+
+
+def _most_m(raw: Raw) -> float:
+    """The tolerance [m]; infinite where none is asked."""
+    asked_mm = np.inf if raw.settings.tolerance is None else raw.settings.tolerance.deflection_mm
+    return 1e-3 * asked_mm
 
 
 def _enough(data: Measured, robot: Robot) -> None:

@@ -50,6 +50,10 @@ class Checked:
             rows = [(names[c], a, b, r) for c, a, b, r in both]
         inside = [("flange", c["from"], c["to"], c["radius"]) for c in tool.get("capsules", [])]
         self.rows = rows + inside
+        self.radius = np.array([row[3] for row in self.rows])
+        self.own = np.array([row[1:3] for row in self.rows], float)  # ends, in their links' frames
+        self.shapes = [coal.Capsule(r, np.linalg.norm(b - a)) for (a, b), r in self.hulls()]
+        self.upright = np.array([upright(b - a) for (a, b), _ in self.hulls()])
         self.order = {"base": 0, **{j.name: k for k, j in enumerate(robot.joints, 1)}}
         self.order["flange"] = robot.n
         zero = np.clip(np.zeros(robot.n), robot.lower, robot.upper)
@@ -60,6 +64,7 @@ class Checked:
             if abs(one - other) > 1:
                 self.pairs.append((i, j))
         self.touching_at_zero = {p for p in self.pairs if self.apart(zero, p) <= 0}
+        self.watched = [one for one in self.pairs if one not in self.touching_at_zero]
 
     def frame(self, link):
         """Where a link is, once the pose is set."""
@@ -69,28 +74,42 @@ class Checked:
             return self.data.oMf[self.built.getFrameId("flange")]
         return self.data.oMi[self.built.getJointId(link)]
 
+    def hulls(self):
+        """Ends and radius of each capsule."""
+        return zip(self.own, self.radius, strict=True)
+
     def set(self, q):
-        """Stand in a pose."""
+        """Stand in a pose: `at` are both ends of every capsule in F_b, (k, 2, 3)."""
         pin.framesForwardKinematics(self.built, self.data, np.asarray(q, float))
+        frames = {link: self.frame(link) for link in {row[0] for row in self.rows}}
+        here = [frames[row[0]] for row in self.rows]
+        turned = np.array([one.rotation for one in here])
+        self.turned = turned @ self.upright
+        self.at = np.einsum("kij,kej->kei", turned, self.own)
+        self.at += np.array([one.translation for one in here])[:, None]
 
     def ends(self, k):
         """Both ends of a capsule in F_b."""
-        link, start, end, _ = self.rows[k]
-        return [self.frame(link).act(np.array(p, float)) for p in (start, end)]
+        return self.at[k]
 
     def shape(self, k):
         """A coal capsule with its transform."""
-        a, b = self.ends(k)
-        length = np.linalg.norm(b - a)
-        z = (b - a) / length if length > 0 else np.array([0.0, 0.0, 1.0])
-        x = np.cross(z, [1.0, 0, 0] if abs(z[0]) < 0.9 else [0, 1.0, 0])
-        x /= np.linalg.norm(x)
-        R = np.stack([x, np.cross(z, x), z], axis=1)
-        return coal.Capsule(self.rows[k][3], length), coal.Transform3s(R, (a + b) / 2)
+        return self.shapes[k], coal.Transform3s(self.turned[k], self.at[k].mean(axis=0))
 
     def apart(self, q, pair):
         """Distance of two capsules by coal, negative where they overlap."""
         self.set(q)
+        return self.between(pair)
+
+    def near(self, pairs):
+        """Pairs of which the balls around both capsules meet: only these can touch."""
+        i, j = np.array(pairs).T
+        half = np.linalg.norm(self.at[:, 1] - self.at[:, 0], axis=1) / 2 + self.radius
+        off = np.linalg.norm(self.at[i].mean(axis=1) - self.at[j].mean(axis=1), axis=1)
+        return [pair for pair, may in zip(pairs, off < half[i] + half[j], strict=True) if may]
+
+    def between(self, pair):
+        """The same of the pose that the robot stands in."""
         found = coal.DistanceResult()
         shapes = [one for k in pair for one in self.shape(k)]
         return coal.distance(*shapes, coal.DistanceRequest(), found)
@@ -149,8 +168,9 @@ class Checked:
         out = []
         for name in (n for n in self.tool if n not in ("acceptance", "capsules")):
             end = anchor if name == "load_point" else self.cell["tracker_m"]
-            for k, (link, *_, radius) in enumerate(self.rows):
-                p, e = self.point(name), np.array(end, float)
+            p, e = self.point(name), np.array(end, float)
+            for k in self._along(p, e):
+                link, *_, radius = self.rows[k]
                 own = self.order[link] == self.robot.n
                 if own and off_segment(p, *self.ends(k)) <= radius + 0.01905:
                     if digs_in(p, e, *self.ends(k)):
@@ -158,6 +178,15 @@ class Checked:
                 elif hit(p, e, *self.ends(k), radius - 1e-6):
                     out.append(f"line from {name} through {link}")
         return out
+
+    def _along(self, p, e):
+        """Capsules of which the ball around them is less than a reflector off the line."""
+        a, b = self.at[:, 0], self.at[:, 1]
+        middle = (a + b) / 2 - p
+        share = np.clip(middle @ (e - p) / ((e - p) @ (e - p)), 0, 1)
+        off = np.linalg.norm(middle - share[:, None] * (e - p), axis=1)
+        reach = np.linalg.norm(b - a, axis=1) / 2 + self.radius + 0.01905
+        return np.flatnonzero(off <= reach + 1e-6)
 
     def _low(self):
         floor = self.cell.get("floor_z_m")
@@ -171,6 +200,14 @@ class Checked:
         ]
         names = [n for n in self.tool if n not in ("acceptance", "capsules")]
         return low + [f"{n} in the floor" for n in names if self.point(n)[2] < floor]
+
+
+def upright(along):
+    """A rotation that takes z, the axis of coal's capsules, into this direction."""
+    z = along / np.linalg.norm(along) if along.any() else np.array([0.0, 0.0, 1.0])
+    x = np.cross(z, [1.0, 0, 0] if abs(z[0]) < 0.9 else [0, 1.0, 0])
+    x /= np.linalg.norm(x)
+    return np.stack([x, np.cross(z, x), z], axis=1)
 
 
 def off_segment(p, a, b):

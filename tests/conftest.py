@@ -6,9 +6,11 @@ import contextlib
 import signal
 from collections import defaultdict
 from collections.abc import Callable, Iterator
+from dataclasses import replace
 
 import pytest
 
+from pipeline.design.search import Effort
 from pipeline.reduction.bring import Reduced, conformed
 from pipeline.run import reduce
 from pipeline.simulate import Plan, RawCampaign, simulate
@@ -59,6 +61,29 @@ def without_pages() -> Iterator[None]:
     with pytest.MonkeyPatch.context() as patch:
         blank = {"index.html": b"", "report.pdf": b""}
         patch.setattr("pipeline.run.render", lambda *_: blank)
+        yield
+
+
+@contextlib.contextmanager
+def without_drawings() -> Iterator[None]:
+    """Runs in this process leave pages and PDFs whose pictures are blank.
+
+    Matplotlib takes three quarters of a report; who reads its words needs none of that.
+    """
+    from pipeline.report.svg import by_hand  # matplotlib imports for half a second
+
+    blank = by_hand('<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 1 1"/>')
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pipeline.report.figures.catalogue.draw", lambda *_: blank)
+        yield
+
+
+@contextlib.contextmanager
+def with_little_effort() -> Iterator[None]:
+    """`pipeline design` in this process finds a plan that keeps all limits, if not the best one."""
+    little = Effort(first=0, rounds=1, poses=48, settled=6, exchanged=2, bounds=2, directions=16)
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr("pipeline.design.search.Effort", lambda **said: replace(little, **said))
         yield
 
 

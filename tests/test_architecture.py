@@ -19,6 +19,9 @@ pytestmark = pytest.mark.xdist_group("architecture")  # every file is parsed onc
 PACKAGE = Path(__file__).parents[1] / "pipeline"
 PURE = (
     "machine",
+    "check",
+    "dialects",
+    "exchange",
     "programs",
     "readers",
     "reduction",
@@ -34,6 +37,7 @@ PURE = (
 )
 SPEAKING = (
     "command.py",
+    "predict.py",
     "plan_files.py",
     "plan_figures.py",
     "corrected.py",
@@ -198,6 +202,27 @@ OUTBUILDINGS = {
         "geometry.unloaded": "and unloaded poses by the table that they will determine",
         "programs.for_plan": "a plan is driven by a program, in the languages that are read there",
     },
+    "check": {
+        "app.commands._shared": _COMMAND,
+        "app.outcome": _COMMAND,
+        "store.campaign": _PLACES,
+        "run": "it reads a campaign as `run` does",
+        "readers": "what logs remark, and the words that an export may contradict",
+        "reduction": "it says what would be used of the readings",
+        "system.fit": "unloaded reflectors are held against the table as `run` does",
+        "geometry": "and positions against the robot",
+        "faults": "what is wrong is found by the same tests, so that `run` says the same",
+        "diagnosis": "and named by the same findings",
+        "answer": "and said in the same sentences",
+        "prediction": "the path of a tolerance is read, and its forces held against the pulls",
+    },
+    "dialects": {"readers": "a dialect is a reader over the readers' one table of rows"},
+    "exchange": {
+        "answer.nouns": _PAGES,
+        "answer.words": _PAGES,
+        "report": _PAGES,
+        "prediction.model": "the identified springs are what simulators are given",
+    },
     "fleet": {
         "app.commands._shared": _COMMAND,
         "app.outcome": _COMMAND,
@@ -213,7 +238,6 @@ OUTBUILDINGS = {
         "app.outcome": _COMMAND,
         "store.campaign": _PLACES,
         "readers": "it says what a reader will be told, and tries it",
-        "reduction._group_names": "how group names are read, which a campaign.toml then says",
         "reduction.settings": "it writes campaign.toml",
         "reduction.limits": "whether a robot can stand where a log says",
     },
@@ -224,6 +248,7 @@ OUTBUILDINGS = {
         "store.campaign": _PLACES,
         "prediction": "a program is a path of targets: aimed at and compensated as any other",
         "readers.logs": "a path is a table of joint values, as the log of a campaign is",
+        "readers.positions": "and so are the poses of which positions are predicted",
     },
     "service": {
         "app.commands._shared": _COMMAND,

@@ -12,12 +12,14 @@ import report_sample
 from pipeline import faults, readers
 from pipeline.faults import screen
 from pipeline.machine.robot import load
-from pipeline.readers import READERS, Hints
+from pipeline.readers import Hints
 from pipeline.readers._layout import Field
 from pipeline.report.figures import catalogue
 from pipeline.run import answered
 from pipeline.simulate import Plan, blunders, revised, simulate
 from pipeline.store.campaign import in_memory
+
+READERS = readers.catalogue()
 
 ROOT = Path(__file__).parents[1]
 GUIDES = ("CONTRIBUTING.md", "docs/add-an-effect.md", "docs/add-a-reader.md", "docs/add-a-robot.md")

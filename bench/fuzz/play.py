@@ -20,8 +20,9 @@ import pyarrow as pa
 
 from bench.fuzz.mutation import Files
 from pipeline.base.errors import InputError, PipelineError
+from pipeline.exchange.files import simulators
 from pipeline.machine.robot import Robot
-from pipeline.prediction import handover
+from pipeline.prediction.model import dumps
 from pipeline.reduction.bring import conformed
 from pipeline.report.render import render
 from pipeline.run import Answered, answered
@@ -229,7 +230,9 @@ def _read(played: Played, found: Answered, shown: bool) -> None:
     said.compliance = tuple(spring["compliance"] for spring in answer["stiffness"])
     said.std = tuple(spring["compliance_std"] for spring in answer["stiffness"])
     said.p_value = answer["fit"]["p_value"]
-    played.unreadable = tuple(_unreadable(handover.files(found.model)))
+    played.unreadable = tuple(
+        _unreadable({"model.toml": dumps(found.model).encode(), **simulators(found.model)})
+    )
     if shown:
         pages = render(found.answer, found.shown, 0.0, None)
         pages["index.html"].decode("utf-8")

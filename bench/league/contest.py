@@ -22,8 +22,8 @@ from bench.league.run import Fixture, League, Played, fixtures, played
 from pipeline.app.progress import Progress
 from pipeline.base import files
 from pipeline.base.errors import InputError, Interrupted
-from pipeline.base.executor import Executor
 from pipeline.machine.robot import load
+from pipeline.service.executor import Executor
 from pipeline.store.campaign import code_version
 
 LINE = TypeAdapter(Played)

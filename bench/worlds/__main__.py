@@ -9,7 +9,7 @@ import typer
 
 from pipeline.app import cli
 from pipeline.app.commands._shared import Jobs, On, Root, executor
-from pipeline.base.executor import Processes
+from pipeline.service.executor import Processes
 
 command = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
 

@@ -30,11 +30,11 @@ from pipeline.app.progress import Progress
 from pipeline.base import files
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, Interrupted, PipelineError
-from pipeline.base.executor import Executor
 from pipeline.diagnosis.isolability import twins
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
 from pipeline.run import answered
+from pipeline.service.executor import Executor
 from pipeline.store.campaign import in_memory
 
 SEEDS = Path(__file__).with_name("seeds.txt")

@@ -75,6 +75,7 @@ class Reason(StrEnum):
     RIVALS = "rivals"
     SPRINGS_UNTOUCHED = "springs_untouched"
     WEIGHED_ANEW = "weighed_anew"
+    SPRINGS_DISAGREE = "springs_disagree"
     UNEXPLAINED = "unexplained"
     MISTAKE = "mistake"
     MISTAKE_AND_TOO_SMALL = "mistake_and_too_small_to_name"
@@ -91,7 +92,11 @@ class Reason(StrEnum):
     @property
     def holds_for_its_readings(self) -> bool:
         """False where the values do not explain the readings: shown, not compared with others."""
-        return self not in (Reason.UNEXPLAINED, Reason.MISTAKE_AND_UNEXPLAINED)
+        return self not in (
+            Reason.UNEXPLAINED,
+            Reason.MISTAKE_AND_UNEXPLAINED,
+            Reason.SPRINGS_DISAGREE,
+        )
 
 
 class NoiseFrom(StrEnum):

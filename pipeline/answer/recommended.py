@@ -23,11 +23,11 @@ from pipeline.diagnosis.average import (
     weighed,
 )
 from pipeline.diagnosis.facts import Diagnosis, Facts
-from pipeline.diagnosis.finding import Verdict
+from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.diagnosis.hypotheses import usual
 from pipeline.diagnosis.joined import joined
 from pipeline.diagnosis.unloaded_geometry import corrected
-from pipeline.diagnosis.verdict import verdict
+from pipeline.diagnosis.verdict import of_both, verdict
 from pipeline.prediction import model as handover
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system.estimate import left_out
@@ -47,6 +47,7 @@ class Basis:
         beside: A cause is in the model beside the springs; without one, the unloaded geometry or
             the scatter of the scale was corrected.
         too_small: Causes that are too small to name may act.
+        disagree: Positions and pulls are each explained, by springs that are not the same.
     """
 
     mistakes: bool
@@ -55,6 +56,7 @@ class Basis:
     rivals: bool
     beside: bool = True
     too_small: bool = False
+    disagree: bool = False
 
     @property
     def unseen(self) -> bool:
@@ -89,7 +91,9 @@ class Basis:
         lost = any(one.hopeless for one in facts.mistakes)
         rest = Verdict.UNEXPLAINED if lost else verdict(replace(facts, mistakes=()))
         mistakes, small = bool(facts.mistakes), bool(diagnosis.too_small)
-        return cls(mistakes, rest, len(found) > 0, len(found) > 1, beside, small)
+        open_ = [row for row in of_both(facts) if row.verdict != Verdict.ADEQUATE]
+        disagree = {row.finding for row in open_} == {Finding.SPRINGS_DISAGREE}
+        return cls(mistakes, rest, len(found) > 0, len(found) > 1, beside, small, disagree)
 
 
 @dataclass(frozen=True)
@@ -125,6 +129,7 @@ TABLE: tuple[Row, ...] = (
     Row(Reason.RIVALS, _AVERAGED, _GIVEN, lambda f: f.causes and f.rivals),
     Row(Reason.CAUSE_DOUBTFUL, _EXTENDED, _GIVEN, lambda f: f.causes),
     Row(Reason.SPRINGS_UNTOUCHED, _SPRINGS, _GIVEN, lambda f: f.named),
+    Row(Reason.SPRINGS_DISAGREE, _SPRINGS, _GIVEN, lambda f: f.disagree),
     Row(Reason.UNEXPLAINED, _SPRINGS, _GIVEN, lambda f: f.unexplained),
     Row(Reason.TOO_SMALL, _AVERAGED, _GIVEN, lambda f: f.unseen),
     Row(Reason.ADEQUATE, _SPRINGS, _GIVEN, lambda f: f.verdict == Verdict.ADEQUATE),

@@ -136,21 +136,33 @@ def _other(found: Findings, springs: str, data: str, delivered: str) -> list[str
 
 def _verdict(found: Findings) -> str:
     """Whether the model holds."""
-    fitted = found.told.values.fitted
+    fitted, reason = found.told.values.fitted, found.row.reason
     estimate, good = fitted.estimate, fits(fitted.estimate, fitted.data.tracked)
+    alone = found.row.model == Which.JOINT_SPRINGS or reason == Reason.TOO_SMALL
     if found.mistakes:
         return mistaken(found.facts)
-    alone = found.row.model == Which.JOINT_SPRINGS or found.row.reason == Reason.TOO_SMALL
-    if not good and estimate.p_value is None and alone:
+    if alone and not good and estimate.p_value is None:
         left = 1e3 * estimate.residual_std_m
         return (
             f"The joint stiffness model does not fit as well as a tracker measures: {left:.3f} mm "
             "remain."
         )
+    return _of_springs(estimate, good) if reason in _SPRINGS else _of_reason(found)
+
+
+_SPRINGS = (Reason.ADEQUATE, Reason.TOO_SMALL)
+"""For which the springs alone are given."""
+
+
+def _of_reason(found: Findings) -> str:
+    """Whether a model of more than springs holds."""
     if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
         return "Joint springs explain the readings on a robot that is not as its file says."
-    if found.row.reason not in (Reason.ADEQUATE, Reason.TOO_SMALL):
-        return HOLDS[found.row.reason]
+    return HOLDS[found.row.reason]
+
+
+def _of_springs(estimate: Estimate, good: bool) -> str:
+    """Whether joint springs alone hold."""
     if estimate.dof < 1:
         return "These pulls leave nothing to test the joint stiffness model with."
     return f"Joint springs explain the readings{'' if good else _larger_scatter(estimate)}."
@@ -172,7 +184,8 @@ def _predicted(found: Findings) -> str:
     error, without = (left_out_mm(one.values.left_out_m) for one in (found.told, found.springs))
     if error is None:
         return "no pose can be predicted from the others"
-    told = f"cross-validation error {plain(error)} mm rms per coordinate"
+    of = "" if found.facts.positions is None else " of displacements"
+    told = f"cross-validation error{of} {plain(error)} mm rms per coordinate"
     if without is None or found.told.values is found.springs.values:
         return told
     return f"{told} ({plain(without)} mm {_instead(found)})"
@@ -227,8 +240,8 @@ def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
         return said
     return (
         f"{said} A controller's table of joint stiffnesses has no entry for {listed(beside)}: "
-        f"correct paths and programs with `pipeline compensate {typed(found.campaign)}`, or enter "
-        "the effective values."
+        f"correct paths and programs with `pipeline compensate {typed(found.campaign)} PATH`, or "
+        "enter the effective values."
     )
 
 
@@ -417,7 +430,7 @@ def _test_pose(found: Findings, stated: Stated) -> Iterator[str]:
     """The pose, its force and what that does; what the recommended model changes there."""
     pose = stated.pose
     x, y, z = (plain(part, 4) for part in pose.force_n)
-    axes = ", ".join(f"{one.name} {_at(one.value, one.unit)}" for one in pose.axes)
+    axes = ", ".join(f"{one.name} {at_axis(one.value, one.unit)}" for one in pose.axes)
     none = "" if pose.stated else _stands_in(found)
     yield (
         f"The load point deflects by {expanded(pose)}, at {axes} under ({x}, {y}, {z}) N in the "
@@ -438,7 +451,7 @@ def _stands_in(found: Findings) -> str:
     )
 
 
-def _at(value: float, unit: str) -> str:
+def at_axis(value: float, unit: str) -> str:
     """Where an axis stands."""
     return f"{plain(value, 4)} m" if unit == "m" else f"{plain(value, 4)}°"
 
@@ -468,6 +481,11 @@ def _next(found: Findings, stated: Stated) -> str:
         return (
             "Nothing until the joint log and the robot file agree with the unloaded reflectors: "
             "the readings taken may then do."
+        )
+    if found.row.reason == Reason.SPRINGS_DISAGREE:
+        return (
+            "A known weight hung from the load point in two of the poses: it tells whether the "
+            "scale is wrong or the masses are."
         )
     if not found.row.reason.holds_for_its_readings:
         return (
@@ -540,7 +558,7 @@ def _unchecked(stated: Stated) -> str:
 
 def pulled(pose: ToMeasure) -> str:
     """Where the robot stands and how it is pulled there."""
-    at = ", ".join(f"{axis.name} {_at(axis.value, axis.unit)}" for axis in pose.axes)
+    at = ", ".join(f"{axis.name} {at_axis(axis.value, axis.unit)}" for axis in pose.axes)
     return f"{at or _joints(pose)}, {loads(pose)}"
 
 
@@ -553,7 +571,7 @@ def loads(pose: ToMeasure) -> str:
 
 def _joints(pose: ToMeasure) -> str:
     """The joints of a robot whose file maps no axes."""
-    values = [_at(value, unit) for value, unit in zip(pose.q, pose.q_unit, strict=True)]
+    values = [at_axis(value, unit) for value, unit in zip(pose.q, pose.q_unit, strict=True)]
     return f"joints at ({', '.join(values)})"
 
 

@@ -307,8 +307,8 @@ def _or(cause: Cause) -> str:
 def _off_the_table(facts: Facts) -> str:
     names = " and ".join(effect.called for effect in facts.unloaded.effects)
     return (
-        f"The unloaded reflectors are {plain(1e3 * facts.unloaded.miss_m, 2)} mm from where the "
-        f"nominal DH parameters place them, and adding {names}, which fits best, would make the "
+        f"The unloaded reflectors are {plain(1e3 * facts.unloaded.miss_m, 2)} mm from where "
+        f"{_of_table(facts)} place them, and adding {names}, which fits best, would make the "
         f"prediction of other poses worse."
     )
 
@@ -316,7 +316,7 @@ def _off_the_table(facts: Facts) -> str:
 def _stands_elsewhere(facts: Facts) -> str:
     before, after = (plain(1e3 * x, 2) for x in (facts.unloaded.miss_m, facts.unloaded.left_m))
     return (
-        f"The unloaded reflectors are {before} mm rms from where the nominal DH parameters place "
+        f"The unloaded reflectors are {before} mm rms from where {_of_table(facts)} place "
         f"them (base and tool fitted), and {after} mm with "
         f"{listed([_sized(one) for one in facts.moved])}."
     )
@@ -335,6 +335,25 @@ def _geometry_refuted(facts: Facts) -> str:
         "the robot file places them (base and tool fitted), and neither a listed mistake in the "
         "files nor a wrong DH parameter explains it: compare the joint log with the controller, "
         "column by column and row by row, and check that the robot file is that of this robot."
+    )
+
+
+def _of_table(facts: Facts) -> str:
+    """Where pulls have their table from."""
+    if facts.agreement is None:
+        return "the nominal DH parameters"
+    return "the DH parameters identified from the positions"
+
+
+def _tables_disagree(facts: Facts) -> str:
+    gain = facts.unloaded.gain
+    assert gain is not None
+    return (
+        f"In cross-validation the unloaded reflectors of the pulls are "
+        f"{plain(1e3 * gain.rms_before_m, 2)} mm rms per coordinate from where the DH parameters "
+        "identified from the positions place them, and "
+        f"{plain(1e3 * gain.rms_after_m, 2)} mm from where their own do: positions and pulls are "
+        "not of one robot, or of one before and after a collision, repair or mastering."
     )
 
 
@@ -435,11 +454,24 @@ def _predicts_nothing(facts: Facts) -> str:
 def _springs_disagree(facts: Facts) -> str:
     assert facts.agreement is not None
     held = facts.agreement
+    if held.common is not None:
+        ratio, std = 1 / held.common.factor, held.common.std / held.common.factor**2
+        why = (
+            f"One factor explains it: links weigh {with_std(ratio, std)} times what the robot "
+            "file states, or the scale reads so many times the force. Weigh a link or a payload, "
+            "or have the scale calibrated."
+        )
+    else:
+        joint, times = held.most
+        where = capital(in_place(joint + 1).removeprefix(" in "))
+        why = (
+            f"{where} differs most: under the pulls it is {plain(times, 3)} times as compliant. A "
+            "balancer, masses of single links or a payload are not as the robot file states them."
+        )
     return (
         "The springs by the arm's own weight are not those by the pulls (chi-square "
-        f"{plain(held.chi2, 3)} with {held.dof} degrees of freedom, {p_value(held.p)}): masses of "
-        "the robot file, a balancer or the scale are not as stated. The stiffnesses are those of "
-        "the pulls alone."
+        f"{plain(held.chi2, 3)} with {held.dof} degrees of freedom, {p_value(held.p)}). {why} The "
+        "stiffnesses are those of the pulls alone."
     )
 
 
@@ -518,6 +550,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     ),
     Finding.OFF_THE_TABLE: _off_the_table,
     Finding.GEOMETRY_REFUTED: _geometry_refuted,
+    Finding.TABLES_DISAGREE: _tables_disagree,
     Finding.ROUGH_TABLE: _rough_table,
     Finding.MISFIT: lambda facts: (
         f"What the model leaves is more than noise (p = {facts.misfit_p:.1g}), and no known cause "
@@ -541,6 +574,11 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
     Finding.NOTHING: lambda _: "The joint springs explain what was measured.",
 }
 """All but a mistake in the data, which is told before everything else."""
+
+_EACH_ALONE = (
+    "Joint springs explain pulls and positions each by itself, but not by the same stiffnesses: "
+    "do not rely on the stated uncertainties."
+)
 
 BECAUSE: Mapping[Reason, str] = {
     Reason.MISTAKE_AND_RIVALS: (
@@ -587,6 +625,7 @@ BECAUSE: Mapping[Reason, str] = {
         "likeliest cause."
     ),
     Reason.SPRINGS_UNTOUCHED: "What was identified does not change the joint springs.",
+    Reason.SPRINGS_DISAGREE: _EACH_ALONE,
     Reason.UNEXPLAINED: (
         "Joint springs do not explain the readings, and no known cause does: do not rely on the "
         "stated uncertainties."
@@ -618,6 +657,7 @@ HOLDS: Mapping[Reason, str] = {
     Reason.SPRINGS_UNTOUCHED: (
         "Joint springs explain the readings; what else was identified does not change them."
     ),
+    Reason.SPRINGS_DISAGREE: _EACH_ALONE,
     Reason.UNEXPLAINED: (
         "Joint springs do not explain the readings, and no known cause does: do not rely on the "
         "stated uncertainties."
@@ -673,6 +713,9 @@ DO: Mapping[Reason, str] = {
     Reason.CAUSE_DOUBTFUL: (
         "Predict with the model that includes the likeliest cause, or find out first whether it is "
         "the one."
+    ),
+    Reason.SPRINGS_DISAGREE: (
+        "Enter none of these stiffnesses into a controller before scale and masses are checked."
     ),
     Reason.UNEXPLAINED: (
         "Enter none of these stiffnesses into a controller; find out first what the model misses."

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from dataclasses import dataclass, field, replace
 from functools import partial
 from pathlib import Path
@@ -18,6 +18,10 @@ from pipeline.store.campaign import Campaign, find, label
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
     from pipeline.answer.contract import Answer, Combination, Rejected, Stiffness
+
+
+Meant = str | Campaign
+"""A campaign, or the name or path of one."""
 
 
 @dataclass(frozen=True)
@@ -58,6 +62,8 @@ class Outcome:
         return in_json(self.content)
 
 
+Several = Callable[[Path, Iterable[Meant], bool], Iterator[Outcome]]
+"""What becomes of many campaigns of a project, as they end; whether to compute all again."""
 Compute = Callable[[Campaign], "Answer"]
 """How a campaign is brought up to date: campaign in, answer out."""
 
@@ -150,7 +156,7 @@ def mixed(one: Combination) -> str:
     return f"{one.formula}   {bracketed(one.value, one.std)} {prefixed(one.unit, '')}"
 
 
-def named(root: Path, meant: str | Campaign, work: Callable[[Campaign], Outcome]) -> Outcome:
+def named(root: Path, meant: Meant, work: Callable[[Campaign], Outcome]) -> Outcome:
     """What `work` makes of a campaign, or of the one that is meant by a name or a path."""
     if isinstance(meant, Campaign):
         return guarded(meant.name, lambda: work(meant))

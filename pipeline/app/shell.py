@@ -8,8 +8,7 @@ from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from pipeline.app.many import Meant, outcomes
-from pipeline.app.outcome import EARLIER, Outcome, dated, failed, named, outcome
+from pipeline.app.outcome import EARLIER, Meant, Outcome, Several, dated, failed, named, outcome
 from pipeline.app.progress import Progress, Tell, told
 from pipeline.base import preferences
 from pipeline.base.doors import is_there, opened
@@ -19,7 +18,6 @@ from pipeline.store.campaign import Campaign
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
     from pipeline.answer.contract import Answer
-    from pipeline.base.executor import Executor
 
 PREFECT = "pipeline.service.engine:through_prefect"
 """Brings a campaign up to date as a Prefect flow."""
@@ -33,7 +31,7 @@ def usual_engine() -> str:
 
 
 def run_all(
-    root: Path, names: list[str], engine: str, force: bool, executor: Executor | None = None
+    root: Path, names: list[str], engine: str, force: bool, several: Several | None = None
 ) -> Iterator[Outcome]:
     """Bring campaigns up to date; one that fails stops none of the others.
 
@@ -42,7 +40,7 @@ def run_all(
         names: Which, by name or path; all when none is named.
         engine: `local` or `prefect`.
         force: Compute even if nothing has changed.
-        executor: Who computes several at a time; None: here, one after another.
+        several: Computes several at a time; None: here, one after another.
     """
     storage = preferences.load(root).storage
     refused = list[Outcome]() if storage == preferences.Storage() else opened(FETCH)(root, storage)
@@ -51,11 +49,11 @@ def run_all(
     if not everyone and not refused:
         raise no_campaign(root)
     with Progress(len(everyone)) as bar:
-        if executor is None:
+        if several is None:
             yield from _one_by_one(root, everyone, engine, force, bar)
         else:
             bar.now("several at a time")
-            for done in outcomes(root, everyone, executor, force):
+            for done in several(root, everyone, force):
                 bar.done()
                 yield done
                 bar.now("several at a time")
@@ -92,13 +90,6 @@ def plainly(campaign: Campaign, force: bool = False, tell: Tell = str) -> Answer
     from pipeline.run import run
 
     return run(campaign, partial(told, tell), force)
-
-
-def check(root: Path, name: str) -> Outcome:
-    """Read a campaign, say what would be used and which line is wrong; write nothing."""
-    from pipeline.app.check import check as look
-
-    return named(root, name, look)
 
 
 def status(root: Path) -> Iterator[Outcome]:

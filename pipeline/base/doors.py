@@ -34,6 +34,11 @@ def opened(door: str) -> Any:
         raise
 
 
+def found(door: str) -> Any | None:
+    """What stands behind a door; None where this installation comes without the outbuilding."""
+    return opened(door) if is_there(door) else None
+
+
 def is_there(door: str) -> bool:
     """Whether this installation has the outbuilding of a door; nothing of it is imported."""
     found = find_spec(_folder(door))

@@ -6,10 +6,13 @@ Sentences of ours put what to type between backticks; `runs` and `quoted` show i
 
 from __future__ import annotations
 
+import contextlib
 import json
 import re
 import shlex
+import sys
 from collections.abc import Iterator
+from typing import TextIO
 
 _ODD = re.compile(
     "[\x00-\x1f\x7f-\x9f\xad\u0600-\u0605\u061c\u06dd\u070f\u180e\u200b-\u200f\u2028-\u202e"
@@ -98,3 +101,11 @@ def in_toml(text: str) -> str:
 def in_xml(text: str) -> str:
     """Text for an element, an attribute or a comment of XML."""
     return _NOT_XML.sub("\ufffd", text)
+
+
+def say(line: str, screen: TextIO | None = None) -> None:
+    """One line on stdout or `screen`; a log on a full disk misses some, and that stops nothing."""
+    screen = screen or sys.stdout
+    with contextlib.suppress(OSError):
+        screen.write(f"{lines(line)}\n")
+        screen.flush()

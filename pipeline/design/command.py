@@ -13,7 +13,7 @@ from typer import Argument, Option
 from pipeline.app.commands._shared import AsJson, Root, Steps, at_work
 from pipeline.base import files
 from pipeline.base.errors import InputError, Interrupted, UsageError
-from pipeline.base.shown import lines
+from pipeline.base.shown import lines, typed
 
 if TYPE_CHECKING:
     from pipeline.design.made import Made
@@ -53,6 +53,7 @@ def design(
     root: Root = Path(),
 ) -> None:
     """Choose the poses to measure, and print how close the plan is to the optimum."""
+    from pipeline.design import spec as specs
     from pipeline.design.library import added_to, problem_of
     from pipeline.design.made import make
     from pipeline.design.search import Effort
@@ -68,29 +69,33 @@ def design(
     }
     campaign = load_campaign(add_to, root=root) if add_to else None
     asked = problem_of(problem, changes)
+    if robot is not None and problem in specs.SHIPPED:
+        typer.secho(f"Assumed: {asked.spec.assumptions[0]}.", err=True)
     if campaign is not None:
         asked = added_to(asked, campaign, name)
     made = make(asked, seed, Effort(rounds=rounds), at_work)
     if wanted or (wanted is None and not as_json):
-        made = write(root, made, seed)
+        more = f" --add-to {typed(add_to)}" if add_to else ""
+        made = write(root, made, seed, f" --seed {seed} --rounds {rounds}{more}")
     typer.echo(made.as_json() if as_json else lines(made.as_text()))
     if made.interrupted:
         raise Interrupted("Interrupted; this is the best plan so far.")
 
 
-def write(root: Path, made: Made, seed: int) -> Made:
+def write(root: Path, made: Made, seed: int, by: str = "") -> Made:
     """Write plan file, measurement sheet and pictures of a design.
 
     Args:
         root: The project's root: data/plans/NAME.toml and reports/plans/NAME.
         made: The design.
         seed: Of its searches; the curves use it too.
+        by: Options with which the problem gives this plan again.
 
     Raises:
         UsageError: A plan of that name was written by hand.
     """
     from pipeline.design.plan_files import plan_files
-    from pipeline.design.planfile import MADE_BY, plan_text
+    from pipeline.design.planfile import MADE_BY, beside, plan_text, problem_text
     from pipeline.machine.robot import SHIPPED
     from pipeline.store.campaign import dump
 
@@ -98,7 +103,9 @@ def write(root: Path, made: Made, seed: int) -> Made:
     plan, folder = root / "data" / "plans" / f"{name}.toml", root / "reports" / "plans" / name
     if plan.exists() and not plan.read_text("utf-8").startswith(MADE_BY):
         raise UsageError(f"{plan} was written by hand: choose another --name")
-    files.write(plan, plan_text(made.proposal, f"data/plans/{name}.toml").encode())
+    files.write(plan, plan_text(made.proposal, f"data/plans/{name}.toml", by).encode())
+    asked = root / beside(f"data/plans/{name}.toml")
+    files.write(asked, problem_text(made.proposal.problem.spec).encode())
     content = dump(made.content())
     driven = _programs(made.proposal, at_work)
     robot = made.proposal.problem.robot
@@ -111,7 +118,7 @@ def write(root: Path, made: Made, seed: int) -> Made:
         files.write(folder / "program" / inner, data)
     programs = [folder / "program" / inner for inner in driven]
     sheets = [folder / f"sheet.{kind}" for kind in ("html", "pdf", "xlsx")]
-    return replace(made, written=(plan, *sheets, *programs))
+    return replace(made, written=(plan, *sheets, *programs, asked))
 
 
 def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, bytes]:
@@ -126,7 +133,7 @@ def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, by
 
     from pipeline.design.driven import legs, standing
     from pipeline.design.made import printed
-    from pipeline.machine.poses import from_log_units
+    from pipeline.machine.robot.axes import from_log_units
     from pipeline.programs.for_plan import NO_CELL, brand_of, drive, programs
 
     problem, measurement = proposal.problem, proposal.measurement

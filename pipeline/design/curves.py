@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
 
@@ -59,6 +60,9 @@ def by_size(
 ) -> BySize:
     """Best figure for each m_0 and n; the limit on single compliances is left out.
 
+    Readings share nothing here, so that information goes with their number: the best poses for
+    one n are those for every n, and one search for each m_0 is enough.
+
     Args:
         problem: The problem.
         poses: Values of m_0.
@@ -68,9 +72,13 @@ def by_size(
     """
     figure = np.full((len(poses), len(readings)), np.nan)
     for i, m0 in enumerate(poses):
-        for j, n in enumerate(readings):
-            if n % m0 == 0 and n >= 3:
-                figure[i, j] = _best(_sized(problem, m0, n), seed, effort)
+        shared = [j for j, n in enumerate(readings) if n % m0 == 0 and n >= 3]
+        sized = {j: _sized(problem, m0, readings[j]) for j in shared}
+        plan = _best(sized[shared[-1]], seed, effort) if shared else None
+        if plan is None:
+            continue
+        for j in shared:
+            figure[i, j] = evaluate(sized[j], plan.q[None], plan.anchor[None])[0].figure
     return BySize(np.array(poses), np.array(readings), figure)
 
 
@@ -83,12 +91,12 @@ def _sized(problem: Problem, poses: int, readings: int) -> Problem:
     return replace(build(revised(problem.spec, changes), problem.robot), known=problem.known)
 
 
-def _best(problem: Problem, seed: int, effort: Effort) -> float:
+def _best(problem: Problem, seed: int, effort: Effort) -> Plan | None:
     try:
         *_, last = search(problem, np.random.default_rng(seed), effort)
     except InputError:
-        return float("nan")
-    return float("nan") if last.best is None else last.best.figure
+        return None
+    return last.best
 
 
 def by_anchor(
@@ -104,24 +112,35 @@ def by_anchor(
         axis: 0, 1, 2 for x, y, z.
         starts: Random starts at each place.
     """
-    rng = np.random.default_rng(seed)
-    figures = np.array([_held(problem, plan, axis, x, rng, starts) for x in at])
-    return ByAnchor(axis, at, figures[:, 0], figures[:, 1])
+    box, anchor = _held(problem, plan, axis, at)
+    held, joints = box.problem, box.poses * len(box.problem.lower)
+    drawn = np.random.default_rng(seed).uniform(size=(len(at), starts, joints))
+    mine = box.closed(np.repeat(plan.q[None], len(at), axis=0), anchor)
+    start = np.concatenate([mine[:, None, :joints], drawn], axis=1)
+    there = np.broadcast_to(mine[:, None, joints:], (*start.shape[:2], mine.shape[1] - joints))
+    start = np.concatenate([start, there], axis=2).reshape(-1, box.size)
+    wanted = objective(held, HARD)
 
+    def function(x: Array) -> tuple[Array, Array]:
+        value, slope = wanted(x)
+        slope[:, joints:] = 0.0  # the anchor stays where it is
+        return value, slope
 
-def _held(
-    problem: Problem, plan: Plan, axis: int, x: float, rng: np.random.Generator, starts: int
-) -> tuple[float, float]:
-    """Best figure with that coordinate of the anchor, and the figure of the plan's own poses."""
-    anchor = plan.anchor.copy()
-    anchor[axis] = x
-    place = dict(zip(("x_m", "y_m", "z_m"), anchor.tolist(), strict=True))
-    held = build(revised(problem.spec, {"anchor": place}), problem.robot)
-    held = replace(held, known=problem.known)
-    box = Box(held, held.poses)
-    mine = box.closed(plan.q[None], anchor[None])
-    start = np.vstack([mine, rng.uniform(size=(starts, box.size))])
-    found = descend(objective(held, HARD), np.clip(start, 0, 1), rounds=200, gain=1e-6)
+    found = descend(function, start, rounds=200, gain=1e-6)
     plans = evaluate(held, *box.opened(found.x))
-    best = min((p.figure for p in plans if p.kept), default=float("nan"))
-    return best, evaluate(held, plan.q[None], anchor[None])[0].figure
+    figure = np.array([p.figure if p.kept else np.inf for p in plans]).reshape(len(at), -1)
+    best = figure.min(axis=1)
+    own = evaluate(held, np.repeat(plan.q[None], len(at), axis=0), anchor)
+    best[np.isinf(best)] = np.nan
+    return ByAnchor(axis, at, best, np.array([one.figure for one in own]))
+
+
+def _held(problem: Problem, plan: Plan, axis: int, at: Array) -> tuple[Box, Array]:
+    """The plans whose anchors may stand at these places of one axis, and the anchors, (a, 3)."""
+    anchor = np.tile(plan.anchor, (len(at), 1))
+    anchor[:, axis] = at
+    place: dict[str, Any] = dict(zip(("x_m", "y_m", "z_m"), plan.anchor.tolist(), strict=True))
+    ends = sorted({float(at.min()), float(at.max())})
+    place["xyz"[axis] + "_m"] = ends if len(ends) > 1 else ends[0]
+    held = build(revised(problem.spec, {"anchor": place}), problem.robot)
+    return Box(replace(held, known=problem.known), held.poses), anchor

@@ -12,15 +12,17 @@ import numpy as np
 from pipeline.base import files
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import InputError, listed
-from pipeline.base.toml import LARGEST, given
+from pipeline.base.toml import LARGEST, given, merged
 from pipeline.design import spec as specs
 from pipeline.design.known import continued, information_of
 from pipeline.design.made import Made, make
 from pipeline.design.planfile import plan_text
 from pipeline.design.problem import Problem, build
 from pipeline.design.search import Effort
+from pipeline.design.suited import suited
 from pipeline.library.campaign import Campaign
 from pipeline.machine.robot import Robot, load
+from pipeline.machine.robot.variants import alike
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.system.fit import fit
@@ -143,8 +145,15 @@ def problem_of(name: str, changes: dict[str, Any]) -> Problem:
         changes = changes | {"limits": own | (changes.get("limits") or {})}
     if (robot := changes.get("robot")) and Path(robot).is_file():  # where it was typed
         changes = changes | {"robot": str(Path(robot).resolve())}
-    spec = specs.revised(specs.parse(text, Path(name).name), given(changes))
+    spec = specs.parse(text, Path(name).name)
+    if robot and name == _PAPER and not alike(load(spec.robot), other := load(changes["robot"])):
+        changes = merged(suited(spec, other), given(changes))
+    spec = specs.revised(spec, given(changes))
     return build(spec, load(spec.robot, folder))
+
+
+_PAPER = "paper_reference"
+"""The problem that other robots start from."""
 
 
 def added_to(problem: Problem, campaign: Campaign, name: str | None = None) -> Problem:

@@ -16,8 +16,8 @@ from pipeline.design.problem import Problem
 from pipeline.design.propose import Proposal, propose
 from pipeline.design.search import Effort
 from pipeline.design.unpulled import Unpulled
-from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import axes
+from pipeline.machine.robot.axes import in_log_units
 from pipeline.machine.room import unchecked
 
 _MM = 1e3

@@ -18,8 +18,8 @@ from pipeline.design.made import printed
 from pipeline.design.plan_sheet import MM, expected, turnings
 from pipeline.design.propose import Proposal
 from pipeline.machine.effect import branches
-from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import axes
+from pipeline.machine.robot.axes import from_log_units
 
 _Row = list[Any]
 

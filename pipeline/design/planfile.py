@@ -10,30 +10,50 @@ from pipeline.base import toml
 from pipeline.base.shown import typed
 from pipeline.design.made import figures, printed
 from pipeline.design.propose import Proposal
+from pipeline.design.spec import ProblemFile
 from pipeline.machine.surroundings import tooled
 
 MADE_BY = "# Made by `pipeline design"
 """How a plan begins that a new design may replace."""
 
 _HEADER = """\
-{made_by} {name}`: {figure}.
+{made_by} {problem}{by}`: {figure}.
 # Rehearse it:        pipeline simulate {file} --name {rehearsal}
 # Prepare its folder: pipeline init {typed} --plan {file}
 """
 
 
-def plan_text(proposal: Proposal, file: str) -> str:
+def plan_text(proposal: Proposal, file: str, by: str = "") -> str:
     """The plan as TOML, joint values in m and degrees.
 
     Args:
         proposal: What was designed.
         file: Where the plan will be, for the commands in its header.
+        by: Options with which the problem beside it gives this plan again.
     """
     name = proposal.problem.spec.name
-    words = {"name": name, "typed": typed(name), "file": typed(file),
-             "rehearsal": typed(f"{name}-rehearsal")}  # fmt: skip
+    words = {"typed": typed(name), "file": typed(file), "by": by,
+             "problem": typed(beside(file)), "rehearsal": typed(f"{name}-rehearsal")}  # fmt: skip
     header = _HEADER.format(made_by=MADE_BY, figure=figures(proposal), **words)
     return header + toml.dumps(plan_content(proposal))
+
+
+def beside(plan: str) -> str:
+    """Where the problem of a plan lies, as it was solved: to be run again, or changed."""
+    return f"{plan.removesuffix('.toml')}.problem.toml"
+
+
+def problem_text(spec: ProblemFile) -> str:
+    """A problem as it was solved, with what options, robot and time made of it."""
+    apart = {"design", "cell", "tool_acceptance", "tool_capsules"}
+    content = spec.model_dump(exclude_unset=True, exclude_none=True, exclude=apart)
+    content["robot"] = _lying_beside(spec.robot)
+    return toml.dumps({**content, **tooled(content["tool"], spec)})
+
+
+def _lying_beside(robot: str) -> str:
+    """A robot's name; an own file lies beside the plan."""
+    return robot.replace("\\", "/").rpartition("/")[2]
 
 
 def plan_content(proposal: Proposal) -> dict[str, Any]:
@@ -47,9 +67,7 @@ def plan_content(proposal: Proposal) -> dict[str, Any]:
     q = printed(proposal.problem, every)
     content: dict[str, Any] = {
         "name": spec.name,
-        "robot": spec.robot.replace("\\", "/").rpartition("/")[
-            2
-        ],  # an own file lies beside the plan
+        "robot": _lying_beside(spec.robot),
         "seed": 1,
         "poses": {"q": q.tolist(), "approach": approach.tolist()},
         "pulls": _pulls(proposal),

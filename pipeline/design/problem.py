@@ -18,8 +18,8 @@ from pipeline.design.spec import Limits, NoiseSpec, ProblemFile, revised
 from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M
-from pipeline.machine.poses import rounded
 from pipeline.machine.robot import Joint, Robot, axes, configure, rating
+from pipeline.machine.robot.axes import rounded
 from pipeline.machine.robot.configuration import velocity
 from pipeline.machine.room import Room, room_of, turns
 

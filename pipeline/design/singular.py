@@ -25,7 +25,7 @@ def dexterity(at: Configuration) -> tuple[Array, Array]:
     omega, v = at.twists[..., :3], at.twists[..., 3:]
     turns = np.flatnonzero(np.abs(omega[0]).sum(axis=-1) > 0)
     moved = v + cross(omega, at.flange_origin[:, None])
-    length = _length(at, int(turns[0]))
+    length = arm_m(at, int(turns[0]))
     J = np.concatenate([omega, moved / length], axis=-1)[:, turns]  # (m, k, 6): one row each joint
     short = len(turns) < J.shape[-1]
     values, vectors = linear.directions(J @ J.mT if short else J.mT @ J)
@@ -64,7 +64,7 @@ def _slope(at: Configuration, moved: Array, turns: Ints, by_joint: Array, by_spa
     return np.asarray((slope + (moved * cross(shift, every)).sum(axis=-1)).T)
 
 
-def _length(at: Configuration, first: int) -> float:
+def arm_m(at: Configuration, first: int) -> float:
     """Sum of the lengths of the links behind the first turning joint [m]."""
     origins = np.concatenate([at.origin[0, first:], at.flange_origin[:1]])
     return float(np.linalg.norm(np.diff(origins, axis=0), axis=1).sum())

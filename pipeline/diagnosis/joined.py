@@ -25,8 +25,9 @@ from pipeline.base.tails import chi2_beyond
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import Cell, sensitivity
 from pipeline.machine.effect import Effect
-from pipeline.machine.stance import Stance
+from pipeline.machine.stance import Common, Stance
 from pipeline.reduction.measured import Measured
+from pipeline.system import alarms
 from pipeline.system.assemble import POSITIONS, by_stance
 from pipeline.system.estimate import solve
 from pipeline.system.system import Errors, Rows, System
@@ -44,6 +45,7 @@ class Agreement(Locked):
         pulls: The same by the pulls.
         factor: By how much springs are softer than with an arm of usual weight, where no masses are
             stated; None where they are [1].
+        common: The same where masses are stated, if nothing else parts the two; None where it does.
     """
 
     chi2: float
@@ -51,6 +53,14 @@ class Agreement(Locked):
     weight: Array
     pulls: Array
     factor: float | None
+    common: Common | None = None
+
+    @property
+    def most(self) -> tuple[int, float]:
+        """Joint from 0 of which they differ most, and pulls over weight there."""
+        (w, sw), (p, sp) = self.weight.T, self.pulls.T
+        k = int(np.argmax(np.abs(p - w) / np.hypot(sp, sw)))
+        return k, float(p[k] / w[k])
 
     @property
     def p(self) -> float:
@@ -103,7 +113,7 @@ def joined(one: Hypothesis, data: Measured, usual: Array | None = None) -> Joine
         quantile=one.estimate.quantile,
         noise_from=one.estimate.noise_from,
     )
-    whole = replace(cell, held=(), effects=(*cell.effects, *stance.held))
+    whole = replace(cell, held=stance.weighs, effects=(*cell.effects, *stance.held))
     now = replace(one, cell=whole, system=system, estimate=estimate, ratio=1.0, sized=None)
     value, cov = _of_stance(system, stance, k)
     return Joined(now, value, cov, found.chi2 - less.chi2, found.dof - less.dof)
@@ -123,12 +133,16 @@ def agreement(one: Hypothesis, beside: Joined, stance: Stance, lighter: float) -
     weight = np.column_stack([stance.compliance, np.where(stance.told, own, np.inf)])
     pulls = np.column_stack([one.estimate.value[:n], one.estimate.std[:n]])
     shared = int(stance.factor > 0)  # one of them has told the weight
+    only, cov = one.estimate.value[:n], one.estimate.cov[:n, :n]
+    common = None if shared else stance.common(only, cov, one.estimate.identifiable[:n])
+    fits = common is not None and chi2_beyond(common.chi2, common.dof) >= alarms.MISFIT
     return Agreement(
         chi2=max(beside.chi2, 0.0),
         dof=max(beside.dof - shared, 0),
         weight=weight,
         pulls=pulls,
         factor=lighter if shared else None,
+        common=common if fits else None,
     )
 
 

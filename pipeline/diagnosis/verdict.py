@@ -86,6 +86,11 @@ _UNLOADED = (
         lambda f: any(one.probability < CERTAIN for one in f.moved),
     ),
     Row(Finding.STANDS_ELSEWHERE, Verdict.EXPLAINED, lambda f: bool(f.moved)),
+    Row(
+        Finding.TABLES_DISAGREE,
+        Verdict.UNEXPLAINED,
+        lambda f: f.agreement is not None and f.unloaded.corrects,
+    ),
     Row(Finding.ROUGH_TABLE, Verdict.ADEQUATE, lambda f: f.unloaded.corrects),
 )
 

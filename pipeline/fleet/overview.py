@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Container, Iterator, Mapping, Sequence
 from typing import TYPE_CHECKING
 from urllib.parse import quote
 
@@ -40,6 +40,7 @@ from pipeline.report.record import (
     Entry,
     Figure,
     Report,
+    Section,
     Table,
     Text,
     present,
@@ -63,28 +64,16 @@ def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
     """
     by_robot = robots(answers)
     followed = {one.machine: one for one in wear if one.followed}
-    changed = {
-        name: [_called(own).get(one, one) for one in changed_of(own, followed.get(name))]
-        for name, own in by_robot.items()
-    }
-    alarmed = {name: [j.called for j in one.changed] for name, one in followed.items()}
-    unsaid = {
-        name: [one for one in names if one not in alarmed.get(name, ())]
-        for name, names in changed.items()
-    }
+    unsaid = {name: _unsaid(own, followed.get(name)) for name, own in by_robot.items()}
     counts = _standing_in_a_hall(by_robot)
-    places = {name: place for place, name in enumerate(by_robot)}
     last = {name: own[-1] for name, own in by_robot.items()}
-    tables = robots_tables(wear, places, last, unsaid)
+    tables = robots_tables(wear, {name: k for k, name in enumerate(by_robot)}, last, unsaid)
     sections = [
         section_of("robots", "Robots", tables if followed else []),
         section_of("campaigns", "Campaigns", [_campaigns(ordered(answers))]),
-        *(
-            section_of(f"robot-{place}", name, _robot(place, name, own, followed.get(name)))
-            for place, (name, own) in enumerate(by_robot.items())
-        ),
+        *_sections(by_robot, followed),
     ]
-    raised = {name: alarm(one) for name, one in followed.items() if one.alarm and name in counts}
+    raised = [*_raised(followed, counts)]
     compared = {name: unsaid[name] for name in counts}
     several = _several(counts)
     verdict, tone = _of_all(bool(raised) or any(compared.values()), several)
@@ -98,13 +87,36 @@ def overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Report:
         first=unlabelled(
             f"{_counted(len(answers), 'campaign')} on {_counted(len(by_robot), 'robot')}"
             f"{_virtual(virtual, len(answers))}.",
-            *map(": ".join, raised.items()),
+            *raised,
             *_change_sentences(compared, several, bool(raised)),
             *_not_compared(by_robot),
         ),
         sections=present(sections),
         elsewhere="Details are on the page of each campaign.",
     )
+
+
+def _sections(
+    by_robot: Mapping[str, Sequence[Answer]], followed: Mapping[str, Robot]
+) -> Iterator[Section | None]:
+    """One for each robot."""
+    for place, (name, own) in enumerate(by_robot.items()):
+        yield section_of(f"robot-{place}", name, _robot(place, name, own, followed.get(name)))
+
+
+def _raised(followed: Mapping[str, Robot], counts: Container[str]) -> Iterator[str]:
+    """The alarms of robots that stand in a hall."""
+    for name, one in followed.items():
+        if one.alarm and name in counts:
+            yield f"{name}: {alarm(one)}"
+
+
+def _unsaid(own: Sequence[Answer], followed: Robot | None) -> list[str]:
+    """Joints of a robot that have changed between two campaigns, and of which no alarm speaks."""
+    called = _called(own)
+    alarmed = [joint.called for joint in followed.changed] if followed else []
+    changed = (called.get(one, one) for one in changed_of(own, followed))
+    return [one for one in changed if one not in alarmed]
 
 
 def _standing_in_a_hall(
@@ -323,15 +335,9 @@ def comparison(
     found = changes(before, after, covariances is not None, scatter)
     called = {joint.name: joint.called for joint in after}
     surely = [called[c.name] for c in found if c.sure]
-    if covariances is None:
-        verdict, tone, told = "Not tested", "neutral", not_tested
-    elif surely:
-        verdict, tone = "They differ", "attention"
-        differ = "differs" if len(surely) == 1 else "differ"
-        told = f"{', '.join(surely)} {differ} by more than chance explains."
-    else:
-        verdict, tone = "They agree", "good"
-        told = "No stiffness differs by more than chance explains."
+    verdict, tone, told = ("Not tested", "neutral", not_tested)
+    if covariances is not None:
+        verdict, tone, told = _differ(surely)
     apart = [OTHER_ROBOTS.format(*robots)] if robots[0] != robots[1] else []
     daily = [_DAILY] if scatter and covariances is not None else []
     sentences = (told, *apart, *daily, *_together(before, after, covariances))
@@ -348,6 +354,15 @@ def comparison(
         first=unlabelled(*(sentences if found else ("They have no joint in common.",))),
         sections=present([section_of("joints", "Joint by joint", [table])]),
     )
+
+
+def _differ(surely: Sequence[str]) -> tuple[str, str, str]:
+    """Verdict, tone and sentence on joints that surely differ."""
+    if not surely:
+        return "They agree", "good", "No stiffness differs by more than chance explains."
+    differ = "differs" if len(surely) == 1 else "differ"
+    told = f"{', '.join(surely)} {differ} by more than chance explains."
+    return "They differ", "attention", told
 
 
 def _together(

@@ -19,8 +19,7 @@ import pyarrow as pa
 
 from pipeline.base import files, preferences
 from pipeline.base.errors import CannotWrite, UsageError, listed
-from pipeline.base.processes import say
-from pipeline.base.shown import in_json, printable
+from pipeline.base.shown import in_json, printable, say
 from pipeline.fleet import tables as fleet
 from pipeline.tables import harmless
 

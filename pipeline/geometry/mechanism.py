@@ -161,15 +161,18 @@ class Mechanism(Locked):
             tip: A point of the flange frame [m], shape (3,); the first target when not given.
         """
         robot = self.robot
-        bare = configure(robot, q)
+        tip = self.tool[0, :3, 3] if tip is None else tip
         mass, centre = weights.at_poses(self.payload)
-        held = carried(bare, weights.gravity, self.moments, mass, centre)
-        inputs = Inputs(q, work(bare.twists, held), temperature, time, series)
-        if force is not None and force.any():
-            at = bare.points((self.tool[0, :3, 3] if tip is None else tip)[None])[:, 0]
-            held = held + np.concatenate([np.cross(at, force), force], axis=1)[:, None]
-        tau = work(bare.twists, held)
-        here = configure(robot, q + self.turned(replace(inputs, tau=tau), inputs))
+        here = configure(robot, q)
+        for _ in range(_TURNED):
+            bent = here
+            held = carried(bent, weights.gravity, self.moments, mass, centre)
+            inputs = Inputs(q, work(bent.twists, held), temperature, time, series)
+            if force is not None and force.any():
+                at = bent.points(tip[None])[:, 0]
+                held = held + np.concatenate([np.cross(at, force), force], axis=1)[:, None]
+            tau = work(bent.twists, held)
+            here = configure(robot, q + self.turned(replace(inputs, tau=tau), inputs))
         yields = Virtual(self.elements, here)
         bed = bed_screws(here) if any(curve.screw >= robot.n for curve in self.curves) else None
         screws, carrier = yields.screws, yields.carrier
@@ -181,7 +184,7 @@ class Mechanism(Locked):
         at = here.points(self.tool[:, :3, 3])
         turn = np.einsum("mij,tjk->mtik", here.flange_axes, self.tool[:, :3, :3])
         at, turn = carried_on(screws, carrier, amounts, at, turn)
-        return Stand(inputs, tau, held, bare, here, yields, bed, at, turn)
+        return Stand(inputs, tau, held, bent, here, yields, bed, at, turn)
 
     def turned(self, loaded: Inputs, inputs: Inputs) -> Array:
         """How far each joint stands from its encoder [m] or [rad], shape (m, n).
@@ -251,6 +254,11 @@ class Mechanism(Locked):
             out[layout.moments] = self.moments.ravel()
         out[layout.laws], out[layout.knots] = self.amplitudes, self.knots
         return out
+
+
+_TURNED = 2
+"""Times that weight and joints are taken, the first where the controller has these: the second is
+where they stand to the square of how much a deflection changes a torque, some 1e-5 of it."""
 
 
 def _motion(twist: Array) -> Array:
@@ -354,7 +362,7 @@ class Stand(NamedTuple):
         inputs: What laws are of.
         tau: Torque of weight and force on the joints, shape (m, n).
         held: Wrench of all that each joint carries, shape (m, n, 6).
-        bare: Frames where the controller has the joints; the weight is taken there.
+        bent: Frames where the weight is taken: turned by the joints as far as it does.
         here: Frames, without what yields beside the joints.
         yields: Virtual joints.
         bed: Screws by which the bed is not straight, shape (m, 6, 6); None where it is.
@@ -365,7 +373,7 @@ class Stand(NamedTuple):
     inputs: Inputs
     tau: Array
     held: Array
-    bare: Configuration
+    bent: Configuration
     here: Configuration
     yields: Virtual
     bed: Array | None
@@ -429,9 +437,9 @@ def derivatives(mechanism: Mechanism, stand: Stand, weights: Weights) -> tuple[A
     each = yielding * stand.yields.under(stand.held)[:, None]
     D[..., where.yields] = each @ np.eye(len(mechanism.yields))[stand.yields.parameter]
     if mechanism.unknown:
-        unit = by_moments(stand.bare, weights.gravity)
+        unit = by_moments(stand.bent, weights.gravity)
         joints = np.arange(1, mechanism.table.n + 1)
-        own = mechanism.compliance[:, None] * carried_by(stand.bare.twists, joints, unit)
+        own = mechanism.compliance[:, None] * carried_by(stand.bent.twists, joints, unit)
         more = mechanism.yields[stand.yields.parameter][:, None] * stand.yields.by_moments(unit)
         D[..., where.moments] = Z @ own + yielding @ more
     if mechanism.laws:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import contextlib
+import json
 import re
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
@@ -17,7 +19,7 @@ from pipeline.base.quantities import plain
 from pipeline.base.shown import printable, typed
 from pipeline.base.toml import quoted
 from pipeline.machine.instrument import sheet
-from pipeline.machine.robot import SHIPPED, Robot, load
+from pipeline.machine.robot import Robot, load
 from pipeline.store.campaign import Campaign, unfit
 
 if TYPE_CHECKING:  # it brings the readers
@@ -32,13 +34,10 @@ _DEFAULTS = ("tracker*.csv", "tracker*.txt")
 """What exports are called where there are none yet."""
 _TARGETS = ("P1", "P2", "P3")
 _BASE = ("B1", "B2", "B3")
+_MANY = 12
+"""More robots are looked up, not read."""
 _LOGS = ("loads.csv", "joints.csv")
 """What logs are called where there are none yet."""
-
-
-def robots() -> str:
-    """The robots that ship, for a sentence."""
-    return ", ".join(SHIPPED)
 
 
 @dataclass(frozen=True)
@@ -58,6 +57,7 @@ class Known:
         words: Other entries of campaign.toml, by key.
         test_pose: Numbers of [test_pose], by key.
         notes: What no entry is for.
+        simulated: Whether files are those of a rehearsal.
     """
 
     robot: str | None = None
@@ -72,6 +72,7 @@ class Known:
     words: Mapping[str, str] = field(default_factory=dict)
     test_pose: Mapping[str, list[float]] = field(default_factory=dict)
     notes: tuple[str, ...] = ()
+    simulated: bool = False
 
 
 def write(folder: Path, said: Proposal, known: Known) -> list[str]:
@@ -155,6 +156,7 @@ def _of_a_person(known: Known) -> dict[str, object]:
         "said": {key: quoted(word) for key, word in known.words.items()},
         "test_pose": [f"{key} = {list(numbers)}" for key, numbers in known.test_pose.items()],
         "notes": known.notes,
+        "simulated": known.simulated,
         "sheet": known.instrument is not None and sheet(known.instrument) is not None,
         "sigma_m": _shown(known.sigma_m, "{:.3g}".format),
         "sigma_n": _shown(known.sigma_n, "{:g}".format),
@@ -204,13 +206,15 @@ def log_lines(said: Logs, robot: str | None = None) -> list[str]:
 def _fitting(found: Sequence[str]) -> str:
     """Which robots a joint log fits, or those there are."""
     if found:
-        return f"{' or '.join(found)}: the joint log fits each of them"
-    return f"{robots()}, or a robot file in this folder"
+        return f"{listed(found)}: the joint log fits each of them"
+    return "one of `pipeline robot --list`, or a robot file in this folder"
 
 
 def described(folder: Path, found: Sequence[str]) -> list[str]:
-    """What each of some robots is, or of all that ship."""
-    return [f"{name}: {load(name, folder).description}" for name in found or SHIPPED]
+    """What each of some robots is, or where all that ship are listed."""
+    few = found if len(found) <= _MANY else ()
+    shown = [f"{name}: {load(name, folder).description}" for name in few]
+    return shown or ["`pipeline robot --list` lists the robots that ship, with maker and type."]
 
 
 def log_columns(said: Proposal, robot: str | None) -> dict[str, str]:
@@ -272,6 +276,11 @@ def vacant(root: Path, name: str) -> Path:
         raise UsageError(f'"{printable(name, 80)}" cannot name a campaign ({why}): use {NAME}')
     folder = root / "data" / "raw" / name
     if (folder / "campaign.toml").exists():
+        if _rehearsed(folder):
+            raise UsageError(
+                f"{folder} is a rehearsal (simulated = true): `pipeline remove {typed(name)}` puts "
+                "it away, then type this again; or choose another name"
+            )
         raise UsageError(
             f"{folder} has a campaign.toml already: fill that in, or remove it and type "
             f"`pipeline init {typed(name)}` again to have it written for the files that lie there"
@@ -279,6 +288,30 @@ def vacant(root: Path, name: str) -> Path:
     if folder.exists() and not folder.is_dir():
         raise UsageError(f"{folder} is there already: choose another name")
     return folder
+
+
+def _rehearsed(folder: Path) -> bool:
+    """Whether its campaign.toml says that it was simulated."""
+    with contextlib.suppress(InputError):
+        path = folder / "campaign.toml"
+        text = files.words(path, path.name, toml.LARGEST)
+        return toml.loads(text, path.name).get("simulated") is True
+    return False
+
+
+def simulated(root: Path, name: str, there: Mapping[str, bytes]) -> list[str]:
+    """Files that are still those of the rehearsal of this name, by the digests beside its truth.
+
+    Args:
+        root: The project's root.
+        name: Of the campaign.
+        there: Content of its files by name.
+    """
+    with contextlib.suppress(OSError, ValueError):
+        sealed = json.loads((root / "data" / "processed" / f"{name}.truth.json").read_bytes())
+        made = dict(sealed.get("files", {}))
+        return [one for one, data in there.items() if made.get(one) == files.sha256(data)]
+    return []
 
 
 def there(root: Path, folder: Path) -> dict[str, bytes]:

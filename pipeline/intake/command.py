@@ -93,6 +93,9 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
         if ask
         else replace(given, robot=robot, instrument=given.words.get("instrument.model"))
     )
+    if made := blank.simulated(root, folder.name, files):
+        known = replace(known, simulated=True)
+        _tell(f"{listed(made)} are those of the rehearsal: campaign.toml says simulated = true.")
     left = blank.write(folder, said, known)
     typer.echo(folder)
     if said.nothing:
@@ -157,12 +160,19 @@ def _robot(root: Path, folder: Path, said: Proposal, ask: bool) -> str | None:
     for line in blank.described(folder, fitting):
         _tell(line)
     which = "which of these" if fitting else "one of these, or a robot file"
-    if usual:
-        typed = str(typer.prompt(f"Robot, {which}", usual, err=True))
-    elif not (typed := _answer(f"Robot, {which}")):
-        return None
-    blank.known(root, folder.name, typed)
-    return typed
+    while typed := _typed(f"Robot, {which}", usual):
+        try:
+            blank.known(root, folder.name, typed)
+        except UsageError as unknown:  # a brand name, as on the type plate: those like it are named
+            _tell(str(unknown).removeprefix("--robot: "))
+        else:
+            return typed
+    return None
+
+
+def _typed(question: str, usual: str | None) -> str:
+    """What is typed, or what is usual where there is such."""
+    return str(typer.prompt(question, usual, err=True)) if usual else _answer(question)
 
 
 def _asked(said: Proposal, robot: str | None, given: Known) -> Known:
@@ -173,7 +183,7 @@ def _asked(said: Proposal, robot: str | None, given: Known) -> Known:
     from pipeline.intake.blank import log_columns
     from pipeline.machine.instrument import sheet
     from pipeline.readers._coordinates import USUAL_UNITS
-    from pipeline.readers.logs import FORCE, LENGTH, MASS
+    from pipeline.readers.logs import LENGTH
 
     unit = None
     if said.reach is not None:
@@ -186,13 +196,8 @@ def _asked(said: Proposal, robot: str | None, given: Known) -> Known:
             "Standard uncertainty of one tracker reading per axis [mm]", LENGTH, "mm",
             "Enter: it is found from repeats and misfit",
         )  # fmt: skip
-    sigma_n, mass_sigma_kg, warm = given.sigma_n, None, given.temperature_c
-    if "force" in said.unsure and sigma_n is None:
-        # step / sqrt(12), GUM F.2.2.1
-        _tell("Of the scale, its certificate says it; the last digit alone makes 0.29 of a step.")
-        sigma_n = _size("Standard uncertainty of one scale reading [N]", FORCE, "n")
-    if "mass" in said.unsure:
-        mass_sigma_kg = _size("Standard uncertainty of one weight [kg]", MASS, "kg")
+    sigma_n, mass_sigma_kg = _of_loads(said, given)
+    warm = given.temperature_c
     if said.exports and warm is None:
         warm = _number("Temperature of rail and base [degC]", "Enter: not known")
     return replace(
@@ -207,6 +212,20 @@ def _asked(said: Proposal, robot: str | None, given: Known) -> Known:
         places={**given.places, **(_places(said, given.places) if said.measured else {})},
         columns=columns,
     )
+
+
+def _of_loads(said: Proposal, given: Known) -> tuple[float | None, float | None]:
+    """Standard uncertainties of the scale [N] and of weights [kg]; None where nobody says."""
+    from pipeline.readers.logs import FORCE, MASS
+
+    sigma_n, mass_sigma_kg = given.sigma_n, None
+    if "force" in said.unsure and sigma_n is None:
+        # step / sqrt(12), GUM F.2.2.1
+        _tell("Of the scale, its certificate says it; the last digit alone makes 0.29 of a step.")
+        sigma_n = _size("Standard uncertainty of one scale reading [N]", FORCE, "n")
+    if "mass" in said.unsure:
+        mass_sigma_kg = _size("Standard uncertainty of one weight [kg]", MASS, "kg")
+    return sigma_n, mass_sigma_kg
 
 
 def _places(

@@ -18,6 +18,7 @@ import pyarrow as pa
 from pipeline import readers
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
+from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._separators import LOOKED_AT, separators
 from pipeline.intake.offer import Offer, offer
 from pipeline.intake.which_logs import Logs, propose_logs, unsure
@@ -25,7 +26,6 @@ from pipeline.readers import Columns, Export, Hints, logs
 from pipeline.readers._log_form import LogForm
 from pipeline.readers._names import split
 from pipeline.readers._text import is_workbook
-from pipeline.reduction._group_names import STATES, Group, states_of, ways_to_read
 
 _UNIT = Hints(unit="mm")
 _SHOWN = 8

@@ -156,7 +156,7 @@ def _numbers(
     factor = units.get(unit) if units else 1.0
     if factor is None:
         raise ValueError(f'in "{row.unit}", which is none of {", ".join(units)}')
-    cells = [one for cell in row.cells for one in re.split(r"[;\s]+", cell) if one]
+    cells = re.findall(r"[^;\s]+", " ".join(row.cells))
     try:
         values = [float(one.replace(",", ".")) for one in cells]
     except ValueError:

@@ -49,14 +49,14 @@ class Stiffnesses(tuple[Stiffness, ...]):
 
     def to_frame(self) -> pd.DataFrame:
         """A row for each joint: axis, joint, value, std, both ends of ci95, unit, identifiable."""
+        ends = zip(*(one.ci95 or (None, None) for one in self), strict=True) if self else ((), ())
         return pd.DataFrame(
             {
                 "axis": [one.axis for one in self],
                 "joint": [one.joint_name for one in self],
                 "value": [one.value for one in self],
                 "std": [one.std for one in self],
-                "ci95_lower": [one.ci95[0] if one.ci95 else None for one in self],
-                "ci95_upper": [one.ci95[1] if one.ci95 else None for one in self],
+                **dict(zip(("ci95_lower", "ci95_upper"), ends, strict=True)),
                 "unit": [one.unit for one in self],
                 "identifiable": [one.identifiable for one in self],
             }

@@ -6,9 +6,9 @@ import sys
 from collections.abc import Iterator
 from pathlib import Path
 
-from pipeline.base import processes
 from pipeline.base.errors import InputError
 from pipeline.base.quantities import common_prefix, prefixed, with_uncertainty
+from pipeline.base.shown import say
 from pipeline.live.judged import Update
 from pipeline.live.watching import live as updates
 
@@ -36,13 +36,13 @@ def live(name: str, root: Path, every_s: float, as_json: bool) -> None:
             f"write one with `pipeline init {name}`",
         )
     beside = f"Watching {there[0]}: a pose is told when it is measured; Ctrl-C ends."
-    processes.say(beside, sys.stderr)
+    say(beside, sys.stderr)
     for update in updates(there[0], every_s):
         if as_json:
-            processes.say(update.as_json())
+            say(update.as_json())
         else:
             for line in sentences(update):
-                processes.say(line)
+                say(line)
 
 
 def sentences(update: Update) -> Iterator[str]:

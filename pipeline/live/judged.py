@@ -289,11 +289,11 @@ def _stop(answer: Answer, poses: int, left: int, suspected: bool) -> Stop:
 
 def _decided(answer: Answer, asked: Tolerance) -> str | None:
     """Pass where d + 3 u <= T wherever it is asked, fail where d - 3 u > T anywhere, else None."""
-    tips: list[Tip] = [] if asked.path is None else list(asked.path.stretches)
-    if asked.test_pose is not None and answer.test_pose is not None:
+    tips: list[Tip] = [*asked.path.stretches] if asked.path else []
+    if asked.test_pose and answer.test_pose:
         tips.append(answer.test_pose)
-    d = np.array([np.nan if tip.deflection_mm is None else tip.deflection_mm for tip in tips])
-    u = np.array([np.inf if tip.std_mm is None else tip.std_mm for tip in tips])
+    d = np.array([tip.deflection_mm for tip in tips], dtype=float)  # None is nan
+    u = np.nan_to_num(np.array([tip.std_mm for tip in tips], dtype=float), nan=np.inf)
     if (d - CERTAIN * u > asked.deflection_mm).any():
         return "fail"
     return "pass" if len(d) and (d + CERTAIN * u <= asked.deflection_mm).all() else None

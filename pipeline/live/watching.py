@@ -52,10 +52,7 @@ class Live:
             now: By a clock that never goes back [s].
         """
         if dict(files) == dict(self.files):
-            owed, quiet_s = self._owed, now - self._since
-            if owed is None or quiet_s < (QUIET_S if owed.why is None else REFUSED_S):
-                return None
-            return self._tell(owed)
+            return self._when_quiet(now - self._since)
         self.files, self._since = dict(files), now
         try:
             campaign = load_campaign(files, name=self.name)
@@ -72,6 +69,13 @@ class Live:
             return self._tell(update)
         self._owed = None if update.pose in self.poses else update
         return None
+
+    def _when_quiet(self, quiet_s: float) -> Update | None:
+        """What is owed and was held back, when nothing has changed for so long [s]."""
+        owed = self._owed
+        if owed is None or quiet_s < (QUIET_S if owed.why is None else REFUSED_S):
+            return None
+        return self._tell(owed)
 
     def _differs(self, update: Update) -> bool:
         """Whether others are suspected than before."""

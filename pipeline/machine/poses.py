@@ -8,6 +8,7 @@ from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.errors import InputError
 from pipeline.machine.gaps import free
 from pipeline.machine.robot import Configuration, Robot, configure
+from pipeline.machine.robot.axes import rounded
 from pipeline.machine.room import Room
 
 _CHAIN_M = (1.2, 4.5)
@@ -45,26 +46,6 @@ def default_anchors(robot: Robot) -> Array:
     along = np.arange(min(lower + 1.5, (lower + upper) / 2), upper, 3.0)
     side = np.where(np.arange(len(along)) % 2 == 0, 2.5, -2.5)
     return np.stack([side, along, np.full_like(along, -0.891)], axis=-1)
-
-
-def rounded(robot: Robot, q: Array, decimals: int = 6) -> Array:
-    """Joint values [m] or [rad] that a log in m and degrees with so many decimals holds exactly."""
-    logged = np.round(in_log_units(robot, q), decimals)
-    return from_log_units(robot, logged)
-
-
-def in_log_units(robot: Robot, q: Array) -> Array:
-    """Joint values as joints.csv has them: prismatic in m, revolute in degrees.
-
-    Twelve decimals undo the rounding of degrees to radians and back: what was -10 is -10 again.
-    """
-    logged = np.where(robot.prismatic, q, np.rad2deg(q))
-    return np.asarray(np.round(logged, 12), dtype=np.float64)
-
-
-def from_log_units(robot: Robot, q: Array) -> Array:
-    """The inverse of `in_log_units`, to m and rad."""
-    return np.where(robot.prismatic, q, np.deg2rad(q))
 
 
 def draw_poses(

@@ -13,8 +13,9 @@ are linear where the positions ended.
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 
@@ -22,6 +23,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked, Strings
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Elastic
+from pipeline.machine.effects.gravity_sag import under_pulls
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.letters import Letter, changed
 
@@ -31,6 +33,15 @@ _KNOWN = 1e-9
 _ROUNDS = 20
 _LEAST = 0.01
 """An arm that is a hundred times lighter or heavier than usual is none."""
+
+
+class Common(NamedTuple):
+    """A factor between springs by pulls and by weight, what it leaves, and of how many."""
+
+    factor: float
+    std: float
+    chi2: float
+    dof: int
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,6 +61,8 @@ class Stance(Locked):
             and the points from where the corrected table then has them [m], F_b, (m, t, 3).
         factor: Variance of the factor by which all springs may be softer under masses lighter by
             it, which moves nothing; 0 where the robot file states the masses [1].
+        moments: Mass [kg] and first moment in its frame [kg m] of each link, shape (n, 4).
+        gravity: Acceleration in F_b [m/s^2], shape (3,).
     """
 
     robot: Robot
@@ -62,6 +75,8 @@ class Stance(Locked):
     cov: Array
     unloaded: Callable[[Array], tuple[Array, Array]]
     factor: float = 0.0
+    moments: Array = field(default_factory=lambda: np.zeros((0, 4)))
+    gravity: Array = field(default_factory=lambda: np.zeros(3))
 
     @property
     def springs(self) -> int:
@@ -83,22 +98,30 @@ class Stance(Locked):
     def lighter(self, value: Array, cov: Array, known: Bools) -> float:
         """The factor that pulls tell; 1 where none has to be told, or no joint tells it.
 
-        s for which (c - s c0)' (V + s^2 V0)^-1 (c - s c0) is smallest, V0 as of `apart`.
-
         Args:
             value: Compliances c by the pulls alone, shape (n,).
             cov: Their covariance V, shape (n, n).
             known: Joints that these determine, shape (n,).
         """
+        one = self.common(value, cov, known) if self.factor else None
+        return 1.0 if one is None else one.factor
+
+    def common(self, value: Array, cov: Array, known: Bools) -> Common | None:
+        """By how much all springs by the pulls are softer; None where no joint tells it.
+
+        s for which (c - s c0)' (V + s^2 V0)^-1 (c - s c0) is smallest, V0 as of `apart`. Args as
+        of `lighter`.
+        """
         mine = np.flatnonzero(known & self.told & (self.compliance > 0) & (value > 0))
-        if not self.factor or not len(mine):
-            return 1.0
+        if not len(mine):
+            return None
         own, both = self.compliance[mine], np.ix_(mine, mine)
         s = float(np.median(value[mine] / own))
         for _ in range(_ROUNDS):
             P = linear.inverse(cov[both] + s**2 * self.apart[both])
             s = max(float(own @ P @ value[mine]) / float(own @ P @ own), _LEAST)
-        return s
+        left = value[mine] - s * own
+        return Common(s, float(own @ P @ own) ** -0.5, float(left @ P @ left), len(mine) - 1)
 
     def softer(self, factor: float) -> Stance:
         """The same of an arm that is lighter by a factor, which the positions cannot tell."""
@@ -108,6 +131,7 @@ class Stance(Locked):
             self,
             compliance=self.compliance * factor,
             yields=self.yields * factor,
+            moments=self.moments / factor,
             cov=self.cov * scale * scale[:, None],
         )
 
@@ -157,5 +181,12 @@ class Stance(Locked):
         return np.asarray(out)
 
     def on(self, cell: Cell) -> Cell:
-        """A cell in which the elements act as the weight shows them."""
-        return replace(cell, held=self.effects)
+        """A cell in which the elements act as the weight shows them, and it under pulls."""
+        return replace(cell, held=(*self.effects, *self.weighs))
+
+    @property
+    def weighs(self) -> tuple[tuple[Elastic, Array], ...]:
+        """The weight that turns the joints further where pulls have moved it."""
+        if not self.moments.any():
+            return ()
+        return ((under_pulls(self.compliance, self.moments, self.gravity), np.ones(1)),)

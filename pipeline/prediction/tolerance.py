@@ -6,17 +6,17 @@ left-out poses were missed by (docs/decisions/0030).
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Mapping
 from dataclasses import dataclass
 
 import numpy as np
 import pandas as pd
 
-from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
+from pipeline.base.arrays import Array, Bools, Locked, Strings
+from pipeline.base.doors import opened
 from pipeline.machine.cell import Tool, paper_cell
-from pipeline.machine.robot import Robot, rating
-from pipeline.prediction import cartesian, compensate
-from pipeline.prediction.aim import Setting, aim
+from pipeline.machine.robot import Robot
+from pipeline.prediction.compensate import Path
 from pipeline.prediction.decision import Decision, decide
 from pipeline.prediction.model import Hypothesis, Model
 from pipeline.reduction.settings import Tolerance
@@ -85,51 +85,6 @@ def tip(model: Model, q: Array, force: Array, shown: Shown) -> Tip:
     stated = np.sqrt(np.einsum("mi,mij,mj->m", along, cov, along))
     std = np.where(lost, np.inf, np.maximum(stated, shown.floor(np.atleast_2d(force))))
     return Tip(found.displacement, size, std)
-
-
-@dataclass(frozen=True, eq=False)
-class Path(Locked):
-    """A path that is judged.
-
-    Attributes:
-        pose: Number of each point, shape (m,).
-        q: Joint values [m] or [rad], shape (m, n).
-        force: Force at the load point [N], F_b, shape (m, 3).
-    """
-
-    pose: Ints
-    q: Array
-    force: Array
-
-
-def read(name: str, data: bytes, model: Model) -> Path:
-    """A path with forces as `pipeline compensate` reads it; poses are those of the load point.
-
-    Args:
-        name: Name of the file.
-        data: Its content.
-        model: Whose robot and load point.
-
-    Raises:
-        InputError: A row or column is not as it should be, or the robot cannot reach a pose.
-    """
-    letters = cartesian.form(name, data)
-    if letters is None:
-        found = compensate.read(name, data, model.robot)
-        return _held(model, Path(found.pose, found.q, found.force), name, found.line)
-    poses = cartesian.read(name, data, model.robot, letters)
-    tool = np.eye(4)
-    tool[:3, 3] = model.tool.load_point
-    aimed = aim(model, poses.notation, poses.targets, Setting({"": tool}, {"": np.eye(4)}))
-    lines = [target.line for target in poses.targets]
-    return _held(model, Path(poses.pose, aimed.q, poses.force), name, lines)
-
-
-def _held(model: Model, path: Path, name: str, line: Sequence[int]) -> Path:
-    """A path with forces that the robot holds."""
-    point = model.tool.load_point
-    rating.refuse_unheld(model.robot, path.q, path.force, point, name, line)
-    return path
 
 
 def table(model: Model, path: Path, found: Tip, tolerance_m: float) -> pd.DataFrame:
@@ -215,4 +170,9 @@ def asked(
     """
     if tolerance is None or tolerance.path is None:
         return None
-    return read(tolerance.path, files[tolerance.path], nominal(robot, tool))
+    path: Path = opened(_READ)(tolerance.path, files[tolerance.path], nominal(robot, tool))
+    return path
+
+
+_READ = "pipeline.programs.judged:read"
+"""A path is read as `pipeline compensate` reads it."""

@@ -1,16 +1,20 @@
-"""Outbuilding: robot programs, written again with other coordinates and nothing else changed.
+"""Outbuilding: paths and robot programs, written again with other coordinates, all else unchanged.
 
-Door: `programs.command:compensate`. Targets, their notation and where the robot stands at them are
-`prediction`'s, which judges paths of poses without any program.
+Their targets (`program.py`), how controllers write poses (`notation.py`), where the robot stands at
+them (`aim.py`, `inverse.py`), and one file per language. The offsets are `prediction`'s.
+A table of joint values is a path as well, of which `predict` says where the targets stand.
+
+Door: `programs.command:compensate`, `programs.predict:predict`; `programs.judged:read`, the path
+that [tolerance] names.
 Tests: `tests/programs/`.
 """
 
 from __future__ import annotations
 
 from pipeline.base.errors import InputError
-from pipeline.prediction.program import Program
 from pipeline.programs import krl, rapid, stamp, tp, urscript
 from pipeline.programs._text import LARGEST, letters
+from pipeline.programs.program import Program
 
 __all__ = ["LARGEST", "Program", "dialect", "other_suffix", "read"]
 

@@ -12,10 +12,10 @@ from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, field
 
 from pipeline.base.arrays import Array
-from pipeline.prediction.notation import Notation
-from pipeline.prediction.program import Left, Program, Target, Use, gathered
 from pipeline.programs._flow import Held, Unsure
 from pipeline.programs._text import Source
+from pipeline.programs.notation import Notation
+from pipeline.programs.program import Left, Program, Target, Use, gathered
 
 
 @dataclass(frozen=True)

@@ -10,7 +10,7 @@ from functools import cached_property
 from itertools import pairwise
 
 from pipeline.base.errors import InputError
-from pipeline.prediction.program import NUMBER, Number, number
+from pipeline.programs.program import NUMBER, Number, number
 
 LARGEST = 2**26
 """Bytes of a program; milling programs of 100 000 points have a tenth of it."""

@@ -118,7 +118,7 @@ def compensate(
     X,Y,Z,A,B,C (KUKA), X,Y,Z,W,P,R (FANUC), x,y,z,q1,q2,q3,q4 (ABB), all in mm and degrees, or
     x,y,z,rx,ry,rz in m and rad (UR).
     """
-    from pipeline.prediction.aim import Refused
+    from pipeline.programs.aim import Refused
 
     given = Given(
         tip, force, force_frame, tool or (), base or (), world, flange, start, partial, forces

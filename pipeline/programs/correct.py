@@ -11,12 +11,13 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import Robot, axes, configure
-from pipeline.prediction.aim import Aimed, Refused, Setting, aim, beyond, wrong
-from pipeline.prediction.compensate import Compensation, Path, compensate, in_base
+from pipeline.prediction.compensate import Compensation, Path, compensate
 from pipeline.prediction.model import Model
-from pipeline.prediction.notation import Notation
-from pipeline.prediction.program import Left, Program, Target
+from pipeline.programs.aim import Aimed, Refused, Setting, aim, beyond, wrong
 from pipeline.programs.forces import Forces, tips_of
+from pipeline.programs.joint_path import in_base
+from pipeline.programs.notation import Notation
+from pipeline.programs.program import Left, Program, Target
 
 _LEFT = 0.01
 """Part of a deflection that may be left [1]: Newton's steps leave a millionth, stiffnesses are

@@ -14,16 +14,16 @@ from typing import TYPE_CHECKING
 from pipeline.base import files
 from pipeline.base.errors import InputError, UsageError, place
 from pipeline.base.shown import typed
-from pipeline.prediction.program import FINE_M
+from pipeline.programs.program import FINE_M
 
 if TYPE_CHECKING:
     from pipeline.base.arrays import Array
-    from pipeline.prediction.aim import Setting
     from pipeline.prediction.model import Model
-    from pipeline.prediction.notation import Form, Notation
     from pipeline.programs import Program
+    from pipeline.programs.aim import Setting
     from pipeline.programs.correct import Corrected
     from pipeline.programs.forces import Forces
+    from pipeline.programs.notation import Form, Notation
 
 _SHOWN = 20
 """Lines of a program that are listed of one kind."""
@@ -79,7 +79,7 @@ def write(
         UsageError: The campaign has no model yet, the path is not there, or an option is no good.
         InputError: The path cannot be read, or a pose of it cannot be reached.
     """
-    from pipeline.prediction import cartesian
+    from pipeline.programs import cartesian
     from pipeline.store import campaign as campaigns
 
     model, data = _model(root, name), _content(path)
@@ -278,28 +278,29 @@ def _joints(model: Model, path: Path, data: bytes, given: Given) -> tuple[bytes,
     """Offsets of a path of joint values."""
     import numpy as np
 
-    from pipeline.prediction import compensate as offsets
-    from pipeline.prediction.notation import KUKA
+    from pipeline.prediction.compensate import compensate
+    from pipeline.programs import joint_path
+    from pipeline.programs.notation import KUKA
 
-    wanted = offsets.read(path.name, data, model.robot, _force(given))
+    wanted = joint_path.read(path.name, data, model.robot, _force(given))
     setting = _setting(given, KUKA, model)
     tool = setting.flange @ setting.tools.get("", np.eye(4))
     tip = tool[:3, 3] if given.tool else None
     if given.frame == Frame.TOOL:
-        turned = offsets.in_base(model.robot, wanted.q, tool, wanted.force)
+        turned = joint_path.in_base(model.robot, wanted.q, tool, wanted.force)
         wanted = replace(wanted, force=turned)
-    found = offsets.compensate(model, wanted, tip if setting.tip is None else setting.tip)
-    return offsets.table(model.robot, wanted, found), found.remarks
+    found = compensate(model, wanted, tip if setting.tip is None else setting.tip)
+    return joint_path.table(model.robot, wanted, found), found.remarks
 
 
 def _poses(
     model: Model, path: Path, data: bytes, given: Given, letters: Form
 ) -> tuple[bytes, list[str]]:
     """Corrected coordinates and offsets of a path of poses."""
-    from pipeline.prediction import cartesian
-    from pipeline.prediction.aim import aim
-    from pipeline.prediction.notation import Notation
+    from pipeline.programs import cartesian
+    from pipeline.programs.aim import aim
     from pipeline.programs.correct import corrected
+    from pipeline.programs.notation import Notation
 
     setting = _setting(given, Notation(letters), model, path=True)
     wanted = cartesian.read(path.name, data, model.robot, letters, _force(given))
@@ -350,7 +351,7 @@ def _setting(given: Given, notation: Notation, model: Model, path: bool = False)
     """
     import numpy as np
 
-    from pipeline.prediction.aim import Setting, with_start
+    from pipeline.programs.aim import Setting, with_start
 
     tools, bases = _frames("--tool", given.tool, notation), _frames("--base", given.base, notation)
     tip = None if given.tip is None else np.array(given.tip)

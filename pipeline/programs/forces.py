@@ -23,8 +23,8 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import InputError, listed
 from pipeline.base.strict import LEAST_FORCE
 from pipeline.machine.robot import Robot, configure
-from pipeline.prediction.aim import Aimed
-from pipeline.prediction.program import NUMBER, Target
+from pipeline.programs.aim import Aimed
+from pipeline.programs.program import NUMBER, Target
 from pipeline.readers import logs
 
 _SIGNS = {".src": ";", ".dat": ";", ".sub": ";", ".mod": "!", ".modx": "!", ".prg": "!",

@@ -15,12 +15,12 @@ from dataclasses import dataclass, field, replace
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.machine.robot.inverse import Range
-from pipeline.prediction.notation import KUKA
-from pipeline.prediction.program import NUMBER, Left, Number, Program, Target, Use, number
 from pipeline.programs._flow import Held, Kind, Step, Unsure, holding, interrupted
 from pipeline.programs._reading import Lexicon, Reading, array, constant, finished
 from pipeline.programs._text import Entry, Source, entries
+from pipeline.programs.inverse import Range
+from pipeline.programs.notation import KUKA
+from pipeline.programs.program import NUMBER, Left, Number, Program, Target, Use, number
 
 SUFFIXES = (".src", ".dat")
 

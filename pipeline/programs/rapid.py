@@ -17,12 +17,12 @@ from itertools import dropwhile
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.machine.robot.inverse import Range
-from pipeline.prediction.notation import ABB
-from pipeline.prediction.program import Left, Number, Program, Target, Use
 from pipeline.programs._flow import Held, Kind, Step, Unsure, holding, interrupted
 from pipeline.programs._reading import Lexicon, Reading, finished
 from pipeline.programs._text import Entry, Source, entries, inner, numbers
+from pipeline.programs.inverse import Range
+from pipeline.programs.notation import ABB
+from pipeline.programs.program import Left, Number, Program, Target, Use
 
 SUFFIXES = (".mod", ".modx", ".prg")
 

@@ -22,11 +22,11 @@ from typing import Any
 
 import numpy as np
 
-from pipeline.machine.robot.inverse import Range
-from pipeline.prediction.notation import FANUC
-from pipeline.prediction.program import NUMBER, Left, Number, Program, Target, Use, number
 from pipeline.programs._reading import Lexicon, Reading, finished
 from pipeline.programs._text import Source
+from pipeline.programs.inverse import Range
+from pipeline.programs.notation import FANUC
+from pipeline.programs.program import NUMBER, Left, Number, Program, Target, Use, number
 
 SUFFIXES = (".ls",)
 

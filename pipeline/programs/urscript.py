@@ -15,11 +15,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.prediction.notation import UR
-from pipeline.prediction.program import Left, Program, Target
 from pipeline.programs._flow import Held, Kind, Step, holding, interrupted
 from pipeline.programs._reading import Lexicon, Reading, finished
 from pipeline.programs._text import Entry, Source, entries, inner, numbers
+from pipeline.programs.notation import UR
+from pipeline.programs.program import Left, Program, Target
 
 SUFFIXES = (".script", ".urscript")
 

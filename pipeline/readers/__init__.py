@@ -2,17 +2,12 @@
 
 from __future__ import annotations
 
+import functools
+from collections.abc import Iterable, Sequence
+
+from pipeline.base.doors import found
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers import (
-    emscon,
-    leica_6dof,
-    mapped,
-    plain,
-    spatial_analyzer,
-    table,
-    tracker_pilot,
-    xyz,
-)
+from pipeline.readers import mapped, plain, table
 from pipeline.readers._cells import text_of
 from pipeline.readers._faces import Faces
 from pipeline.readers._names import split
@@ -20,22 +15,7 @@ from pipeline.readers._reader import Columns, Export, Hints, Reader, Readings
 from pipeline.readers._text import Text, largest, refuse_other_programs, text
 from pipeline.readers._workbook import opened
 
-READERS: dict[str, Reader] = {
-    "plain": plain.READER,
-    "spatialanalyzer": spatial_analyzer.READER,
-    "emscon": emscon.READER,
-    "leica_6dof": leica_6dof.READER,
-    "tracker_pilot": tracker_pilot.READER,
-    "xyz": xyz.READER,
-    "table": table.READER,
-}
-
-WRITERS = {key: reader for key, reader in READERS.items() if reader.write}
-"""Those in whose dialect `simulate` writes, too."""
-
 __all__ = [
-    "READERS",
-    "WRITERS",
     "Columns",
     "Export",
     "Faces",
@@ -43,6 +23,7 @@ __all__ = [
     "Reader",
     "Readings",
     "Text",
+    "catalogue",
     "largest",
     "opened_as_text",
     "read",
@@ -51,7 +32,20 @@ __all__ = [
     "sheet",
     "text",
     "text_of",
+    "writers",
 ]
+
+
+@functools.cache
+def catalogue() -> dict[str, Reader]:
+    """Every reader by its key: of our own CSV, of other programs' dialects, of any other table."""
+    dialects: dict[str, Reader] = found("pipeline.dialects:DIALECTS") or {}
+    return {"plain": plain.READER, **dialects, table.NAME: table.READER}
+
+
+def writers() -> dict[str, Reader]:
+    """Those in whose dialect `simulate` writes, too."""
+    return {key: reader for key, reader in catalogue().items() if reader.write}
 
 
 def recognise(file: Text) -> Reader:
@@ -60,16 +54,13 @@ def recognise(file: Text) -> Reader:
     Raises:
         InputError: More than one dialect fits, or there is no table of points.
     """
-    sample = file.sample()
-    dialects = READERS.copy()
-    del dialects[table.NAME]
-    fitting = [reader for reader in dialects.values() if reader.recognise(sample)]
-    fitting = [reader for reader in fitting if not reader.general] or fitting
+    dialects = [reader for key, reader in catalogue().items() if key != table.NAME]
+    fitting = _fitting(dialects, file.sample())
     if not fitting and table.holds_one(file):
         return table.READER
     if len(fitting) == 1:
         return fitting[0]
-    known = listed(reader.name for reader in fitting or dialects.values())
+    known = listed(reader.name for reader in fitting or dialects)
     none = f"the file is none of {known}, and there are no rows with three numbers in it"
     raise InputError(
         f"the file may be {known}" if fitting else none,
@@ -77,6 +68,12 @@ def recognise(file: Text) -> Reader:
         "columns group,target,x_mm,y_mm,z_mm,time",
         line=1,
     )
+
+
+def _fitting(dialects: Iterable[Reader], sample: Sequence[str]) -> list[Reader]:
+    """The readers that claim a file; one with a mark of its own before those of any table."""
+    fitting = [reader for reader in dialects if reader.recognise(sample)]
+    return [reader for reader in fitting if not reader.general] or fitting
 
 
 def read(name: str, data: bytes, hints: Hints | None = None) -> Export:

@@ -9,9 +9,9 @@ from typing import Literal
 
 from pydantic import Field
 
+from pipeline.base.doors import found
 from pipeline.base.errors import InputError, at, listed
 from pipeline.base.strict import Name, Strict
-from pipeline.readers import recorded, taught
 from pipeline.readers._cells import MARKS, above, bare, is_plain
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._named import IN_BRACKETS
@@ -135,7 +135,8 @@ def _as_text(
     fits: Callable[[Text], int],
 ) -> Text:
     """A log as a table: points of a controller and recordings are made one."""
-    made = None if is_workbook(data) else taught.table(data) or recorded.table(data)
+    of_controller = None if is_workbook(data) else found("pipeline.dialects:of_controller")
+    made = of_controller(data) if of_controller else None
     return text(name, made) if made else workbook(name, data, sheet, mark, table, fits)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from pipeline.base.doors import is_there, opened
+from pipeline.base.doors import found, opened
 from pipeline.readers import mapped
 from pipeline.readers._reader import Export, Hints, Reader
 from pipeline.readers._text import Text
@@ -24,7 +24,8 @@ _HOLDS, _DESCRIBED = "pipeline.intake.table:holds_one", "pipeline.intake.table:d
 
 def holds_one(text: Text) -> bool:
     """Whether there are rows with three numbers in a file."""
-    return is_there(_HOLDS) and bool(opened(_HOLDS)(text))
+    holds = found(_HOLDS)
+    return holds is not None and bool(holds(text))
 
 
 def read(text: Text, hints: Hints, dialect: str = NAME) -> Export:

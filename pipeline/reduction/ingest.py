@@ -17,7 +17,7 @@ import pyarrow as pa
 from pipeline import readers, tables
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import columns as covariance_columns
-from pipeline.base.doors import is_there, opened
+from pipeline.base.doors import found
 from pipeline.base.errors import InputError, listed
 from pipeline.base.patterns import fits, is_glob
 from pipeline.base.threads import MUCH, both
@@ -250,7 +250,7 @@ def _export(name: str, data: bytes, tracker: Tracker, bodies: Sequence[Body]) ->
     try:
         return readers.read(name, data, tracker)
     except InputError:
-        settled = opened(_SETTLED) if is_there(_SETTLED) else None
+        settled = found(_SETTLED)
         hints, why = settled(name, data, tracker, bodies) if settled else (tracker, ())
         if not why:
             raise

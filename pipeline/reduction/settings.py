@@ -39,8 +39,8 @@ from pipeline.base.strict import (
     with_parts,
 )
 from pipeline.machine.instrument import InstrumentNoise, Sheet, sheet
-from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import Robot, axes
+from pipeline.machine.robot.axes import from_log_units
 from pipeline.machine.surroundings import Surrounded
 from pipeline.readers import Hints
 from pipeline.readers._log_form import LogForm

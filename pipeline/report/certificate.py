@@ -2,11 +2,12 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from pipeline.answer.contract import Answer, Cause, Data, Reason, Stiffness, Which
+from pipeline.answer.contract import About, Answer, Cause, Data, Reason, Stiffness, Which
 from pipeline.answer.nouns import amount
 from pipeline.answer.words import DO, capital
 from pipeline.base.files import sha256
@@ -36,6 +37,9 @@ _MOST_FOUND = 24
 _MOST_CAUSES = 2
 """So many causes are named here."""
 
+_MOST_NEXT = 30
+"""So many words of what to measure next; the page below has the pose, too."""
+
 _DIGEST = 16
 """Digits of the digest that are printed."""
 
@@ -47,7 +51,8 @@ def certificate(answer: Answer, tables: Tables) -> Certificate:
     compared = nominal is not None
     return Certificate(
         found=found(answer),
-        to_do=" ".join((*_by_tolerance(answer), to_do(answer))),
+        to_do=" ".join((*_by_tolerance(answer), to_do(answer), *_to_controller(answer))),
+        measure=measure(answer),
         picture=pictures.get("certificate"),
         gauge=pictures.get("gauge"),
         bars=bars,
@@ -126,6 +131,23 @@ def to_do(answer: Answer) -> str:
     if answer.recommended.data is Data.CORRECTED or said[0].islower():
         return f"Correct the files; until then {said}"
     return said
+
+
+def measure(answer: Answer) -> str:
+    """What to measure next: the first sentences of what the page below says of it."""
+    said = next((one.text for one in answer.first_screen if one.about == About.NEXT), "")
+    told = ""
+    for sentence in re.split(r"(?<=\.) (?=[A-Z])", said):
+        if told and len(f"{told} {sentence}".split()) > _MOST_NEXT:
+            break
+        told = f"{told} {sentence}".strip()
+    return told
+
+
+def _to_controller(answer: Answer) -> Iterator[str]:
+    """What of the model no controller takes."""
+    if answer.recommended.reason in _SUBSTITUTES[:2] and _substituted(answer):
+        yield "Correct programs (`pipeline compensate`) or enter the last column."
 
 
 def _by_tolerance(answer: Answer) -> Iterator[str]:
@@ -214,29 +236,21 @@ def _entered(answer: Answer) -> dict[str, str]:
     if not reason.holds_for_its_readings:
         return {one.name: "none" for one in joints}
     if _substituted(answer):
-        units = {one.name: one.value for one in joints}
-        return {
-            one.name: _rounded(one, units.get(one.name)) for one in answer.joint_springs.stiffness
-        }
+        return {one.name: _rounded(one) for one in answer.joint_springs.stiffness}
     odd = [one for one in joints if one.value is None or one.ci95[1] is None]
-    return {one.name: _rounded(one, one.value) for one in joints} if odd else {}
+    return {one.name: _rounded(one) for one in joints} if odd else {}
 
 
-def _rounded(joint: Stiffness, beside: float | None = None) -> str:
-    """A value in the digits that its uncertainty allows; none for one that may be rigid.
-
-    Args:
-        joint: Whose.
-        beside: The value beside it, whose unit it shares; None where there is none.
-    """
+def _rounded(joint: Stiffness) -> str:
+    """A value in the digits that its uncertainty allows; none for one that may be rigid."""
     if joint.value is None:
         return "leave as it is"
     if joint.ci95[1] is None:
         return "no value"
-    factor, letter = common_prefix([beside or joint.value])
+    factor, letter = common_prefix([joint.value])
     value, std = joint.value / factor, scaled(joint.std, factor)
     shown = plain(value) if std is None else with_uncertainty(value, std)[0]
-    return shown if beside else f"{shown} {prefixed(joint.unit, letter)}"
+    return f"{shown} {prefixed(joint.unit, letter)}"
 
 
 def _note(answer: Answer, compared: bool) -> str:
@@ -253,7 +267,7 @@ def _note(answer: Answer, compared: bool) -> str:
         if substitutes
         else ""
     )
-    return f"Values ± one standard uncertainty. {bar}{enter}"
+    return f"Values ± one standard uncertainty (k = 1). {bar}{enter}"
 
 
 def _least_known(answer: Answer) -> float | None:

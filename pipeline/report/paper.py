@@ -54,8 +54,12 @@ def printed(report: Report) -> Report:
         return report
     kept = tuple(filter(None, map(_section, report.sections)))
     left = listed([f"{one[0].lower()}{one[1:]}" for one in _left_out(report)] or ["nothing"])
-    more = f"index.html and results.xlsx also have: {left}."
-    return replace(report, sections=kept, elsewhere=f"{report.elsewhere} {more}")
+    more = Section(
+        "elsewhere",
+        "Only on the page",
+        (Text(f"index.html and results.xlsx also have: {left}."),),
+    )
+    return replace(report, sections=(*kept, more))
 
 
 def _section(one: Section) -> Section | None:

@@ -193,6 +193,7 @@ class Certificate:
     Attributes:
         found: What is wrong.
         to_do: What to do.
+        measure: What to measure next.
         picture: The robot.
         gauge: The deflection beside its tolerance; None where nothing is asked.
         bars: The stiffnesses.
@@ -206,6 +207,7 @@ class Certificate:
 
     found: str
     to_do: str
+    measure: str
     picture: Figure | None
     gauge: Figure | None
     bars: tuple[Bar, ...]
@@ -218,7 +220,7 @@ class Certificate:
 
     def __post_init__(self) -> None:
         """Set numbers and units as they are printed."""
-        for name in ("found", "to_do", "note"):
+        for name in ("found", "to_do", "measure", "note"):
             object.__setattr__(self, name, typeset(getattr(self, name)))
 
 

@@ -20,7 +20,8 @@ def nouns() -> dict[str, str]:
     from pipeline.machine.effects import catalogue, payload, table, unlisted
     from pipeline.machine.robot import SHIPPED, load
 
-    known = {e.name: e.noun for robot in SHIPPED for e in catalogue(load(robot))}
+    kinds = {tuple(j.prismatic for j in robot.joints): robot for robot in map(load, SHIPPED)}
+    known = {e.name: e.noun for robot in kinds.values() for e in catalogue(robot)}
     known |= payload.NOUNS | table.NOUNS | {unlisted.NAME: "law outside the catalogue"}
     return known | {fault.name: fault.noun for fault in FAULTS}
 

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, TypeVar
 
 from pipeline.base.errors import Unfinished, UsageError
-from pipeline.base.executor import SEE, Done, Sent, tried
+from pipeline.service.executor import SEE, Done, Sent, tried
 
 S = TypeVar("S")
 T = TypeVar("T")

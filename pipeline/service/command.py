@@ -33,13 +33,13 @@ def serve(
 
         typer.echo(of_systemd(root), nl=False)
         return
-    from pipeline.base import processes
+    from pipeline.base.shown import say
     from pipeline.service import supervisor
 
     wanted = _preferred(root, interval_s=interval, cron=cron, port=port)
     every = f"at {wanted.service.cron}" if wanted.service.cron else _every(wanted)
     typer.secho(f"Looking at {root / 'data' / 'raw'} {every}; Ctrl-C stops.", err=True)
-    supervisor.serve(root, wanted, processes.say)
+    supervisor.serve(root, wanted, say)
 
 
 def watch(
@@ -59,8 +59,8 @@ def watch(
             raise UsageError("--live and the name of a campaign belong together: give both")
         opened("pipeline.live.command:live")(campaign, root, interval or _LIVE_S, as_json)
         return
-    from pipeline.base import processes
-    from pipeline.service import supervisor
+    from pipeline.base.shown import say
+    from pipeline.service import processes, supervisor
     from pipeline.service import watch as watching
 
     wanted = _preferred(root, interval_s=interval)
@@ -70,7 +70,7 @@ def watch(
     with supervisor.alone(root, wanted.service):
         for outcome in watching.watch(root, wanted):
             if as_json:
-                processes.say(outcome.as_json())
+                say(outcome.as_json())
             else:
                 processes.log(outcome.event)
 
@@ -86,7 +86,7 @@ def deploy(
     root: Root = Path(),
 ) -> None:
     """Schedule the scan for new campaigns on a team's Prefect server: docs/teams.md."""
-    from pipeline.base import processes
+    from pipeline.service import processes
     from pipeline.service import server as service
 
     wanted = _preferred(root, interval_s=interval, cron=cron)

@@ -15,9 +15,9 @@ from pathlib import Path
 from pipeline.base import preferences
 from pipeline.base.errors import InputError
 from pipeline.base.preferences import Preferences
-from pipeline.base.processes import alive
 from pipeline.service import server as service
 from pipeline.service import watch
+from pipeline.service.processes import alive
 from pipeline.service.storage import Store
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import recalled

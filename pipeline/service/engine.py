@@ -9,8 +9,9 @@ from typing import TYPE_CHECKING
 from pipeline.app.progress import Tell
 from pipeline.base import files
 from pipeline.base.environment import elsewhere
-from pipeline.base.processes import say, sheltered
+from pipeline.base.shown import say
 from pipeline.service import server
+from pipeline.service.processes import sheltered
 from pipeline.store.campaign import Campaign
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second

@@ -37,12 +37,12 @@ from pipeline.app.progress import Tell, told
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, UsageError
 from pipeline.base.preferences import Service, load
-from pipeline.base.processes import PARENT, REPORTS_URL, ROOT, follow, log
 from pipeline.base.shown import printable
 from pipeline.run import run
 from pipeline.service import server as service
 from pipeline.service import watch
 from pipeline.service.guard import Guard
+from pipeline.service.processes import PARENT, REPORTS_URL, ROOT, follow, log
 from pipeline.store.campaign import Campaign, every, find
 
 TAG = "campaign"

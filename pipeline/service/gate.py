@@ -20,7 +20,7 @@ from starlette.routing import Mount
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
-from pipeline.base.processes import PARENT, follow
+from pipeline.service.processes import PARENT, follow
 from pipeline.service.server import HERE
 
 _OWN_SITE = (b"same-origin", b"none")

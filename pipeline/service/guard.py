@@ -21,9 +21,9 @@ from typing import Any
 
 from pipeline.app.outcome import Outcome, failed
 from pipeline.base.errors import Unfinished
-from pipeline.base.executor import gone
 from pipeline.base.preferences import Service
-from pipeline.base.processes import PYTHON
+from pipeline.service.executor import gone
+from pipeline.service.processes import PYTHON
 from pipeline.store.campaign import Campaign
 
 _TAKES = 8

@@ -6,7 +6,7 @@ import os
 import sys
 
 from pipeline.base.preferences import Service
-from pipeline.base.processes import PARENT, follow
+from pipeline.service.processes import PARENT, follow
 
 
 def main(wanted: str) -> None:

@@ -24,8 +24,8 @@ from pydantic import ValidationError
 
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, UsageError
-from pipeline.base.processes import REPORTS_URL
 from pipeline.base.strict import Strict
+from pipeline.service.processes import REPORTS_URL
 from pipeline.store.campaign import recalled
 
 HERE = "127.0.0.1"

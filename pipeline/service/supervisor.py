@@ -25,9 +25,9 @@ from pipeline.base import files
 from pipeline.base.environment import NOBODYS
 from pipeline.base.errors import UsageError
 from pipeline.base.preferences import Preferences, Service
-from pipeline.base.processes import PARENT, PYTHON, REPORTS_URL, ROOT
 from pipeline.service import notify
 from pipeline.service import server as service
+from pipeline.service.processes import PARENT, PYTHON, REPORTS_URL, ROOT
 from pipeline.store.campaign import dump
 
 _LOOK_S = 1.0

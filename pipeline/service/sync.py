@@ -128,7 +128,8 @@ def _refuse_odd(campaign: str, marks: _Marks) -> None:
     if why := unfit(campaign):
         raise InputError(why, _RENAME)
     for name in marks:
-        if why := _odd(name) or ("is a file and a folder" if _above(name) & {*marks} else ""):
+        twice = any(above in marks for above in _above(name))
+        if why := _odd(name) or ("is a file and a folder" if twice else ""):
             raise InputError(f'the object "{printable(name, 120)}" {why}', _RENAME)
     size = sum(size for size, _ in marks.values())
     if len(marks) > MOST_ENTRIES or size > _MOST_BYTES:

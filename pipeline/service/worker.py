@@ -12,8 +12,8 @@ from multiprocessing.connection import Connection
 from pathlib import Path
 
 from pipeline.app.outcome import Compute, Outcome, guarded, outcome
-from pipeline.base.processes import follow
 from pipeline.service.guard import PAGES
+from pipeline.service.processes import follow
 from pipeline.store.campaign import Campaign
 
 

@@ -14,13 +14,12 @@ from pipeline.base import toml
 from pipeline.base.arrays import Array, Parameter
 from pipeline.base.errors import UsageError
 from pipeline.base.strict import STANDARD_GRAVITY
-from pipeline.machine.poses import in_log_units
 from pipeline.machine.robot import SHIPPED, Robot
 from pipeline.machine.robot import load as load_robot
+from pipeline.machine.robot.axes import in_log_units, shown
 from pipeline.machine.robot.axes import of as axes_of
-from pipeline.machine.robot.axes import shown
 from pipeline.machine.surroundings import tooled
-from pipeline.readers import READERS, WRITERS, Readings, text_of
+from pipeline.readers import Readings, catalogue, text_of, writers
 from pipeline.simulate.blunders import Notebook, controller_axes
 from pipeline.simulate.hidden import Planted, blunders
 from pipeline.simulate.noise import stated_covariance
@@ -131,9 +130,9 @@ def _notebook(scene: Scene, draws: Draws, which: int = 0) -> Notebook:
 def written(scene: Scene, notes: Notebook) -> dict[str, bytes]:
     """The files of a notebook."""
     tracker = scene.plan.tracker
-    reader = READERS.get(tracker.dialect)
+    reader = catalogue().get(tracker.dialect)
     if reader is None or reader.write is None:
-        known = ", ".join(WRITERS)
+        known = ", ".join(writers())
         raise UsageError(f'there is no dialect "{tracker.dialect}"; choose from {known}.')
     shown = _shown(scene, notes.reading_n)
     files = {
@@ -250,7 +249,7 @@ def _axes(scene: Scene) -> bytes:
 
 
 def _campaign_toml(plan: Plan, robot: str, simulated: bool = True) -> bytes:
-    reader = READERS[plan.tracker.dialect]
+    reader = catalogue()[plan.tracker.dialect]
     content = {
         "format": 1,
         "name": plan.name,

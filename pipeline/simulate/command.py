@@ -117,7 +117,8 @@ def write(
     if folder.exists() and not force:
         raise UsageError(f"{folder} is there already: choose another --name, or use --force")
     made = carried_out(wanted, plan)
-    files.write(sealed, dump(made.truth))
+    digests = {inner: files.sha256(data) for inner, data in made.files.items()}
+    files.write(sealed, dump({**made.truth, "files": digests}))
     files.place(folder, made.files)
     return root / "data" / "raw" / wanted.name, sealed
 

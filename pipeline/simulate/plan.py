@@ -130,7 +130,7 @@ class Instrument(Strict):
         noise: `paper` for Eq. (18), or range and transverse parts in the beam's frame.
         noise_scale: True scatter over stated scatter; 0 for readings without noise.
         stated: False leaves the noise out of campaign.toml.
-        dialect: Form of the export, a key of `readers.READERS`.
+        dialect: Form of the export, a key of `readers.catalogue`.
         unit: Unit of length in the export.
         digits: Decimals of a coordinate in that unit, or `full`; a tenth of a micrometre else.
     """

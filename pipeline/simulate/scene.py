@@ -17,14 +17,9 @@ from pipeline.base.errors import InputError
 from pipeline.machine import cell as forward
 from pipeline.machine.cell import Cell, Tool
 from pipeline.machine.effect import Noise, Observation, Pulls
-from pipeline.machine.poses import (
-    default_anchors,
-    draw_poses,
-    from_log_units,
-    in_log_units,
-    nearest_in_reach,
-)
+from pipeline.machine.poses import default_anchors, draw_poses, nearest_in_reach
 from pipeline.machine.robot import Robot, configure
+from pipeline.machine.robot.axes import from_log_units, in_log_units
 from pipeline.simulate import noise
 from pipeline.simulate.hidden import Planted, effects
 from pipeline.simulate.loads import DOWN, Run, run

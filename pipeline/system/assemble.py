@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -96,17 +96,12 @@ def inputs(cell: Cell, data: Measured, values: Array) -> list[Block]:
     moved = np.split(_moved(cell, data, values, np.concatenate([*modes.values()], 1)), ends, 2)
     pulled = dict(zip(modes, moved, strict=True))
     turn = covariance.factors(data.rotation_cov[None])[0].T
+    scaled = _scaled(cell, data, values)
     blocks = [
         Block("force_reading", False, pulled.pop("force_reading"), data.pull, m),
         Block("direction", False, pulled.pop("direction") / unit, data.pull, m),
+        *_by_time(data, scaled),
     ]
-    if data.wander is not None and data.wander.any():
-        pose = np.unique(data.pulls.pose, return_inverse=True)[1][data.pull]
-        blocks.append(Block("wander", False, data.wander, pose, int(pose.max()) + 1))
-    scaled = _scaled(cell, data, values)
-    if data.day_rel:
-        day = data.day[data.pull]
-        blocks.append(Block("day", True, data.day_rel * scaled, day, int(day.max()) + 1))
     once = {
         "tracker_scale": data.length_rel * scaled,
         "registration": _turned(cell, data, values, turn),
@@ -119,6 +114,21 @@ def inputs(cell: Cell, data: Measured, values: Array) -> list[Block]:
         once["second_order"] = second_order(cell, data, values)[..., None]
     blocks += [Block(source, True, part, np.zeros(d, int), 1) for source, part in once.items()]
     return blocks
+
+
+def _by_time(data: Measured, scaled: Array) -> Iterator[Block]:
+    """What the readings of a pose, or all of a day, have in common where there is such.
+
+    Args:
+        data: The measurements.
+        scaled: What a relative error of all displacements moves, shape (d, 3, 1) [m].
+    """
+    if data.wander is not None and data.wander.any():
+        pose = np.unique(data.pulls.pose, return_inverse=True)[1][data.pull]
+        yield Block("wander", False, data.wander, pose, int(pose.max()) + 1)
+    if data.day_rel:
+        day = data.day[data.pull]
+        yield Block("day", True, data.day_rel * scaled, day, int(day.max()) + 1)
 
 
 def _scaled(cell: Cell, data: Measured, values: Array) -> Array:

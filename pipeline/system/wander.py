@@ -15,6 +15,7 @@ Kermarrec et al., Sensors 19, 2019, for noise of laser instruments that is corre
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -176,25 +177,22 @@ def wander(data: Measured, beyond: Beyond, told: bool = True, moves: Array | Non
     if not (told and factors.any()):
         return nothing
     ways = _ways(data)
-    by_row = [_felt(data, way, one) for way in ways for one in factors]
+    rows, sizes = _each_felt(data, ways, factors)
     a = np.append(0.0, SIZES)
-    losses = np.array([_losses(beyond, unit * one, a) for one, _ in by_row])
+    losses = np.array([_losses(beyond, unit * one, a) for one in rows])
     weight, p = _likely(losses)
     p = min(1.0, p * len(ways))
     best = int(np.argmax(weight[:, 1:].max(axis=1)))
     largest = a[weight[best].argmax()]
-    if p < alarms.COMPONENT and _along_one_axis(beyond, unit * by_row[best][0], largest):
+    if p < alarms.COMPONENT and _along_one_axis(beyond, unit * rows[best], largest):
         return nothing
-    if moves is not None and weight[:, 1:].sum() > _NONE:
-        weight = weight * _not_joints(data, beyond, moves, losses)
+    weight = weight * _not_joints(data, beyond, moves, losses, weight)
     each = (weight @ a**2).reshape(len(ways), len(TIMES_S))
-    share = each / np.array([size for _, size in by_row]).reshape(each.shape)
+    share = each / sizes.reshape(each.shape)
     mean = float((weight * a).sum())
-    whole = [_together(data, one, factors) for one in share]
     process = unit**2 * share / np.array([size for _, size in kernels])
     return Wander(
-        factor=unit
-        * np.concatenate([_shifted(data, *one) for one in zip(ways, whole, strict=True)], axis=2),
+        factor=unit * _every_way(data, ways, share, factors),
         size=unit * float(np.sqrt(each.sum())),
         std=unit * float(np.sqrt(max((weight * a**2).sum() - mean**2, 0.0))),
         time_s=TIMES_S[best % len(TIMES_S)],
@@ -203,6 +201,19 @@ def wander(data: Measured, beyond: Beyond, told: bool = True, moves: Array | Non
         process=np.vstack([process, np.zeros((2 - len(ways), len(TIMES_S)))]),
         unit=unit,
     )
+
+
+def _each_felt(data: Measured, ways: Sequence[Array], factors: Array) -> tuple[list[Array], Array]:
+    """What rows feel of each way and time, and its mean square."""
+    found = [_felt(data, way, one) for way in ways for one in factors]
+    return [one for one, _ in found], np.array([size for _, size in found])
+
+
+def _every_way(data: Measured, ways: Sequence[Array], share: Array, factors: Array) -> Array:
+    """Factor of a wander whose variance each way has these shares by time, shape (M, k)."""
+    whole = (_together(data, one, factors) for one in share)
+    each = [_shifted(data, *one) for one in zip(ways, whole, strict=True)]
+    return np.concatenate(each, axis=2)
 
 
 def _ways(data: Measured) -> list[Array]:
@@ -246,8 +257,12 @@ def _likely(losses: Array) -> tuple[Array, float]:
     return weight, 0.5 * float(special.chdtrc(2, max(float(ratio.max()), 0.0)))
 
 
-def _not_joints(data: Measured, beyond: Beyond, moves: Array, losses: Array) -> float:
-    """Probability of a wander or of nothing against joints that are `restless`."""
+def _not_joints(
+    data: Measured, beyond: Beyond, moves: Array | None, losses: Array, weight: Array
+) -> float:
+    """Probability of a wander or of nothing against joints that are `restless`; 1 of nothing."""
+    if moves is None or weight[:, 1:].sum() <= _NONE:
+        return 1.0
     others = [_unit(data) * restless(data, moves, time_s) for time_s in TIMES_S]
     theirs = np.array([_losses(beyond, one, np.asarray(SIZES)) for one in others])
     ours = special.logsumexp(_BEFORE - 0.5 * losses) - np.log(len(losses))

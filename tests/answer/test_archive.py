@@ -10,6 +10,7 @@ from urllib.parse import unquote
 
 import pytest
 import report_sample
+from conftest import without_drawings
 
 from pipeline.answer import archive
 from pipeline.answer.archive import finished, read
@@ -50,6 +51,13 @@ def contents(root):
                 text[:start] + text[end:] if start > 0 else text
             )
     return found
+
+
+@pytest.fixture(scope="module", autouse=True)
+def undrawn():
+    """No test here looks at a picture."""
+    with without_drawings():
+        yield
 
 
 @pytest.fixture(scope="module")

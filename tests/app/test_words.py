@@ -147,7 +147,7 @@ def test_init_refuses_a_robot_before_it_asks_further(tmp_path):
 
 CTRL_C = """
 import signal, subprocess, sys
-from pipeline.base.processes import sheltered
+from pipeline.service.processes import sheltered
 
 child = "import sys, time; print('up', flush=True); sys.stdin.read(); print('whole', flush=True)"
 try:
@@ -185,7 +185,7 @@ def test_ctrl_c_is_kept_from_the_processes_that_prefect_starts():
 def test_an_end_that_prefect_calls_good_stays_an_interruption():
     """Its runner exits with 0 when it is told to stop; whoever pressed Ctrl-C gets 130."""
     script = (
-        "import signal, sys, time; from pipeline.base.processes import sheltered\n"
+        "import signal, sys, time; from pipeline.service.processes import sheltered\n"
         "with sheltered(signal.SIGTERM):\n"
         "    signal.signal(signal.SIGTERM, lambda *_: sys.exit(0))\n"
         "    print('up', flush=True); time.sleep(30)\n"

@@ -28,11 +28,11 @@ from bench.league.play import Rules, at_further_poses, drawn, play
 from bench.league.run import KINDS, League, Played, answer_of, fixtures, played
 from bench.league.table import ece, interval, rows
 from pipeline.base.errors import InputError
-from pipeline.base.executor import Here, Processes
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import configure, load
+from pipeline.service.executor import Here, Processes
 
 KR500 = load("kr500_rail")
 TWINS = twins(KR500)
@@ -136,6 +136,7 @@ def test_secrets_at_work_together_share_no_spring():
     assert len(names) == len(set(names))
 
 
+@pytest.mark.slow  # test_one_answer has one
 def test_an_innocent_machine_is_let_go():
     """Other stiffnesses, tool points, tools and scatter are no fault."""
     assert judged(31).verdict == "adequate"
@@ -147,7 +148,7 @@ def test_an_innocent_machine_is_let_go():
         {"rail_backlash": 1.0},
         pytest.param({"joint_tilt_3": 2.5}, marks=pytest.mark.slow),
         pytest.param({"link_bending:forearm": 2.0}, marks=pytest.mark.slow),
-        {"joint_asymmetry_4": 1.0},
+        pytest.param({"joint_asymmetry_4": 1.0}, marks=pytest.mark.slow),
         pytest.param({"joint_hardening_3": 3.0}, marks=pytest.mark.slow),
         pytest.param({"joint_lost_motion_3": 2.5}, marks=pytest.mark.slow),
         pytest.param({"joint_hysteresis_4": 2.0}, marks=pytest.mark.slow),

@@ -24,8 +24,8 @@ from bench.worlds.table import lines, spoken
 from bench.worlds.visible import Adjustment, from_table
 from bench.worlds.worlds import EXAMS, WORLDS
 from pipeline.base.errors import InputError, UsageError
-from pipeline.base.executor import Here
 from pipeline.machine.robot import load
+from pipeline.service.executor import Here
 
 KR500 = load("kr500_rail")
 

@@ -395,7 +395,7 @@ def test_a_cause_is_sized_with_the_noise_that_is_stated():
     assert np.mean(white**4) == pytest.approx(3, rel=0.15)
 
 
-@pytest.mark.sampled(1)
+@pytest.mark.slow  # tests/system/test_weights.py has a campaign of the simulator's
 @pytest.mark.parametrize("name", ["wrong_mass_floor", "wrong_center_floor"])
 def test_a_payload_that_is_stated_wrong_is_told(name):
     """It and no other, where the torques show it."""

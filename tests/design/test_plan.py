@@ -15,6 +15,7 @@ from pipeline.design import problem
 from pipeline.design import spec as specs
 from pipeline.design.command import write
 from pipeline.design.control import controls
+from pipeline.design.curves import by_anchor
 from pipeline.design.discriminate import APART, _covariance, lens, rows, sights
 from pipeline.design.information import information, station
 from pipeline.design.known import information_of
@@ -360,6 +361,18 @@ def test_the_sheet_says_which_readings_nobody_controls(proposal, readings):
     assert f"pose {worst.pose}" in section.blocks[0].text
 
 
+def test_each_place_of_the_anchor_is_searched_as_if_alone(proposal):
+    """All are searched together; the anchor stays where it is, and poses anew are no worse."""
+    both, alone = (
+        by_anchor(proposal.problem, proposal.plan, np.array(at), 1, starts=1)
+        for at in ([1.5, 3.0], [1.5])
+    )
+
+    assert both.figure[0] == pytest.approx(alone.figure[0], rel=1e-6)
+    assert both.fixed_poses[0] == pytest.approx(alone.fixed_poses[0], rel=1e-12)
+    assert (both.figure <= both.fixed_poses * 1.001).all()
+
+
 @pytest.fixture(scope="module")
 def written(proposal, tmp_path_factory):
     root = tmp_path_factory.mktemp("project")
@@ -371,7 +384,7 @@ def written(proposal, tmp_path_factory):
 def test_a_design_is_written_as_plan_and_sheet(written):
     """The plan is TOML that simulate reads; page and PDF stand beside its pictures."""
     root, made = written
-    plan, page, paper, *driven = made.written
+    plan, page, paper, *driven, asked = made.written
 
     assert parse(plan.read_text()).poses.number == 6
     assert page.read_text().startswith("<!doctype html>")
@@ -379,7 +392,8 @@ def test_a_design_is_written_as_plan_and_sheet(written):
     assert paper.read_bytes().startswith(b"%PDF")
     figures = {p.name for p in (root / "reports" / "plans" / "six" / "figures").iterdir()}
     assert {"pose-1.svg", "pose-6.svg", "sights.svg", "anchor.svg"} <= figures
-    assert "pipeline design" in plan.read_text().splitlines()[0]
+    assert "pipeline design data/plans/six.problem.toml" in plan.read_text().splitlines()[0]
+    assert specs.parse(asked.read_text()).model_dump() == made.proposal.problem.spec.model_dump()
     assert str(plan) in made.as_text()
     assert {one.suffix for one in driven} <= {".src", ".dat", ".xlsx"}
 

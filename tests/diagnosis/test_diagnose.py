@@ -80,7 +80,8 @@ def examined(seed, *effects, noise_scale=1.0, poses=16, stiffness=None):
     return found, cell, data, system, estimate
 
 
-@pytest.mark.parametrize("noise_scale", [0.8, 1.0, 1.3])
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("noise_scale", [1.3, 1.0, 0.8])
 def test_an_innocent_robot_is_let_go(noise_scale):
     """Without a hidden effect the model is adequate, whatever the readings really scatter."""
     found, *_ = examined(21, noise_scale=noise_scale)
@@ -90,7 +91,7 @@ def test_an_innocent_robot_is_let_go(noise_scale):
     assert found.estimate is None
 
 
-@pytest.mark.sampled(4)
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("planted", "label"),
     [

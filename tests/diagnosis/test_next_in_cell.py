@@ -10,7 +10,7 @@ from pipeline.answer.inputs import shot_findings
 from pipeline.diagnosis.diagnose import case_of
 from pipeline.diagnosis.nextpose import Question, candidates, propose
 from pipeline.machine.cell import paper_cell
-from pipeline.machine.poses import from_log_units, in_log_units
+from pipeline.machine.robot.axes import from_log_units, in_log_units
 from pipeline.machine.room import room_of
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.case import tool

@@ -82,9 +82,9 @@ def test_the_order_of_rows_is_no_information(mistaken):
     assert again.right.estimate.value == pytest.approx(end.right.estimate.value, rel=1e-6)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
-    ("count", "size_m"), [(1, 1e-3), (4, 2e-2), (10, 1e-3), (10, 2e-2), (14, 4e-3)]
+    ("count", "size_m"), [(4, 2e-2), (1, 1e-3), (10, 1e-3), (10, 2e-2), (14, 4e-3)]
 )
 def test_contamination_is_a_slope_and_no_cliff(count, size_m):
     """One of 54 loaded readings to a quarter of them: named, and never green."""
@@ -122,7 +122,8 @@ def test_where_nobody_states_a_noise_the_others_say_which_readings_are_off():
     assert end.diagnosis.facts.bounds.tracker < 1
 
 
-@pytest.mark.parametrize("spoilt_pull", [False, True])
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("spoilt_pull", [True, False])
 def test_a_pose_that_is_read_as_one_settles(spoilt_pull):
     """Nine 6D poses, one turned by 10 mrad under load: that one is named, with all its lines."""
     six = {"kind": "camera", "measures": "poses", "sigma_m": 5e-5, "sigma_rad": 2e-4}

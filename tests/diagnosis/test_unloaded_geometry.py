@@ -233,6 +233,7 @@ def rough(case, size, seed, **wrong):
     return asked(replace(case, robot=changed(case.robot, every, off)))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_table_rough_everywhere_is_carried_and_not_accused(seed, causes):
     """Half a millimetre and milliradian, one sigma; one length of 20 mm in it is named."""

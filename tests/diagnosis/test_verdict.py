@@ -127,6 +127,13 @@ ROWS = {
         Facts(unloaded=replace(MISPLACED, gain=gain(0.9, 0.8), rough=True)),
         Verdict.ADEQUATE,
     ),
+    Finding.TABLES_DISAGREE: (
+        Facts(
+            unloaded=replace(MISPLACED, gain=gain(0.9, 0.8), rough=True),
+            agreement=replace(APART, chi2=0.0),
+        ),
+        Verdict.UNEXPLAINED,
+    ),
     Finding.REFLECTORS_LOOSE: (replace(FOUND, loose_p=1e-6), Verdict.UNEXPLAINED),
     Finding.NO_CAUSE_FITS: (Facts(detected=True), Verdict.UNEXPLAINED),
     Finding.PREDICTS_WORSE: (replace(FOUND, gain=gain(-0.1, -0.5)), Verdict.UNEXPLAINED),
@@ -147,7 +154,7 @@ ROWS = {
     Finding.BEYOND_CERTIFICATE: (Facts(beyond_certificate=True), Verdict.UNEXPLAINED),
     Finding.OFF_THE_TABLE: (replace(FOUND, unloaded=USELESS), Verdict.UNEXPLAINED),
     Finding.CAUSE_IDENTIFIED: (FOUND, Verdict.EXPLAINED),
-    Finding.MISFIT: (Facts(stated_p=1e-5, misfit_p=4e-4), Verdict.UNEXPLAINED),
+    Finding.MISFIT: (Facts(stated_p=1e-5, misfit_p=3e-4), Verdict.UNEXPLAINED),
     Finding.SCATTER: (Facts(scatter=(cause("tracker_noise"),)), Verdict.EXPLAINED),
     Finding.BEYOND_A_TRACKER: (Facts(beyond_a_tracker=True), Verdict.UNEXPLAINED),
     Finding.SPRINGS_DISAGREE: (

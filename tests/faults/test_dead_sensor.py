@@ -46,7 +46,8 @@ def with_forces(made, force):
     return written(made, "loads.csv", head, [[*row[:2], force, *row[3:]] for row in rows])
 
 
-@pytest.mark.parametrize("factor", [0.0, 1e-300, 1e-9])
+@pytest.mark.sampled(1)
+@pytest.mark.parametrize("factor", [1e-9, 0.0, 1e-300])
 def test_displacements_of_a_dead_sensor(factor):
     """Also in a campaign that arrives reduced: bad data, and no value to use."""
     said = answered("dead", in_memory(moved(factor))).answer

@@ -8,11 +8,11 @@ import pytest
 from scipy.spatial.transform import Rotation
 from test_geometry import made, stands
 
-from pipeline.app.commands.predict import Of, predicted
 from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import configure, load
 from pipeline.prediction.model import Hypothesis, Model, dumps
+from pipeline.programs.predict import Of, predicted
 from pipeline.report.model import compose
 from pipeline.run import run
 from pipeline.store.campaign import find

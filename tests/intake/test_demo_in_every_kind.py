@@ -12,8 +12,9 @@ import pytest
 from campaign_exports import german, workbook
 from campaign_exports import polar as seen
 
-from pipeline.app import shell
+from pipeline.app.outcome import named
 from pipeline.base import toml
+from pipeline.check.look import check
 from pipeline.intake import look
 from pipeline.intake.known import settled
 from pipeline.readers import Hints
@@ -246,7 +247,7 @@ def test_whoever_inspects_or_checks_is_told_what_settled_it(tmp_path):
     for name, content in files_of(kind).items():
         (folder / name).write_bytes(content)
     seen = look.inspect(folder / "tracker.txt", {})
-    checked = shell.check(tmp_path, "demo")
+    checked = named(tmp_path, "demo", check)
 
     assert (seen.exit_code, seen.content["coordinates"]) == (0, "spherical")
     told = [one.partition(":")[0] for one in seen.content["settled"]]

@@ -2,6 +2,7 @@
 
 import pypdfium2
 import pytest
+from conftest import with_little_effort
 
 from pipeline.app import cli
 from pipeline.base.errors import InputError
@@ -50,7 +51,7 @@ def designed(tmp_path_factory):
     (root / "hall").mkdir()
     (root / "hall" / "own.toml").write_text(OWN)
     (root / "hall" / "problem.toml").write_text(PROBLEM)
-    with pytest.MonkeyPatch.context() as patch:
+    with pytest.MonkeyPatch.context() as patch, with_little_effort():
         patch.chdir(root)
         assert cli._exit_code(["design", "hall/problem.toml", "--rounds", "1"]) == 0
     return root
@@ -185,10 +186,11 @@ def test_a_plan_on_top_of_a_campaign_has_the_name_that_is_typed(tmp_path, monkey
     """`--name more --add-to practice` writes more.toml."""
     monkeypatch.chdir(tmp_path)
     typed(capsys, "simulate", "--name", "practice")
-    code, _, err = typed(
-        capsys, "design", "--add-to", "practice", "--name", "more", "--poses", 3,
-        "--readings", 3, "--rounds", 1,
-    )  # fmt: skip
+    with with_little_effort():
+        code, _, err = typed(
+            capsys, "design", "--add-to", "practice", "--name", "more", "--poses", 3,
+            "--readings", 3, "--rounds", 1,
+        )  # fmt: skip
 
     assert code == 0, err
     assert [one.name for one in (tmp_path / "data" / "plans").iterdir()] == ["more.toml"]

@@ -15,8 +15,8 @@ from pipeline.app import cli
 from pipeline.base.errors import InputError
 from pipeline.base.patterns import named
 from pipeline.intake.files import propose
-from pipeline.machine.poses import from_log_units
 from pipeline.machine.robot import load
+from pipeline.machine.robot.axes import from_log_units
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.settings import parse, unfilled
 from pipeline.simulate import simulate

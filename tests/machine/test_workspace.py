@@ -9,7 +9,7 @@ import pytest
 
 from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Pulls
-from pipeline.machine.robot import SHIPPED, load
+from pipeline.machine.robot import load
 from pipeline.machine.robot.model import model
 from pipeline.prediction.model import Hypothesis, Model
 from pipeline.prediction.workspace import _seen, arm_joints, workspace
@@ -26,6 +26,11 @@ Q = {
     "kr210_l150": [0.3, 0.3, -0.4, 0.7, 1.2, 0.4],
     "kr210_r2700_2": [0.3, -1.2, 1.6, 0.7, 1.2, 0.4],
     "irb6640": [0.3, 0.3, 0.2, 0.7, 1.2, 0.4],
+    "kr360_r2830": [0.3, -1.2, 1.6, 0.7, 1.2, 0.4],
+    "irb6700_200_260": [0.3, 0.3, 0.2, 0.7, 1.2, 0.4],
+    "fanuc_m900ia_260l": [0.3, 0.3, 0.2, 0.7, 1.2, 0.4],
+    "gp180": [0.3, 0.3, 0.2, 0.7, 1.2, 0.4],
+    "ur20": [0.3, -1.0, 1.5, -0.6, 1.2, 0.4],
 }
 
 
@@ -64,7 +69,7 @@ def moved(cell, q, force, x):
     return predict(replace(cell, tool=tool), pulls, x).displacement[:, 0]
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", Q)
 def test_no_pull_moves_the_load_point_further(name):
     """Of all directions of pull at the test pose none is softer than the map says."""
     cell, q = cell_of(name), np.array(Q[name])
@@ -117,7 +122,7 @@ def test_its_uncertainty_holds_what_hypotheses_differ_by():
     assert here["std_m_per_n"] == pytest.approx(0.05 * middle["worst_m_per_n"], rel=1e-6)
 
 
-@pytest.mark.parametrize("name", SHIPPED)
+@pytest.mark.parametrize("name", Q)
 def test_the_map_lies_where_pinocchio_puts_the_load_point(name):
     """Heights are those of Pinocchio, and the plane is as wide as the arm is long."""
     cell, q = cell_of(name), np.array(Q[name])

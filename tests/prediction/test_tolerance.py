@@ -9,13 +9,14 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from pipeline.app.check import check
 from pipeline.base.errors import InputError
+from pipeline.check.look import check
 from pipeline.machine.robot import load, rating
 from pipeline.machine.robot.mdh import parse as robot_of
+from pipeline.prediction.compensate import Path
 from pipeline.prediction.decision import Decision, decide
 from pipeline.prediction.model import Model
-from pipeline.prediction.tolerance import Path, Shown, nominal, stretches, table, tip
+from pipeline.prediction.tolerance import Shown, nominal, stretches, table, tip
 from pipeline.reduction.case import tool
 from pipeline.reduction.settings import parse
 from pipeline.run import answered
@@ -146,7 +147,7 @@ def test_a_stiffness_that_nobody_knows_leaves_it_undecided(found):
 def test_a_cartesian_path_is_judged_as_its_joint_values_are(files, found):
     """The same point as x, y, z and KUKA's angles of the load point."""
     from pipeline.machine.robot import configure
-    from pipeline.prediction.tolerance import read
+    from pipeline.programs.judged import read
 
     model = found[0].model
     q, force = _pose(1000.0)

@@ -13,7 +13,7 @@ from test_programs import TIP, identified
 from pipeline.app import cli
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
-from pipeline.prediction.aim import Refused
+from pipeline.programs.aim import Refused
 from pipeline.programs.corrected import Frame, Given, write
 
 ROBOT = load("kr500_rail")

@@ -20,6 +20,7 @@ from made_programs import Kuka
 from test_programs import off, unstamped
 
 from pipeline.base.errors import InputError, UsageError
+from pipeline.exchange.to_urdf import urdf
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
@@ -27,7 +28,7 @@ from pipeline.machine.robot.model import model as pin_model
 from pipeline.prediction import compensate
 from pipeline.prediction import model as handover
 from pipeline.prediction.model import Model
-from pipeline.prediction.urdf import urdf
+from pipeline.programs import joint_path
 from pipeline.programs.corrected import Given, program, write
 from pipeline.run import run, tool
 from pipeline.simulate import parse, simulate
@@ -94,7 +95,7 @@ def demo(tmp_path_factory):
 
 @pytest.fixture(scope="module")
 def path():
-    return compensate.read("path.csv", DEMO_PATH.read_bytes(), ROBOT)
+    return joint_path.read("path.csv", DEMO_PATH.read_bytes(), ROBOT)
 
 
 @pytest.fixture(scope="module")
@@ -361,22 +362,22 @@ def test_a_path_with_a_hole_is_refused():
     lines[4] = lines[4].replace(",", ",x", 1)
 
     with pytest.raises(InputError, match=r"path\.csv:5: "):
-        compensate.read("path.csv", "\n".join(lines).encode(), ROBOT)
+        joint_path.read("path.csv", "\n".join(lines).encode(), ROBOT)
 
 
 def test_a_path_in_controller_axes_gets_offsets_in_controller_axes(demo):
     """A1..A6 in, offsets of A1..A6 out: they correct as those of the joints do."""
     model = Model.load(demo / "reports" / "kr500_demo" / "model.toml")
-    own = compensate.read("path.csv", DEMO_PATH.read_bytes(), ROBOT)
+    own = joint_path.read("path.csv", DEMO_PATH.read_bytes(), ROBOT)
     axes = (own.q - ROBOT.controller_offset) @ np.linalg.inv(ROBOT.controller_matrix).T
     head = "pose,E1_m," + ",".join(f"A{j}_deg" for j in range(1, 7)) + ",fx_n,fy_n,fz_n"
     rows = [
         f"{pose},{a[0]!r}," + ",".join(repr(float(v)) for v in (*np.rad2deg(a[1:]), *f))
         for pose, a, f in zip(own.pose, axes.tolist(), own.force, strict=True)
     ]
-    path = compensate.read("path.csv", "\n".join([head, *rows]).encode(), ROBOT)
+    path = joint_path.read("path.csv", "\n".join([head, *rows]).encode(), ROBOT)
     found = compensate.compensate(model, path)
-    written = compensate.table(ROBOT, path, found).decode().splitlines()
+    written = joint_path.table(ROBOT, path, found).decode().splitlines()
     first = dict(zip(written[0].split(","), map(float, written[1].split(",")), strict=True))
 
     assert path.q == pytest.approx(own.q, abs=1e-12)

@@ -13,11 +13,11 @@ from test_programs import TIP, identified, unstamped
 from pipeline.app import cli
 from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.robot import load
-from pipeline.prediction.aim import Refused
-from pipeline.prediction.notation import ABB, FANUC, KUKA, UR
-from pipeline.prediction.program import _rewritten
 from pipeline.programs import read
+from pipeline.programs.aim import Refused
 from pipeline.programs.corrected import Frame, Given, program
+from pipeline.programs.notation import ABB, FANUC, KUKA, UR
+from pipeline.programs.program import _rewritten
 
 KR = load("kr500_rail")
 START = "3000,10,-70,100,20,40,-30"

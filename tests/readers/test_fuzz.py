@@ -16,9 +16,12 @@ from hypothesis import strategies as st
 
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
-from pipeline.readers import READERS, WRITERS, Hints, Readings, read
+from pipeline.readers import Hints, Readings, catalogue, read, writers
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.settings import parse
+
+READERS = catalogue()
+WRITERS = writers()
 
 TOOL = {"P1": (0.2, 0.05, 0.12), "P2": (-0.12, 0.19, 0.1), "P3": (-0.1, -0.18, 0.22)}
 CHAIN = {"Pl1": (0.15, 0.0, 0.25), "Pl2": (0.15, 0.0, -0.35)}

@@ -11,7 +11,10 @@ import pytest
 
 from pipeline import readers
 from pipeline.base.errors import InputError
-from pipeline.readers import READERS, WRITERS, Columns, Hints, Reader, Readings
+from pipeline.readers import Columns, Hints, Reader, Readings, catalogue, writers
+
+READERS = catalogue()
+WRITERS = writers()
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 MM = Hints(unit="mm")

@@ -11,7 +11,7 @@ import pytest
 import report_sample
 from pdf_text import pages_of
 
-from pipeline.answer.contract import Amplitude, Cause, Reason
+from pipeline.answer.contract import About, Amplitude, Cause, Line, Reason
 from pipeline.answer.nouns import amount, noun
 from pipeline.answer.words import DO
 from pipeline.machine.effects import catalogue
@@ -128,7 +128,7 @@ def test_a_cause_is_named_with_its_size_and_its_gain(sample):
 
 
 def test_a_controller_gets_effective_values_beside_a_cause(sample):
-    """Those of the joint springs alone, in the unit of the value beside them; else none differ."""
+    """Those of the joint springs alone, with their units; else they are the values themselves."""
     answer, tables = sample
     springs = {one.name: one.value for one in answer.joint_springs.stiffness}
     alone = answer.model_copy(
@@ -136,9 +136,22 @@ def test_a_controller_gets_effective_values_beside_a_cause(sample):
     )
 
     bars = certificate(answer, tables).bars
-    assert bars[1].enter == f"{springs['k_theta2'] / 1e6:.3f}"
+    assert bars[1].enter == f"{springs['k_theta2'] / 1e6:.3f}\N{NO-BREAK SPACE}MN·m/rad"
     assert bars[6].enter == "leave as it is"
-    assert certificate(alone, tables).bars[1].enter == bars[1].value.partition("\u00a0")[0]
+    assert certificate(alone, tables).bars[1].enter == re.sub(
+        " ?± [^ ]+".replace(" ", "\N{NO-BREAK SPACE}"), "", bars[1].value
+    )
+
+
+def test_what_to_measure_next_ends_with_a_sentence(sample):
+    """The first page has its first sentences, and no pose that only begins."""
+    answer, tables = sample
+    first = "No question is open. Pulls along the rail would help most: E1 is known to 43 %."
+    line = Line(about=About.NEXT, text=f"{first} One more pose: {', '.join(['A1 -77.63°'] * 9)}.")
+    screen = (*answer.first_screen, line)
+
+    said = certificate(answer.model_copy(update={"first_screen": screen}), tables).measure
+    assert plainly(said) == first
 
 
 def test_the_drawing_marks_where_the_cause_sits(sample):

@@ -16,6 +16,7 @@ import pytest
 from pipeline.app.shell import run_all
 from pipeline.base.errors import Unfinished, UsageError
 from pipeline.service.cluster import Cluster
+from pipeline.service.many import several
 
 HERE = Path(__file__).parents[2]
 KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"
@@ -76,7 +77,7 @@ def test_a_killed_worker_costs_nothing(cluster, tmp_path):
     address, workers = cluster
     there, here = project(tmp_path / "there"), project(tmp_path / "here")
     told = []
-    for done in run_all(there, [], "local", False, Cluster(address)):
+    for done in run_all(there, [], "local", False, several(None, address)):
         if not told:
             workers[0].send_signal(signal.SIGKILL)
         told.append((done.campaign, json.dumps(done.content), done.exit_code))

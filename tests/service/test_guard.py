@@ -10,8 +10,8 @@ import pytest
 
 from bench.bench_kill import PLAN
 from pipeline.base.preferences import Service
-from pipeline.base.processes import alive
 from pipeline.service.guard import Guard
+from pipeline.service.processes import alive
 from pipeline.simulate import simulate
 from pipeline.store import campaign as campaigns
 

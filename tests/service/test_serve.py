@@ -25,8 +25,8 @@ from get_browser import browser_path
 
 from bench.bench_service import family, free_port
 from pipeline.base.preferences import Service
-from pipeline.base.processes import alive
 from pipeline.service import supervisor
+from pipeline.service.processes import alive
 
 HERE = Path(__file__).parents[2]
 KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"

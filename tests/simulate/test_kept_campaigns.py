@@ -6,6 +6,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from pipeline.machine.robot import load
 from pipeline.run import answered
 from pipeline.simulate import parse, simulate
 from pipeline.store.campaign import find
@@ -49,6 +50,35 @@ def test_the_first_campaign_hides_a_roll_and_finds_it():
     assert answer.validation.held_out_rms_mm < 0.7 * answer.joint_springs.validation.held_out_rms_mm
     assert answer.tolerance.worst == "pass"
     assert answer.findings == ()
+
+
+def test_the_second_campaign_is_what_its_plan_makes():
+    """Exports and logs are the plan's, byte for byte; all but A3 is as stiff as a year before."""
+    first, second = (
+        parse((DATA / "plans" / f"kr500_{name}.toml").read_text("utf-8"))
+        for name in ("first", "second")
+    )
+    made, folder = simulate(second), DATA / "raw" / "kr500_second"
+    for name in ("tracker.csv", "loads.csv", "joints.csv"):
+        assert (folder / name).read_bytes() == made.files[name]
+
+    new = 1 - np.array(second.hidden.stiffness) * load(second.robot).nominal_compliance
+    assert new == pytest.approx([0, 0, 0, 0.08, 0, 0, 0], abs=1e-9)
+    assert second.hidden.effects == first.hidden.effects
+
+
+@pytest.mark.slow
+def test_a_year_of_wear_is_found_where_it_is():
+    """The campaigns differ in A3, by what it has lost, and in nothing else."""
+    one, two = (
+        answered(name, find(DATA.parent, name).read()).answer
+        for name in ("kr500_first", "kr500_second")
+    )
+    for a, b in zip(one.stiffness, two.stiffness, strict=True):
+        sigma = np.hypot(a.compliance_std, b.compliance_std)
+        lost = 0.08 if a.axis == "A3" else 0.0
+        assert abs(a.compliance / (1 - lost) - b.compliance) < 3 * sigma, a.axis
+        assert (abs(a.compliance - b.compliance) > 3 * sigma) == (a.axis == "A3")
 
 
 def table(name, first):

@@ -18,11 +18,13 @@ from pipeline.machine.effect import Noise, Observation, Wrench
 from pipeline.machine.effects import catalogue
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import load
-from pipeline.readers import WRITERS
+from pipeline.readers import writers
 from pipeline.reduction import settings
 from pipeline.simulate import Plan, Planted, build, draw, parse, plant, revised, simulate
 from pipeline.simulate.noise import tracker_errors
 from pipeline.system.estimate import identify
+
+WRITERS = writers()
 
 TABLE_I = [  # alpha [deg], d [m], r [m]; joint 1 slides along its z axis
     (-90, 0.0, 0.0),

@@ -18,7 +18,7 @@ COMMANDS = {
         "Set up a campaign: write its campaign.toml.",
     ),
     "check": Command(
-        "pipeline.app.commands.campaigns:check",
+        "pipeline.check.command:check",
         "Check a campaign: what would be used, and what looks wrong.",
     ),
     "inspect": Command(
@@ -54,7 +54,7 @@ COMMANDS = {
         "Choose the poses to measure, with a measurement sheet.",
     ),
     "predict": Command(
-        "pipeline.app.commands.predict:predict",
+        "pipeline.programs.predict:predict",
         "Predict the positions of targets at given joint values.",
     ),
     "query": Command(
@@ -66,7 +66,7 @@ COMMANDS = {
         "Estimate from all campaigns how common and how large causes are.",
     ),
     "robot": Command(
-        "pipeline.app.commands.robot:robot",
+        "pipeline.exchange.command:robot",
         "List robots, show one, or make a robot file from a URDF.",
     ),
     "simulate": Command(
@@ -74,7 +74,7 @@ COMMANDS = {
         "Simulate the raw files of a campaign.",
     ),
     "effects": Command(
-        "pipeline.app.commands.robot:effects",
+        "pipeline.app.commands.effects:effects",
         "List the causes of misfit that the diagnosis knows.",
     ),
     "page": Command(

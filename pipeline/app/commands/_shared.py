@@ -21,8 +21,7 @@ from pipeline.base.errors import UsageError
 from pipeline.base.shown import lines, quoted
 
 if TYPE_CHECKING:
-    from pipeline.app.outcome import Outcome
-    from pipeline.base.executor import Executor
+    from pipeline.app.outcome import Outcome, Several
 
 
 class _Doors(TyperGroup):
@@ -76,6 +75,10 @@ def _version(asked: bool) -> None:
 
 @app.callback()
 def everything(
+    context: typer.Context,
+    root: Annotated[
+        Path | None, Option(help="Project folder, before the command or behind it.")
+    ] = None,
     version: Annotated[
         bool,
         Option("--version", callback=_version, is_eager=True, help="Print the version."),
@@ -85,6 +88,8 @@ def everything(
 
     Every value comes with its uncertainty and with a diagnosis of what the model leaves out.
     """
+    if root is not None:
+        context.default_map = {name: {"root": str(root)} for name in COMMANDS}
 
 
 Root = Annotated[Path, Option(help="Project folder, with data/ and reports/ in it.")]
@@ -100,16 +105,14 @@ On = Annotated[
 ]
 
 
-def executor(jobs: int | None, on: str | None) -> Executor | None:
-    """Where many things are worked on, as these options say; None where they say nothing."""
-    from pipeline.base.executor import Processes
-
+def several(jobs: int | None, on: str | None) -> Several | None:
+    """What works on many campaigns, as these options say; None where they say nothing."""
     if jobs and on:
         raise UsageError("--jobs is for this machine and --on for a cluster: give one of them")
-    if on:
-        cluster: Executor = opened("pipeline.service.cluster:Cluster")(on)
-        return cluster
-    return Processes(jobs) if jobs else None
+    if not jobs and not on:
+        return None
+    found: Several = opened("pipeline.service.many:several")(jobs, on)
+    return found
 
 
 Steps = Annotated[

@@ -11,24 +11,14 @@ from typer import Argument, Option
 from pipeline.app.commands._shared import (
     AsJson,
     Jobs,
-    Named,
     On,
     Root,
-    executor,
     open_it,
+    several,
     show,
 )
 from pipeline.base.errors import MISFIT, UsageError, worst
 from pipeline.base.shown import lines
-
-
-def check(campaign: Named, as_json: AsJson = False, root: Root = Path()) -> None:
-    """Check a campaign without computing it: what would be used, and what looks wrong."""
-    from pipeline.app import shell
-
-    outcome = shell.check(root, campaign)
-    show(outcome, as_json)
-    raise typer.Exit(outcome.exit_code)
 
 
 def run(
@@ -63,15 +53,15 @@ def run(
 
     if engine not in (None, "prefect", "local"):
         raise UsageError(f'there is no engine "{engine}": use prefect or local')
-    several = executor(jobs, on)
-    if several and engine == "prefect":
+    together = several(jobs, on)
+    if together and engine == "prefect":
         raise UsageError(
             "--jobs and --on do without Prefect: leave out --engine, or see docs/teams.md for "
             "several of Prefect's workers"
         )
     codes = []
     for outcome in shell.run_all(
-        root, campaigns or [], engine or shell.usual_engine(), force, several
+        root, campaigns or [], engine or shell.usual_engine(), force, together
     ):
         codes += [outcome.exit_code, MISFIT if strict and outcome.misfit else 0]
         show(outcome, as_json)

@@ -1,4 +1,4 @@
-"""The catalogue of physics: one file per effect, one line each below."""
+"""The catalogue of physics: one file per effect or for effects of one law, one line each below."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -6,10 +6,10 @@ from dataclasses import replace
 from pipeline.machine.effect import HUNG, MOUNTED, PULLED, Effect, Pulls
 from pipeline.machine.effects import (
     base_rotation,
+    carriage,
     chain_offset,
     chain_weight,
     compensator,
-    force_noise,
     gravity_sag,
     joint_asymmetry,
     joint_hardening,
@@ -19,31 +19,20 @@ from pipeline.machine.effects import (
     joint_tilt,
     link_bending,
     load_point_offset,
+    noise,
     payload,
     rail_backlash,
-    rail_lateral,
-    rail_pitch,
-    rail_roll,
     rail_stiffness_varies,
-    rail_vertical,
-    rail_yaw,
-    scale_curvature,
-    scale_gain,
+    scale,
     scale_hysteresis,
-    scale_zero,
     tool_flex,
     tracker_drift,
-    tracker_noise,
     wrist_coupling,
 )
 from pipeline.machine.robot import Robot, axes
 
 CATALOGUE: tuple[Callable[[Robot], tuple[Effect, ...]], ...] = (
-    rail_lateral.effects,
-    rail_vertical.effects,
-    rail_roll.effects,
-    rail_pitch.effects,
-    rail_yaw.effects,
+    carriage.effects,
     rail_backlash.effects,
     rail_stiffness_varies.effects,
     joint_tilt.effects,
@@ -55,9 +44,7 @@ CATALOGUE: tuple[Callable[[Robot], tuple[Effect, ...]], ...] = (
     joint_hysteresis.effects,
     compensator.effects,
     wrist_coupling.effects,
-    scale_gain.effects,
-    scale_zero.effects,
-    scale_curvature.effects,
+    scale.effects,
     scale_hysteresis.effects,
     chain_weight.effects,
     chain_offset.effects,
@@ -66,8 +53,7 @@ CATALOGUE: tuple[Callable[[Robot], tuple[Effect, ...]], ...] = (
     tracker_drift.effects,
     gravity_sag.effects,
     load_point_offset.effects,
-    tracker_noise.effects,
-    force_noise.effects,
+    noise.effects,
 )
 """What the paper's model does not know; each entry gives an effect for every place it can act."""
 

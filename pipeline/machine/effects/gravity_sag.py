@@ -16,6 +16,7 @@ from pipeline.machine.effects._anatomy import arm, turning
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import torque
 from pipeline.machine.robot.rating import relative
+from pipeline.machine.robot.weight import stiffening
 
 _WEIGHT_OF_1_KG = np.array([0.0, 0.0, -STANDARD_GRAVITY])
 """Of a kilogram at the standard acceleration of gravity [N], F_b."""
@@ -38,6 +39,27 @@ def effects(robot: Robot) -> tuple[Compound, ...]:
         shared=tuple(k for k, link in enumerate(masses.links) for _ in link.chain),
     )
     return (Compound(**said, acts=(Geometry(**said, geometry=masses.geometry), elastic)),)
+
+
+def under_pulls(compliance: Array, moments: Array, gravity: Array) -> Elastic:
+    """Known links whose weight turns the joints further as a pull moves it, c G c tau.
+
+    Args:
+        compliance: c of each joint [m/N] or [rad/(N m)], shape (n,).
+        moments: Mass [kg] and first moment [kg m] of each link, shape (n, 4).
+        gravity: Acceleration in F_b [m/s^2], shape (3,).
+    """
+
+    def response(loaded: Loaded, tau: Array) -> Array:
+        G = stiffening(loaded.configuration, gravity, moments)
+        return np.asarray(compliance * np.einsum("mjk,k,mk->mj", G, compliance, tau))
+
+    return Elastic(
+        **_said(1.0) | {"parameters": (Parameter("known", "1", 1.0, 0.0, 2.0),)},
+        carrier=tuple(range(1, len(compliance) + 1)),
+        response=response,
+        shared=(0,) * len(compliance),
+    )
 
 
 def _said(size: float) -> dict[str, Any]:

@@ -42,13 +42,7 @@ from pipeline.machine.effect import (
     Wrench,
     linear,
 )
-from pipeline.machine.effects import (
-    joint_lost_motion,
-    rail_lateral,
-    rail_pitch,
-    rail_roll,
-    rail_vertical,
-)
+from pipeline.machine.effects import carriage, joint_lost_motion
 from pipeline.machine.effects._anatomy import (
     arm,
     compliance,
@@ -84,7 +78,7 @@ hours is `compliance_by_time`."""
 _STEP_S = 60.0
 """From pull to pull where no time is known [s], as long as a turnbuckle takes."""
 
-_GUIDES = (rail_lateral, rail_vertical, rail_roll, rail_pitch)
+_GUIDES = ("rail_lateral", "rail_vertical", "rail_roll", "rail_pitch")
 """The guides of the carriage."""
 
 _Screws = Callable[[Loaded], Array]
@@ -95,7 +89,7 @@ def nameless(robot: Robot) -> tuple[Effect, ...]:
     """Everything of this file that the robot can have."""
     numbers = turning(robot)
     shoulder = (arm(robot) or (None,))[0]
-    guides = [*itertools.chain.from_iterable(file.effects(robot) for file in _GUIDES)]
+    guides = [one for one in carriage.effects(robot) if one.name in _GUIDES]
     return (
         *(_bearing(robot, joint) for joint in _own_bearings(robot, numbers)),
         *(_cross_talk(robot, *pair) for pair in _coupled(numbers)),

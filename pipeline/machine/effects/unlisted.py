@@ -26,7 +26,7 @@ from pipeline.base.arrays import Array, Parameter
 from pipeline.base.quantities import plain
 from pipeline.machine.effect import Effect, Elastic, Loaded, Observation, Pulls, Wrench, in_place
 from pipeline.machine.effects._anatomy import compliance, direction, rail, rated_torque, turning
-from pipeline.machine.effects._carriage import ACROSS, ALONG, UP, rotation, translation
+from pipeline.machine.effects.carriage import ACROSS, ALONG, UP, rotation, translation
 from pipeline.machine.effects.tracker_drift import HOUR_S
 from pipeline.machine.law import Law, parse
 from pipeline.machine.robot import Robot, axes

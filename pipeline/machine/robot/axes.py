@@ -99,3 +99,23 @@ def alone(robot: Robot) -> tuple[str | None, ...]:
         as_far = found is not None and bool(np.isclose(abs(found[1]), 1.0))
         out.append(mapped.names[found[0]] if found is not None and as_far else None)
     return tuple(out)
+
+
+def rounded(robot: Robot, q: Array, decimals: int = 6) -> Array:
+    """Joint values [m] or [rad] that a log in m and degrees with so many decimals holds exactly."""
+    logged = np.round(in_log_units(robot, q), decimals)
+    return from_log_units(robot, logged)
+
+
+def in_log_units(robot: Robot, q: Array) -> Array:
+    """Joint values as joints.csv has them: prismatic in m, revolute in degrees.
+
+    Twelve decimals undo the rounding of degrees to radians and back: what was -10 is -10 again.
+    """
+    logged = np.where(robot.prismatic, q, np.rad2deg(q))
+    return np.asarray(np.round(logged, 12), dtype=np.float64)
+
+
+def from_log_units(robot: Robot, q: Array) -> Array:
+    """The inverse of `in_log_units`, to m and rad."""
+    return np.where(robot.prismatic, q, np.deg2rad(q))

@@ -45,6 +45,44 @@ SHIPPED = (
     "kr210_l150",
     "kr210_r2700_2",
     "irb6640",
+    "kr120_r2700_2",
+    "kr150_r3100_2",
+    "kr210_r3100_2",
+    "kr240_r2900_2",
+    "kr300_r2700_2",
+    "kr240_r3330",
+    "kr360_r2830",
+    "kr500_r2800_2",
+    "kr560_r3100_2",
+    "kr800_r2800_2",
+    "irb4600_20_250",
+    "irb4600_40_255",
+    "irb4600_60_205",
+    "irb6700_200_260",
+    "irb6700_235_265",
+    "irb7600_150_350",
+    "fanuc_m20ia",
+    "fanuc_m20ia_10l",
+    "fanuc_m20ib_25",
+    "fanuc_m900ia_260l",
+    "fanuc_r2000ib_210f",
+    "fanuc_r2000ic_125l",
+    "fanuc_r2000ic_165f",
+    "fanuc_r2000ic_210l",
+    "fanuc_r2000ic_270f",
+    "gp12",
+    "gp25",
+    "gp35l",
+    "gp50",
+    "gp88",
+    "gp110",
+    "gp180",
+    "gp180_120",
+    "ur3e",
+    "ur5e",
+    "ur16e",
+    "ur20",
+    "ur30",
 )
 
 CONVENTIONS = {
@@ -445,14 +483,29 @@ def load(name: str, folder: Path | None = None) -> Robot:
 
 def no_robot(name: str, file: str | None) -> InputError:
     """What to say where a robot neither ships nor has a file."""
-    near = get_close_matches(name, SHIPPED, 1)
-    meant = f"did you mean {near[0]}? If not, " if near else ""
+    near = meant(name)
+    asked = f"did you mean {listed(near)}? If not, " if near else ""
     return InputError(
         f'there is no robot "{name}"',
-        f"{meant}use one of {listed(SHIPPED)}, or the path of a robot file ending in .toml",
+        f"{asked}use one that ships, which `pipeline robot --list` shows, or the path of a robot "
+        "file ending in .toml",
         file=file,
         key=["robot"],
     )
+
+
+def meant(typed: str) -> list[str]:
+    """Robots that ship whose name, or maker and type, has what was typed, or nearly so."""
+    plain = {name: _plain(name) for name in SHIPPED}
+    word = _plain(typed)
+    found = [one for one in SHIPPED if word in plain[one] or word in _plain(load(one).description)]
+    near = get_close_matches(word, plain.values(), 3)
+    return found or [name for name in SHIPPED if plain[name] in near]
+
+
+def _plain(words: str) -> str:
+    """Letters and digits only, as `KR 210 R2700-2` and `kr210_r2700_2` have in common."""
+    return "".join(one for one in words.casefold() if one.isalnum())
 
 
 @cache

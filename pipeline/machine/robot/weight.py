@@ -64,6 +64,33 @@ def by_moments(here: Configuration, gravity: Array) -> Array:
     return out
 
 
+def stiffening(here: Configuration, gravity: Array, moments: Array) -> Array:
+    """How the torques of the links' weight change as the joints move, G = d tau_g / dq.
+
+    Joint k moves all that it carries, of mass M_k and first moment P_k about the origin of F_b, by
+    v_k + w_k x r, and turns its weight about joint j before it by
+
+        G_jk = w_j . ((M_k v_k + w_k x P_k) x g),    j <= k,    G_kj = G_jk,
+
+    as weight has a potential.
+
+    Args:
+        here: The robot at m joint vectors.
+        gravity: Acceleration in F_b [m/s^2], shape (3,).
+        moments: Mass [kg] and first moment [kg m] of each link, shape (n, 4).
+
+    Returns:
+        Shape (m, n, n) [N m/rad], [N] or [N/m].
+    """
+    first = moments[:, :1] * here.origin + np.einsum("mkij,kj->mki", here.axes, moments[:, 1:])
+    P = np.cumsum(first[:, ::-1], axis=1)[:, ::-1]
+    M = np.cumsum(moments[::-1, 0])[::-1]
+    turn, slide = here.twists[..., :3], here.twists[..., 3:]
+    moved = M[:, None] * slide + cross(turn, P)
+    G = np.triu(np.einsum("mji,mki->mjk", turn, cross(moved, gravity)))
+    return np.asarray(G + np.swapaxes(np.triu(G, 1), 1, 2))
+
+
 def work(screws: Array, wrenches: Array) -> Array:
     """What wrenches (m, v, 6) do along screws (m, v, 6): torque or force, shape (m, v)."""
     return np.asarray(np.sum(screws * wrenches, axis=2))

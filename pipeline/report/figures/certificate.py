@@ -10,7 +10,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.answer.contract import Answer, Placed, Stiffness
+from pipeline.answer.contract import Answer, Placed, Stiffness, TestPose
+from pipeline.answer.sentences import at_axis
 from pipeline.answer.tolerated import DECIDED
 from pipeline.answer.words import capital
 from pipeline.base.arrays import Array
@@ -44,9 +45,10 @@ _APART = 6.0
 _ASIDE = np.deg2rad(28.0)
 """The arm is seen from so far before its side."""
 
-_NEAR, _KNOWN = 0.05, 0.02
-"""Deviation from nominal that counts for none, and relative uncertainty of a joint that is well
-known where no nominal is stated [1]: steps of the key, and of nothing else."""
+_NEAR, _TELLS, _KNOWN = 0.05, 0.25, 0.02
+"""Deviation from nominal that counts for none, half an interval that is too wide to tell one, and
+relative uncertainty of a joint that is well known where no nominal is stated [1]: steps of the key,
+and of nothing else."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -167,8 +169,9 @@ class Stand:
     said: str
 
 
-_SOFT, _ALIKE, _STIFF, _LOST = "softer", "as nominal", "stiffer", "not determined"
-_COLOURS = {_SOFT: RED, _ALIKE: MUTED, _STIFF: BLUE, _LOST: PAPER}
+_SOFT, _ALIKE, _STIFF = "softer", "as nominal", "stiffer"
+_WIDE_OPEN, _LOST = "too uncertain to tell", "not determined"
+_COLOURS = {_SOFT: RED, _ALIKE: MUTED, _STIFF: BLUE, _WIDE_OPEN: PAPER, _LOST: PAPER}
 _SURE, _ROUGH = "known to 2 %", "less well known"
 _COLOURS |= {_SURE: MUTED, _ROUGH: RED}
 
@@ -182,7 +185,7 @@ def stand(joint: Stiffness) -> Stand:
         word = _SURE if rough is not None and rough <= _KNOWN else _ROUGH
         return Stand(word, _COLOURS[word], f"± {percent(rough)}")
     ratio, off = joint.value / joint.nominal, 2 * (joint.std or 0.0) / joint.nominal
-    word = _ALIKE
+    word = _ALIKE if off <= _TELLS else _WIDE_OPEN
     if abs(ratio - 1) > max(_NEAR, off):
         word = _SOFT if ratio < 1 else _STIFF
     return Stand(word, _COLOURS[word], percent(ratio, 3 if ratio >= 1 else 2))
@@ -275,14 +278,21 @@ def _write(answer: Answer, tables: Tables) -> Figure:
     sits = f" Marked: {'; '.join(named)}." if named else ""
     pose = answer.test_pose
     moves = "" if pose is None else f" The arrow is the deflection, {plain(pose.deflection_mm)} mm."
+    at = "" if pose is None else f" {_stands(pose)}"
     nominal = any(joint.nominal for joint in answer.stiffness)
     what = "Share of the nominal stiffness" if nominal else "Relative uncertainty of the stiffness"
     return Figure(
         "certificate",
         "The robot at the test pose",
-        f"{what} of each joint.{sits}",
+        f"{what} of each joint.{sits}{at}",
         f"Drawing of the robot at the test pose. {what}: {told}.{sits}{moves}",
     )
+
+
+def _stands(pose: TestPose) -> str:
+    """Where the robot stands, and what pulls at it."""
+    axes = ", ".join(f"{one.name} {at_axis(one.value, one.unit)}" for one in pose.axes)
+    return f"At {axes}, under {plain(float(np.linalg.norm(pose.force_n)), 4)} N."
 
 
 CERTIFICATE = Plot("certificate", ("posture",), _write, by_hand=_draw)

@@ -92,7 +92,12 @@ def _draw(answer: Answer, tables: Tables) -> str:
         sheet.text(at(noise), _TOP - 14, "noise of the readings", 12, fill=RED, text_anchor=side)
     for k, one in enumerate(models):
         _row(sheet, one, _TOP + _ROW * k, at)
-    sheet.text(_LEFT, foot + 36, "Error at poses that took no part [mm], rms per coordinate", 12)
+    sheet.text(
+        _LEFT,
+        foot + 36,
+        "Error at poses that took no part [mm], rms per coordinate, logarithmic",
+        12,
+    )
     return sheet.svg
 
 

@@ -1,0 +1,90 @@
+"""`check` of a campaign of absolute positions."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from typing import Any
+
+import numpy as np
+
+from pipeline.answer.contract import Rejected
+from pipeline.answer.inputs import rejected_entries
+from pipeline.app.outcome import Outcome
+from pipeline.base.errors import InputError, listed
+from pipeline.base.quantities import plain
+from pipeline.base.shown import typed
+from pipeline.faults.mistake import Mistake
+from pipeline.faults.position_rows import Sheet, position_rows
+from pipeline.geometry.begin import begin
+from pipeline.geometry.leftout import distances
+from pipeline.geometry.mechanism import linearised
+from pipeline.geometry.positioned import Positioned, as_read, usable
+from pipeline.store.campaign import Raw
+
+_FAR_M = 0.02
+"""Median distance of the targets from the nominal robot [m] from which a unit, a sense or a
+convention is wrong: tables are off by millimetres."""
+
+
+def of_positions(name: str, raw: Raw) -> Outcome:
+    """What a campaign of positions holds, and how far it is from the robot's table."""
+    with raw.placing():
+        table, rejects = as_read(raw.settings, raw.robot, raw.files)
+        wrong, sheet = position_rows(Sheet(raw.robot, raw.settings, table))
+        read = usable(raw.settings, raw.robot, sheet.rows, rejects)
+    readings, off_m = read.readings, _off_m(raw, read)
+    rejected = rejected_entries(read.rejected)
+    series = [str(one) for one in readings.names]
+    notes = [*map(_told, rejected), *(one.evidence for one in wrong), *_far(off_m)]
+    todo = f"pipeline {'run' if off_m <= _FAR_M else 'check'} {typed(name)}"
+    used = {"poses": len(readings), "targets": len(readings.targets), "rejected": len(rejected)}
+    off = f"{plain(1e3 * off_m, 2)}"
+    count = ", ".join(f"{number} {what}" for what, number in used.items())
+    return Outcome(
+        campaign=name,
+        content={
+            "campaign": name,
+            **used,
+            "series": series,
+            "off_mm": 1e3 * off_m,
+            "notes": notes,
+            "mistakes": [*map(_entry, wrong)],
+            "next": todo,
+        },
+        text="\n".join(
+            [
+                f"{name}: {count}",
+                f"  series       {listed(one or 'one' for one in series)}",
+                f"  stands       {off} mm from the table, median, tool and frames fitted",
+                f"  next         {'' if off_m <= _FAR_M else 'look into this, then: '}{todo}",
+            ]
+        ),
+        exit_code=InputError.exit_code if [*rejected, *wrong] else 0,
+        complaints=[f"{name}: {note}" for note in notes],
+    )
+
+
+def _told(one: Rejected) -> str:
+    return f"{one.file}:{one.line}: {one.reason}"
+
+
+def _entry(one: Mistake) -> dict[str, Any]:
+    return {"name": one.name, "where": one.where, "readings": list(one.at)}
+
+
+def _off_m(raw: Raw, read: Positioned) -> float:
+    """Median distance of the targets from where the robot's table has them [m]."""
+    points = {target: np.array(point) for target, point in raw.settings.tool.items()}
+    start = begin(raw.robot, read.readings, points)
+    rows = linearised(read.readings, start, read.weights)
+    return float(np.nanmedian(distances(rows.y, rows.read)))
+
+
+def _far(off_m: float) -> Iterator[str]:
+    """That the targets are nowhere near the nominal robot."""
+    if off_m > _FAR_M:
+        yield (
+            f"the targets are {plain(1e3 * off_m, 3)} mm from where the robot file "
+            "places them, farther than on any real robot: check the units and signs of the joint "
+            "values and the robot file"
+        )

@@ -1,0 +1,74 @@
+"""What the files prove by themselves, as `run` finds it, while the robot still stands there.
+
+Mistakes that spoil whole files, base reflectors that no place of the tracker brings to where
+[base_frame] has them, and what the unloaded reflectors say of the robot's table. Causes and single
+readings, which only a whole search tells apart, are left to `run`.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+from pipeline.answer.words import told_of
+from pipeline.base.errors import PipelineError
+from pipeline.base.quantities import plain
+from pipeline.check.survey import distances
+from pipeline.diagnosis.causes import of_unloaded
+from pipeline.diagnosis.diagnose import case_of
+from pipeline.diagnosis.facts import Facts
+from pipeline.diagnosis.finding import Finding
+from pipeline.diagnosis.unloaded_geometry import as_stiff, standing
+from pipeline.faults.base_names import not_rigid
+from pipeline.faults.screen import files_of
+from pipeline.machine.effects import catalogue
+from pipeline.reduction.bring import Reduced, bring
+from pipeline.reduction.case import Case
+from pipeline.system.fit import fit
+
+_OF_THE_TABLE = (
+    Finding.STANDS_ELSEWHERE,
+    Finding.STANDS_ELSEWHERE_OR_RIVAL,
+    Finding.GEOMETRY_REFUTED,
+)
+
+
+def proven(case: Case, reduced: Reduced) -> list[str]:
+    """What is certainly wrong, in sentences.
+
+    Args:
+        case: The campaign as given.
+        reduced: Its measurements.
+    """
+    files = files_of(case, reduced)
+    said = [one.evidence for one in files.findings]
+    kept = reduced if files.case is case else None
+    by_positions = case.settings.positions is not None  # the table is estimated from these
+    table = () if by_positions else _table(files.case, kept)
+    return [*said, *_not_rigid(files.case), *table]
+
+
+def _not_rigid(case: Case) -> Iterator[str]:
+    """That base reflectors are not as far from each other as [base_frame] has them."""
+    off_m = not_rigid(case)
+    if off_m is None:
+        return
+    worst = max((d for d in distances(case) if d.table == "base_frame"), key=lambda d: d.off_m)
+    yield (
+        f"The base reflectors are {plain(1e3 * off_m, 3)} mm rms from their places in "
+        f"[base_frame] wherever the tracker stands: {worst.first} to {worst.second} is "
+        f"{1e3 * worst.read_m:.2f} mm as read and {1e3 * worst.stated_m:.2f} mm as stated. Compare "
+        "names and coordinates with the survey; no result rests on them as they are."
+    )
+
+
+def _table(case: Case, reduced: Reduced | None) -> Iterator[str]:
+    """What the unloaded reflectors say of the robot's table; nothing where too few were read."""
+    try:
+        given = fit(case, reduced or bring(case))
+    except PipelineError:  # which `run` says
+        return
+    cell, data = given.case.cell, given.data
+    certain = case_of(cell, data, given.estimate)[0].certain_noise
+    whole = catalogue(cell.robot, data.pulls)
+    stood = standing(as_stiff(cell, given.estimate), data, certain, whole)
+    yield from told_of(Facts(unloaded=stood, moved=of_unloaded(stood)), _OF_THE_TABLE)

@@ -1,0 +1,96 @@
+"""Which line of campaign.toml the readings contradict, in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import partial
+
+from pipeline.answer.contradicted import contradicted, in_mm
+from pipeline.base.errors import InputError, place
+from pipeline.base.toml import line_of
+from pipeline.check.export_words import Word, wrong_word
+from pipeline.faults.conventions import conventions
+from pipeline.faults.entries import Entry, wrong_entries
+from pipeline.reduction.case import Case
+from pipeline.reduction.settings import Settings
+from pipeline.run import as_read
+from pipeline.store.campaign import Raw
+
+TOML = "campaign.toml"
+
+
+@dataclass(frozen=True)
+class Wrong:
+    """A line of campaign.toml that is wrong.
+
+    Attributes:
+        line: Its number; None where it cannot be found.
+        key: What stands there.
+        said: What is wrong with it, and the way out.
+        probability: That it is this line, if one is wrong.
+    """
+
+    line: int | None
+    key: str
+    said: str
+    probability: float = 1.0
+
+    @property
+    def sentence(self) -> str:
+        """With the place in front."""
+        return f"{place(TOML, self.line)}{self.said}"
+
+
+def wrong_lines(raw: Raw) -> list[Wrong]:
+    """Lines of campaign.toml that the readings contradict, the most probable first.
+
+    At most one of them is wrong; several are said where the readings leave it open.
+    """
+    if raw.settings.tracker is None:
+        return []
+    given = _read(raw, raw.settings)
+    text = text_of(raw)
+    word = wrong_word(raw.settings, given, partial(_read, raw))
+    if word is not None:
+        return [_wrong_word(text, word)]
+    found = () if given is None else wrong_entries(given)
+    return [_wrong_entry(text, one, found) for one in found]
+
+
+def _read(raw: Raw, settings: Settings) -> Case | None:
+    """With some settings, whatever is implausible in it; None where it cannot be read so."""
+    try:
+        return as_read(replace(raw, settings=settings), plausible=False)[0]
+    except InputError:
+        return None
+
+
+def text_of(raw: Raw) -> str:
+    """campaign.toml as it stands."""
+    return raw.files[TOML].decode("utf-8", "replace")
+
+
+def _wrong_word(text: str, word: Word) -> Wrong:
+    off = (
+        "the export cannot be read"
+        if word.before_m is None
+        else f"the reflectors are {in_mm(word.before_m)} off"
+    )
+    right = f'write {word.key} = "{word.better}"' if word.better else f"remove {word.key}"
+    said = (
+        f'{word.key} = "{word.stated}" is wrong: with it {off}, and {in_mm(word.after_m)} without; '
+        f"{right}"
+    )
+    return Wrong(line_of(text, ["tracker", word.key]), f"tracker.{word.key}", said)
+
+
+def _wrong_entry(text: str, one: Entry, found: Sequence[Entry]) -> Wrong:
+    key = ".".join([one.table, *(["/".join(one.names)] if one.names else [])])
+    return Wrong(line_of(text, one.path), key, contradicted(text, one, found), one.probability)
+
+
+def mistaken(raw: Raw) -> list[str]:
+    """Units, signs and names of whole files that explain readings that are far off."""
+    given = _read(raw, raw.settings)
+    return [] if given is None else [one.evidence for one in conventions(given)]

@@ -1,0 +1,54 @@
+"""Leica 6-DoF (T-Mac) CSV: position, orientation and U(95) per axis of each reading.
+
+Written in cp1252, times with an apostrophe in front, an empty last column and one that marks
+readings as deleted. U(95) is an expanded uncertainty, k = 2. Orientations are not used.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from pipeline.dialects.tracker_pilot import expanded
+from pipeline.readers import _named, _tables, plain
+from pipeline.readers._cells import text_of
+from pipeline.readers._coordinates import Meaning, raw
+from pipeline.readers._reader import (
+    EXPANDED,
+    USUAL_FACTORS,
+    Export,
+    Hints,
+    Reader,
+    Readings,
+    written,
+)
+from pipeline.readers._text import Text
+
+
+def recognise(lines: Sequence[str]) -> bool:
+    """A header names X, Y, Z and U(95)."""
+    header = _named.find(lines)
+    return header is not None and expanded(header) and not plain.recognise(lines)
+
+
+def read(text: Text, hints: Hints) -> Export:
+    """Readings of a T-Mac export; those marked as deleted are left out."""
+    return _tables.below_header(text, hints, READER.name)
+
+
+def write(readings: Readings, unit: str, digits: int | None) -> bytes:
+    """A T-Mac export; orientations are zero, U(95) is twice the root of the diagonal."""
+    six = np.zeros((len(readings.group), 6)) if readings.covariance is None else readings.covariance
+    U95 = text_of(raw(USUAL_FACTORS[EXPANDED] * np.sqrt(six[:, [0, 3, 5]]), Meaning(unit)), None)
+    axes = [f"{axis} [{unit}]" for axis in "XYZ"]
+    titles = ["Point Group", "Point Name", "Time", *axes, "Rx [deg]", "Ry [deg]", "Rz [deg]"]
+    lines = [";".join([*titles, *(f"U(95) {axis}" for axis in axes), "Delete", ""])]
+    lines += [
+        f"{group};{target};'{time:%d.%m.%Y %H:%M:%S};{';'.join(xyz)};0;0;0;{';'.join(u)};0;"
+        for (group, target, xyz, time), u in zip(written(readings, unit, digits), U95, strict=True)
+    ]
+    return "\r\n".join([*lines, ""]).encode("cp1252")
+
+
+READER = Reader("Leica 6DoF CSV", recognise, read, write, general=True)

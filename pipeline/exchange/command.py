@@ -1,0 +1,140 @@
+"""`pipeline robot`: the robots that ship, or a robot file from a URDF."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+from typer import Argument, Option
+
+from pipeline.base import files
+from pipeline.base.errors import InputError, UsageError
+
+if TYPE_CHECKING:
+    from pipeline.exchange.agreement import Agreement
+
+_LARGEST = 2**24
+"""Bytes of a URDF; that of a humanoid has a hundredth of it."""
+
+_FAR_M = 1e-6
+"""A table that is farther from its URDF [m] was made wrongly: ten digits of a URDF are a nanometre
+on every robot."""
+
+
+def robot(
+    file: Annotated[
+        Path | None,
+        Argument(metavar="FILE.urdf", help="URDF of the robot; with --list part of a name, kuka."),
+    ] = None,
+    base: Annotated[str | None, Option(help="Link whose frame is the base frame F_b.")] = None,
+    flange: Annotated[str | None, Option(help="Link whose frame is the flange frame.")] = None,
+    output: Annotated[
+        Path | None, Option(help="Robot file to write (.toml); stdout if omitted.")
+    ] = None,
+    payload: Annotated[
+        float | None, Option(help="Rated payload [kg], which a URDF does not state.")
+    ] = None,
+    every: Annotated[
+        bool, Option("--list", help="List the robots that ship, with maker and variant.")
+    ] = False,
+    shown: Annotated[
+        str | None,
+        Option("--show", metavar="NAME", help="Print the robot file of one, to start from."),
+    ] = None,
+) -> None:
+    """List the robots that ship, show one, or make a robot file from a URDF and verify it."""
+    if every or shown is not None:
+        typer.echo("\n".join(listing(str(file or ""))) if every else shipped(shown or ""))
+        return
+    if file is None or base is None or flange is None:
+        raise UsageError(
+            "give a URDF with --base and --flange, or --list, or --show NAME for a robot that ships"
+        )
+    if output is not None:
+        _refuse(output)
+    text, found = made(file, base, flange, payload)
+    if output is None:
+        typer.echo(text, nl=False)
+    else:
+        files.write(output, text.encode())
+        typer.echo(output)
+    typer.secho(
+        f"Largest difference from the URDF by Pinocchio at {found.configurations} configurations: "
+        f"{found.position_m:.1e} m, {found.angle_rad:.1e} rad.",
+        err=True,
+    )
+
+
+def _refuse(output: Path) -> None:
+    """Only a new file whose name ends as that of a robot file does is written."""
+    if output.suffix != ".toml":
+        raise UsageError(f"{output} does not end in .toml, as a robot file does")
+    if output.exists():
+        raise UsageError(f"{output} is there already: choose another --output")
+
+
+def listing(part: str = "") -> list[str]:
+    """The robots that ship: name, maker and variant, axes of the controller, rated payload.
+
+    Raises:
+        UsageError: None has this part of a name.
+    """
+    from pipeline.machine.robot import axes, load
+    from pipeline.machine.robot.mdh import meant
+
+    rows = []
+    for name in meant(part):
+        one = load(name)
+        payload = "" if one.payload_kg is None else f"{one.payload_kg:g} kg"
+        rows.append((name, one.description, " ".join(axes.of(one).names), payload))
+    if not rows:
+        raise UsageError(f'no robot that ships is like "{part}": `pipeline robot --list` has all')
+    wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
+    return ["  ".join(f"{c:{w}}" for c, w in zip(row, wide, strict=True)).rstrip() for row in rows]
+
+
+def shipped(name: str) -> str:
+    """The robot file of a robot that ships.
+
+    Raises:
+        UsageError: None of this name does.
+    """
+    from pipeline.machine.robot import SHIPPED, load
+    from pipeline.machine.robot.mdh import no_robot
+
+    if name not in SHIPPED:
+        unknown = no_robot(name, None)
+        raise UsageError(f"{unknown.thing}; {unknown.way_out}")
+    return load(name).text.rstrip("\n")
+
+
+def made(
+    path: Path, base: str, flange: str, payload_kg: float | None = None
+) -> tuple[str, Agreement]:
+    """The text of a robot file made from a URDF, and how far it is from that.
+
+    Raises:
+        InputError: It is no URDF, has no such chain, or a robot file cannot have it.
+    """
+    import numpy as np
+
+    from pipeline.base import toml
+    from pipeline.exchange import urdf
+    from pipeline.exchange.agreement import agreement
+    from pipeline.exchange.from_urdf import robot_file
+    from pipeline.machine.robot.mdh import parse
+
+    missing = InputError("there is no such file", "check the path", file=str(path))
+    source = files.words(path, path.name, _LARGEST, missing)
+    content = robot_file(urdf.read(source, path.name), base, flange, path.name, payload_kg)
+    text = toml.dumps(content)
+    built = parse(text, path.name)
+    found = agreement(built, source, base, flange, path.name, np.random.default_rng(0))
+    if not found.position_m < _FAR_M:
+        raise InputError(
+            f"the table made of it is {found.position_m:.1e} m off",
+            "report it with the file",
+            file=path.name,
+        )
+    return text, found

@@ -1,0 +1,24 @@
+"""The files of a finished campaign for other programs, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+
+import pandas as pd
+
+from pipeline.answer.contract import Answer
+from pipeline.exchange import workbook
+from pipeline.exchange.to_mjcf import mjcf
+from pipeline.exchange.to_sdf import sdf
+from pipeline.exchange.to_urdf import urdf
+from pipeline.prediction.model import Model
+
+
+def files(answer: Answer, shown: Mapping[str, pd.DataFrame], handed: Model) -> dict[str, bytes]:
+    """The springs for simulators, and the answer for a spreadsheet."""
+    return {**simulators(handed), **workbook.files(answer, shown)}
+
+
+def simulators(handed: Model) -> dict[str, bytes]:
+    """The springs of a model as simulators have them."""
+    return {"model.urdf": urdf(handed), "model.xml": mjcf(handed), "model.sdf": sdf(handed)}

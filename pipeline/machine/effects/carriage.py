@@ -1,0 +1,114 @@
+"""The carriage on its rail yields: one spring about or along each of the rail's three axes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from functools import partial
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Elastic, Loaded
+from pipeline.machine.effects._anatomy import carriage, rail, rail_axes
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.configuration import rotation_about, translation_along
+
+ALONG, ACROSS, UP = range(3)
+"""Axes of the rail, as `rail_axes` gives them."""
+
+
+def rotation(loaded: Loaded, axis: int) -> Array:
+    """Screw of a carriage that turns about an axis of the rail, shape (m, 1, 6)."""
+    return rotation_about(carriage(loaded), rail_axes(loaded)[axis])[:, None]
+
+
+def translation(loaded: Loaded, axis: int) -> Array:
+    """Screw of a carriage that shifts along an axis of the rail, shape (m, 1, 6)."""
+    return translation_along(rail_axes(loaded)[axis])[:, None]
+
+
+def _shift(name: str, typical: float) -> Parameter:
+    return Parameter(name, "m/N", typical, 0.0, 2e-07)
+
+
+def _turn(name: str, typical: float) -> Parameter:
+    return Parameter(name, "rad/(N m)", typical, 0.0, 5e-07)
+
+
+_SOURCE = {
+    "m/N": "translation column a (a . f); size of loaded guide rollers, an estimate",
+    "rad/(N m)": "rotation column (a x (p - o)) (a . ((l - o) x f)); size an estimate for "
+    "roller carriages",
+}
+"""Where the formula comes from, by the unit of the compliance."""
+
+
+def _spring(
+    name: str,
+    noun: str,
+    parameter: Parameter,
+    screw: Callable[[Loaded], Array],
+    signature: str,
+    needs: str = "three reflectors on the carriage",
+) -> Elastic:
+    """A linear spring at the carriage."""
+    return Elastic(
+        name=name,
+        noun=noun,
+        place="rail",
+        parameters=(parameter,),
+        signature=signature,
+        needs=needs,
+        source=_SOURCE[parameter.unit],
+        carrier=(1,),
+        twists=screw,
+    )
+
+
+SPRINGS = (
+    _spring(
+        "rail_lateral",
+        "lateral compliance of the carriage",
+        _shift("c_lateral", 5e-09),
+        partial(translation, axis=ACROSS),
+        "all reflectors move alike across the rail in proportion to the lateral "
+        "force, with no lever arm; rail_roll grows with the height of the load",
+    ),
+    _spring(
+        "rail_vertical",
+        "vertical compliance of the carriage",
+        _shift("c_vertical", 2.5e-09),
+        partial(translation, axis=UP),
+        "all reflectors move alike up or down in proportion to the vertical "
+        "force, with no lever arm",
+    ),
+    _spring(
+        "rail_roll",
+        "roll of the carriage about the rail",
+        _turn("c_roll", 1e-08),
+        partial(rotation, axis=ALONG),
+        "all reflectors turn together about the rail, whatever the arm does; tilt "
+        "of joint 2 turns with the arm",
+        "one arm pose pulled across the rail at several heights, or three reflectors "
+        "on the carriage",
+    ),
+    _spring(
+        "rail_pitch",
+        "pitch of the carriage",
+        _turn("c_pitch", 5e-09),
+        partial(rotation, axis=ACROSS),
+        "all reflectors turn together about the axis across the rail, whatever the arm does",
+        "pulls along the rail at several heights, or three reflectors on the carriage",
+    ),
+    _spring(
+        "rail_yaw",
+        "yaw of the carriage",
+        _turn("c_yaw", 7e-09),
+        partial(rotation, axis=UP),
+        "cannot be distinguished from the compliance of joint 2, whose axis it shares",
+    ),
+)
+"""Springs that are missing from Eq. (3); the yaw shares the axis of joint 2."""
+
+
+def effects(robot: Robot) -> tuple[Elastic, ...]:
+    """All of them; none on a robot without a rail."""
+    return SPRINGS if rail(robot) else ()

@@ -1,0 +1,82 @@
+"""The spring scale reads wrong: by a fraction, by its zero, or more the harder it is pulled."""
+
+from collections.abc import Callable
+
+import numpy as np
+
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import PULLED, Loaded, Wrench
+from pipeline.machine.effects._anatomy import direction
+from pipeline.machine.robot import Robot
+
+
+def gain(loaded: Loaded, values: Array) -> tuple[Array, Array]:
+    """Load point and force that act: f (1 + g)."""
+    return loaded.load_point, loaded.force * (1 + loaded.pulls.pulled * values[0])
+
+
+def zero(loaded: Loaded, values: Array) -> tuple[Array, Array]:
+    """Load point and force that act: f + f_0 u, u along f."""
+    return loaded.load_point, loaded.force + loaded.pulls.pulled * values[0] * direction(loaded)
+
+
+def curvature(loaded: Loaded, values: Array) -> tuple[Array, Array]:
+    """Load point and force that act: f (1 + e |f| / 1 kN)."""
+    size = np.linalg.norm(loaded.force, axis=1, keepdims=True)
+    return loaded.load_point, loaded.force * (1 + loaded.pulls.pulled * values[0] * size / 1000.0)
+
+
+def _scale(
+    noun: str,
+    parameter: Parameter,
+    wrench: Callable[[Loaded, Array], tuple[Array, Array]],
+    signature: str,
+    needs: str,
+    source: str,
+) -> Wrench:
+    """What is wrong with the readings of a pull."""
+    return Wrench(
+        name=f"scale_{wrench.__name__}",
+        noun=f"{noun} of the spring scale",
+        place="force",
+        parameters=(parameter,),
+        signature=signature,
+        needs=needs,
+        source=source,
+        wrench=wrench,
+        of=(PULLED,),
+    )
+
+
+_ALL = (
+    _scale(
+        "wrong gain",
+        Parameter("g_scale", "1", 0.01, -0.2, 0.2),
+        gain,
+        signature="all stiffnesses shift by the same percentage; nothing else shows",
+        needs="a known dead weight on the scale",
+        source="calibration: crane scales 0.1 % of full scale, mechanical ones 1 %",
+    ),
+    _scale(
+        "wrong zero",
+        Parameter("f_zero", "N", 20.0, -300.0, 300.0),
+        zero,
+        signature="displacement over force has an offset at zero force, the same at every pose",
+        needs="three load levels, or the scale read with nothing on it",
+        source="equals a preload that is there when the zero is measured; 20 N is an estimate",
+    ),
+    _scale(
+        "curvature",
+        Parameter("e_scale", "1", 0.005, -0.1, 0.1),
+        curvature,
+        signature="displacement over force changes with the force alike at every pose, "
+        "whichever joint turns",
+        needs="two known dead weights on the scale",
+        source="1 % of full scale at 2 kN, data sheets of mechanical dynamometers",
+    ),
+)
+
+
+def effects(robot: Robot) -> tuple[Wrench, ...]:
+    """All of them, the same on any robot."""
+    return _ALL

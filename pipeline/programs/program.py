@@ -1,0 +1,246 @@
+"""A robot program as text with targets in it: what is read of it, and how it is written again."""
+
+from __future__ import annotations
+
+import math
+import re
+from collections.abc import Iterable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
+from decimal import Decimal
+from typing import Literal, NamedTuple
+
+from pipeline.base.arrays import Array
+from pipeline.base.errors import listed
+from pipeline.programs.inverse import Range
+from pipeline.programs.notation import Notation
+
+Kind = Literal["joint", "cartesian"]
+
+NUMBER = r"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?"
+_PARTS = re.compile(r"([-+]?)(\d*)(?:\.(\d*))?(?:([eE])([-+]?)(\d+))?")
+_LARGEST = 1e10
+"""Of all numbers of a target, whatever their unit; ABB writes 9E9 for an axis that there is not."""
+FINE_M = 1e-6
+"""[m]: a last digit that is worth more gets others behind it. No tracker resolves less."""
+_WHOLE = 1e-9
+"""Of a number of digits [1]: what rounding adds to a whole one."""
+
+
+class Number(NamedTuple):
+    """A number where it stands in a text.
+
+    Attributes:
+        start: Its first letter.
+        end: Behind its last letter.
+        value: As written, in the unit of the program.
+    """
+
+    start: int
+    end: int
+    value: float
+
+
+def number(start: int, text: str) -> Number | None:
+    """A number of a robot, written from `start` on; None for one that no robot has."""
+    value = float(text)
+    return Number(start, start + len(text), value) if abs(value) < _LARGEST else None
+
+
+class Left(NamedTuple):
+    """What is not corrected, and why.
+
+    Attributes:
+        file: Where it stands.
+        line: In that file, from 1.
+        why: In words.
+        counts: It moves the tool to where it was taught while corrected points are elsewhere.
+    """
+
+    file: str
+    line: int
+    why: str
+    counts: bool = True
+
+
+@dataclass(frozen=True)
+class Target:
+    """A taught point.
+
+    Attributes:
+        name: What the program calls it.
+        file: Where it stands.
+        line: In that file, from 1.
+        kind: Axes or a pose.
+        numbers: Six axes, or the numbers of a pose, in the order of the notation.
+        external: Further axes as written, mm or degrees, those that are given.
+        tool: Name of its tool; empty for the one that the options give.
+        base: Name of the frame it stands in; likewise.
+        ranges: What is said of each axis of the arm.
+        near: Values of the axes near it, in the unit of the program, where it says so.
+    """
+
+    name: str
+    file: str
+    line: int
+    kind: Kind
+    numbers: tuple[Number, ...]
+    external: tuple[float, ...] = ()
+    tool: str = ""
+    base: str = ""
+    ranges: tuple[Range, ...] = ()
+    near: tuple[float, ...] = ()
+
+    @property
+    def values(self) -> tuple[float, ...]:
+        """Its numbers."""
+        return tuple(number.value for number in self.numbers)
+
+    @property
+    def place(self) -> tuple[str, int]:
+        """What tells it from others: file and first letter."""
+        return self.file, self.numbers[0].start
+
+
+@dataclass(frozen=True)
+class Program:
+    """A program.
+
+    Attributes:
+        file: Its name.
+        text: Its letters; each stands for one byte.
+        notation: How it writes poses.
+        targets: Its points, and those of its other file, in the order of the motions to them.
+        left: What is not corrected of it.
+        elsewhere: What is not corrected of its other file.
+        tools: Tool frames that it defines, in the flange frame, by name, each (4, 4).
+        bases: Frames that it defines, in the world of the controller, by name, each (4, 4).
+    """
+
+    file: str
+    text: str
+    notation: Notation
+    targets: tuple[Target, ...]
+    left: tuple[Left, ...] = ()
+    elsewhere: tuple[Left, ...] = ()
+    tools: Mapping[str, Array] = field(default_factory=dict)
+    bases: Mapping[str, Array] = field(default_factory=dict)
+
+    @property
+    def own(self) -> tuple[Target, ...]:
+        """The targets that stand in this file."""
+        return tuple(target for target in self.targets if target.file == self.file)
+
+    def written(self, values: Mapping[tuple[str, int], Sequence[float]]) -> Program:
+        """The same program with other numbers, in the digits that it has or as many as it takes.
+
+        Args:
+            values: New numbers of targets, in the unit of the program, by their places.
+        """
+        changes = [
+            (number, _rewritten(self.text[number.start : number.end], float(value), float(worth)))
+            for target in self.own
+            if target.place in values
+            for number, value, worth in zip(
+                target.numbers, values[target.place], self._worth(target), strict=True
+            )
+        ]
+        pieces, at = [], 0
+        for number, new in sorted(changes):
+            pieces += [self.text[at : number.start], new]
+            at = number.end
+        return replace(self, text="".join([*pieces, self.text[at:]]))
+
+    def rounded(self, target: Target, values: Sequence[float]) -> list[float]:
+        """What is left of new numbers of a target when they are written."""
+        return [
+            float(_rewritten(self.text[number.start : number.end], float(value), float(worth)))
+            for number, value, worth in zip(
+                target.numbers, values, self._worth(target), strict=True
+            )
+        ]
+
+    def _worth(self, target: Target) -> list[float]:
+        if target.kind == "joint":
+            return [self.notation.worth_of_joint] * len(target.numbers)
+        return self.notation.worth_of_pose.tolist()
+
+
+def _rewritten(old: str, value: float, worth: float) -> str:
+    """A number in the manner of another one.
+
+    Args:
+        old: The other one, as it stands.
+        value: The number.
+        worth: How far a unit of it moves the tool [m].
+    """
+    found = _PARTS.fullmatch(_decimal(old))
+    if found is None:
+        raise ValueError(f"{old} is no number")
+    sign, whole, fraction, letter, _, digits = found.groups(default="")
+    power = Decimal(repr(value)).adjusted() if letter and value else 0
+    least = math.ceil(math.log10(worth / FINE_M) - _WHOLE) + power
+    decimals = max(len(fraction), least)
+    new = format(Decimal(repr(value)), f"z.{decimals}{letter.lower() or 'f'}")
+    if Decimal(new) == Decimal(_decimal(old)):
+        return old
+    if letter:
+        new = _with_exponent(new, letter, found[5], len(digits))
+    elif not whole:
+        new = _without_zero(new, value)
+    return f"+{new}" if sign == "+" and not new.startswith("-") else new
+
+
+def _decimal(text: str) -> str:
+    """A number that KUKA writes in bits, 'H9C0' or 'B010', in decimal digits."""
+    if not text.startswith("'"):
+        return text
+    word = text.strip("'").strip()
+    return str(int(word[1:].strip(), 16 if word[0] in "hH" else 2))
+
+
+def _without_zero(new: str, value: float) -> str:
+    """`.5` for `0.5` and `-.5` for `-0.5`; others as they are."""
+    return new.replace("0.", ".", 1) if abs(value) < 1 else new
+
+
+def _with_exponent(new: str, letter: str, sign: str, digits: int) -> str:
+    """A number with its exponent in the manner of another one: letter, sign and leading zeros."""
+    mantissa, _, exponent = new.partition("e")
+    own = "-" if exponent.startswith("-") else "+" if sign else ""
+    return f"{mantissa}{letter}{own}{exponent.lstrip('+-').zfill(digits)}"
+
+
+class Use(NamedTuple):
+    """A motion to a point."""
+
+    target: Target
+    tool: str
+    base: str
+
+
+def gathered(
+    uses: Iterable[Use], changed: Mapping[tuple[str, int], str]
+) -> tuple[list[Target], list[Left]]:
+    """Each point once, in the order of the motions to it, with the frames it stands in.
+
+    Args:
+        uses: The motions.
+        changed: Places of points that are not as taught when the robot comes to them, and why.
+    """
+    frames: dict[tuple[str, int], dict[tuple[str, str], Target]] = {}
+    for target, tool, base in uses:
+        base = "" if target.kind == "joint" else base
+        placed = replace(target, tool=tool, base=base)
+        frames.setdefault(target.place, {}).setdefault((tool, base), placed)
+    targets, left = [], []
+    for place, found in frames.items():
+        first, *more = found.values()
+        if place in changed:
+            left.append(Left(first.file, first.line, f"{first.name} {changed[place]}"))
+        elif more:
+            said = listed(sorted(" in ".join(filter(None, one)) or "none" for one in found))
+            why = f"{first.name} is used with different tools or frames ({said})"
+            left.append(Left(first.file, first.line, why))
+        else:
+            targets.append(first)
+    return targets, left

@@ -1,0 +1,206 @@
+"""Many campaigns at a time: in processes of this machine, or on one that does not see the folder.
+
+Where the folder is seen, a process locks, computes and writes its campaign as a plain run does.
+Elsewhere the campaign's bytes travel there and what was made of them back; this process alone holds
+the locks and writes.
+"""
+
+from __future__ import annotations
+
+import json
+import socket
+from collections.abc import Iterable, Iterator, Mapping
+from contextlib import ExitStack
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from tempfile import TemporaryDirectory
+from typing import TYPE_CHECKING
+
+from pipeline.app.outcome import Meant, Outcome, Several, failed, named, outcome
+from pipeline.base import files
+from pipeline.base.errors import UsageError
+from pipeline.service.executor import Done, Executor, Processes
+from pipeline.store.campaign import MANIFEST, Campaign, find, label
+
+if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
+    from pipeline.answer.contract import Answer
+
+
+def several(jobs: int | None, on: str | None) -> Several:
+    """Where many campaigns are worked on: so many processes of this machine, or a cluster."""
+    if on is None:
+        return partial(outcomes, Processes(jobs) if jobs else Processes())
+    from pipeline.service.cluster import Cluster
+
+    return partial(outcomes, Cluster(on))
+
+
+def outcomes(
+    executor: Executor, root: Path, everyone: Iterable[Meant], force: bool = False
+) -> Iterator[Outcome]:
+    """What becomes of campaigns, as they end; one that fails stops none of the others."""
+    if not executor.near:
+        yield from _Abroad(root, executor, force).outcomes(everyone)
+        return
+    for done in executor.results(partial(_here, root, force), everyone):
+        yield done.value or failed(_name(done.item), _problem(done))
+
+
+def _here(root: Path, force: bool, one: Meant) -> Outcome:
+    from pipeline.run import run
+
+    return named(root, one, partial(outcome, compute=partial(run, force=force)))
+
+
+def _name(one: Meant) -> str:
+    return one.name if isinstance(one, Campaign) else label(one)
+
+
+def _problem(done: Done[Meant, Outcome]) -> Exception:
+    assert done.problem is not None  # an outcome is never nothing
+    return done.problem
+
+
+@dataclass(frozen=True)
+class Parcel:
+    """A campaign on its way.
+
+    Attributes:
+        name: Of the campaign.
+        key: Of its files, the code and the libraries here.
+        files: Name relative to its folder -> bytes, of everything that campaign.toml names.
+    """
+
+    name: str
+    key: str
+    files: Mapping[str, bytes]
+
+
+@dataclass(frozen=True)
+class Made:
+    """What was made of it: bytes by name, of its tables with the manifest, and of its answers."""
+
+    processed: Mapping[str, bytes]
+    reports: Mapping[str, bytes]
+
+
+def computed(parcel: Parcel) -> Made:
+    """A campaign computed in a project of its own, which goes again.
+
+    Raises:
+        PipelineError: As `run` does.
+        UsageError: Code or libraries are not those of where it came from.
+    """
+    from pipeline.run import run
+
+    with TemporaryDirectory(prefix="pipeline-") as folder:
+        root = Path(folder).resolve()
+        campaign = Campaign(root, root / "data" / "raw" / parcel.name)
+        for name, content in parcel.files.items():
+            files.write(campaign.folder / name, content)
+        if campaign.read().key != parcel.key:
+            raise UsageError(
+                f"the worker on {socket.gethostname()} has another version of the project or of "
+                "its libraries: install the same one there, with the same requirements.lock"
+            )
+        run(campaign)
+        return Made(_within(campaign.processed), _within(campaign.reports))
+
+
+def _within(folder: Path) -> dict[str, bytes]:
+    """All files of a folder; its lock stays behind."""
+    paths = [path for path in folder.rglob("*") if path.is_file() and path.name[0] != "."]
+    return {path.relative_to(folder).as_posix(): path.read_bytes() for path in paths}
+
+
+class _Abroad:
+    """Campaigns that are computed elsewhere, each held until its answer is here."""
+
+    def __init__(self, root: Path, executor: Executor, force: bool) -> None:
+        self._root, self._executor, self._force = root, executor, force
+        self._held: dict[str, tuple[Campaign, ExitStack]] = {}
+        self._known: list[Outcome] = []
+        self._later: list[Meant] = []
+
+    def outcomes(self, everyone: Iterable[Meant]) -> Iterator[Outcome]:
+        """As they end; those with nothing to compute in between."""
+        try:
+            for done in self._executor.results(computed, self._parcels(everyone)):
+                campaign, held = self._held.pop(done.item.name)
+                with held:
+                    made = outcome(campaign, partial(_received, done))
+                yield made
+                yield from self._told()
+        finally:
+            for _, held in self._held.values():
+                held.close()
+        yield from self._told()
+        if self._later:
+            yield from _Abroad(self._root, self._executor, self._force).outcomes(self._later)
+
+    def _told(self) -> list[Outcome]:
+        known, self._known = self._known, []
+        return known
+
+    def _parcels(self, everyone: Iterable[Meant]) -> Iterator[Parcel]:
+        """What is to be computed, locked as it leaves."""
+        for one in everyone:
+            if _name(one) in self._held:  # its own lock would keep it waiting for ever
+                self._later.append(one)
+                continue
+            try:
+                campaign = one if isinstance(one, Campaign) else find(self._root, one)
+            except Exception as problem:
+                self._known.append(failed(_name(one), problem))
+                continue
+            if parcel := self._parcel(campaign):
+                yield parcel
+
+    def _parcel(self, campaign: Campaign) -> Parcel | None:
+        """A campaign packed; None, and what is known of it told, where nothing is computed."""
+        from pipeline.answer.archive import read
+
+        try:
+            parcel = self._packed(campaign)
+        except Exception as problem:
+            self._known.append(outcome(campaign, partial(_refused, problem)))
+            return None
+        if parcel is None:
+            self._known.append(outcome(campaign, read))
+        return parcel
+
+    def _packed(self, campaign: Campaign) -> Parcel | None:
+        """A campaign read and locked; None where its last run still stands.
+
+        Raises:
+            PipelineError: It cannot be read or locked.
+        """
+        raw = campaign.read()
+        if not self._force and campaign.done(raw.key):  # before any lock, as `run` does
+            return None
+        with ExitStack() as stack:
+            if stack.enter_context(campaign.locked()):  # the other run may have done it
+                raw = campaign.read()
+                if not self._force and campaign.done(raw.key):
+                    return None
+            self._held[campaign.name] = campaign, stack.pop_all()
+        return Parcel(campaign.name, raw.key, dict(raw.files))
+
+
+def _refused(problem: Exception, campaign: Campaign) -> Answer:
+    raise problem
+
+
+def _received(done: Done[Parcel, Made], campaign: Campaign) -> Answer:
+    """The answer that came back, on disk; the caller holds the lock."""
+    from pipeline.answer.archive import read
+
+    with campaign.remembering(done.item.key):
+        made = done.result
+    tables = dict(made.processed)
+    manifest = json.loads(tables.pop(MANIFEST))
+    for name, content in tables.items():
+        files.write(campaign.processed / name, content)
+    campaign.publish(manifest | {"source": campaign.source}, made.reports)
+    return read(campaign)

@@ -1,0 +1,163 @@
+"""What a controller has of a campaign: points in axes, and recordings, read as joint logs."""
+
+import itertools
+
+import numpy as np
+import pytest
+
+from pipeline.dialects import recorded, taught
+from pipeline.intake.which_logs import propose_logs
+from pipeline.machine.robot import axes, load
+from pipeline.programs.for_plan import drive, programs
+from pipeline.readers import logs
+from pipeline.readers._log_form import LogForm
+
+SEED = 20261125
+SUFFIX = {"kuka": ".dat", "abb": ".mod", "fanuc": ".ls"}
+
+
+def poses(robot, count=7):
+    """Joint values at random, away from limits, and ways of approach."""
+    rng = np.random.default_rng(SEED)
+    inside = 0.05 * (robot.upper - robot.lower)
+    q = rng.uniform(robot.lower + inside, robot.upper - inside, (count, robot.n))
+    return q, rng.choice([-1, 1], count)
+
+
+def read_as_init(name, data, whose):
+    """Joint values as `init` and then `run` have them, for a robot by its name."""
+    said = propose_logs({name: data})
+    assert said.joints == name
+    assert whose in said.robots
+    robot = load(whose)
+    form = logs.settled(LogForm(columns=said.joint_columns[whose]))
+    log = logs.joints(name, data, robot, form)
+    assert not log.rejected
+    return log, logs.joint_values(log, robot)
+
+
+@pytest.mark.parametrize("brand", SUFFIX)
+@pytest.mark.parametrize("name", ["kr210_r2700_2", "irb6640", "kr500_rail"])
+def test_the_program_of_a_plan_is_the_joint_log_of_the_plan(name, brand):
+    """Touched up at the robot or not: its poses in their order, without ways and run-ups."""
+    robot = load(name)
+    q, way = poses(robot)
+    via = [
+        np.zeros((0, robot.n)),
+        *(((a + b) / 2)[None] for a, b in itertools.pairwise(q)),
+    ]
+    made = drive("p", robot, q, way, [[1000.0]] * len(q), zero_after=False, via=via)
+    files = programs(made, brand)
+    file = next(one for one in files if one.endswith(SUFFIX[brand]))
+    log, found = read_as_init(file, files[file], name)
+
+    assert log.number["pose"].tolist() == [*range(1, 8)]
+    digits = 3 if brand == "fanuc" else 6
+    off = np.where(robot.prismatic, 1e3 * (found - q), np.rad2deg(found - q))
+    assert np.abs(off).max() <= 1.1 * 10.0**-digits
+
+
+KRL = """&ACCESS RVP
+DEFDAT  MESSUNG PUBLIC
+;FOLD EXTERNAL DECLARATIONS
+DECL BASIS_SUGG_T LAST_BASIS={POINT1[] "P4 "}
+;ENDFOLD
+DECL E6AXIS XHOME={A1 0.0,A2 -90.0,A3 90.0,A4 0.0,A5 0.0,A6 0.0,E1 0.0,E2 0.0}
+DECL FDAT FP1={TOOL_NO 1,BASE_NO 0,IPO_FRAME #BASE,POINT2[] " "}
+DECL E6AXIS XP2={A1 20.5,A2 -75.25,A3 80.125,A4 10.0,A5 45.0,A6 -30.0,E1 0.0,E2 0.0}
+DECL E6AXIS XP1={A1 -15.0,A2 -60.0,A3 70.0,A4 -10.0,A5 -35.0,A6 12.5,E1 0.0,E2 0.0}
+DECL E6POS XP7={X 1500.0,Y 0.0,Z 900.0,A 0.0,B 90.0,C 0.0,S 2,T 10}
+ENDDAT
+"""
+
+
+@pytest.mark.parametrize("end", ["\n", "\r\n"])
+def test_taught_points_are_poses_by_their_numbers(end):
+    """XP1 is pose 1 wherever it stands; XHOME is none; the line is that of the file."""
+    data = KRL.replace("\n", end).encode("cp1252")
+    log, found = read_as_init("messung.dat", data, "kr210_r2700_2")
+    order = np.argsort(log.number["pose"])
+
+    assert log.number["pose"][order].tolist() == [1, 2]
+    assert log.line[order].tolist() == [9, 8]
+    shown = axes.shown(load("kr210_r2700_2"), found)
+    assert shown[order] == pytest.approx(
+        np.array([[-15, -60, 70, -10, -35, 12.5], [20.5, -75.25, 80.125, 10, 45, -30]])
+    )
+
+
+def test_names_without_numbers_count_in_their_order():
+    """Where no name has a number, the first point of the file is pose 1."""
+    text = KRL.replace("XP2", "XOBEN").replace("XP1", "XUNTEN").encode()
+    rows = [row.split("\t") for row in taught.table(text).decode().splitlines() if row]
+
+    assert [row[0] for row in rows] == ["pose", "1", "2", "3"]
+
+
+def recording(q_deg, rng, form, home=None):
+    """A table as a controller writes it: standing 8 s at each pose, driving in between.
+
+    Args:
+        q_deg: Poses [deg].
+        rng: Draws the noise of encoders and torques.
+        form: `rtde` or `trace`.
+        home: Where it begins and ends [deg].
+    """
+    places = [*q_deg] if home is None else [home, *q_deg, home]
+    rate, rows, tau = 25, [], []
+    for k, at in enumerate(places):
+        if k:
+            share = np.linspace(0, 1, 3 * rate)[:, None]
+            smooth = 3 * share**2 - 2 * share**3
+            rows.append(places[k - 1] + smooth * (at - places[k - 1]))
+            tau.append(np.zeros((3 * rate, 6)))
+        rows.append(at + rng.normal(0, 0.001, (8 * rate, 6)))
+        tau.append(100.0 * k + np.arange(1, 7) + rng.normal(0, 1, (8 * rate, 6)))
+    angle, torque = np.concatenate(rows), np.concatenate(tau)
+    time = np.arange(len(angle)) / rate
+    if form == "rtde":
+        head = " ".join(["timestamp", *(f"target_q_{k}" for k in range(6)),
+                         *(f"actual_q_{k}" for k in range(6)), "robot_mode"])  # fmt: skip
+        both = np.deg2rad(np.hstack([np.zeros_like(angle), angle]))
+        lines = [
+            " ".join(f"{x:.6f}" for x in [t, *row, 7]) for t, row in zip(time, both, strict=True)
+        ]
+        return "\n".join([head, *lines, ""]).encode()
+    head = ";".join(["Zeit [s]", *(f"Achswinkel Soll A{k} [°]" for k in range(1, 7)),
+                     *(f"Achswinkel Ist A{k} [°]" for k in range(1, 7)),
+                     *(f"Moment A{k} [Nm]" for k in range(1, 7))])  # fmt: skip
+    table = np.column_stack([time, np.zeros_like(angle), angle, torque])
+    lines = [";".join(f"{x:.5f}".replace(".", ",") for x in row) for row in table]
+    return "\n".join(["Trace Messung", "", head, *lines, ""]).encode("utf-8")
+
+
+@pytest.mark.parametrize(("form", "name"), [("rtde", "ur10e"), ("trace", "kr210_r2700_2")])
+@pytest.mark.parametrize("homed", [True, False])
+def test_a_recording_is_read_where_the_robot_stood(form, name, homed):
+    """As many poses as stops, to the noise of the encoders; the home position is none of them."""
+    robot, rng = load(name), np.random.default_rng(SEED)
+    q = poses(robot, 5)[0]
+    mid = axes.shown(robot, (robot.lower + robot.upper) / 2)
+    data = recording(axes.shown(robot, q), rng, form, mid if homed else None)
+    log, found = read_as_init(f"{form}.csv", data, name)
+
+    assert log.number["pose"].tolist() == [1, 2, 3, 4, 5]
+    assert np.rad2deg(np.abs(found - q)).max() < 1e-3
+    if form == "trace":
+        tau = np.column_stack([log.number[f"tau{k}"] for k in range(1, 7)])
+        sense = (
+            np.linalg.solve(robot.controller_matrix.T, np.eye(6)) if robot.controller else np.eye(6)
+        )
+        stops = 100.0 * (np.arange(5) + homed)[:, None] + np.arange(1, 7)
+        assert tau == pytest.approx(stops @ sense.T, abs=0.5)
+
+
+def test_what_is_no_recording_is_none():
+    """A log with a row for each pose, or a table of points with times, stays what it is."""
+    head = "pose,time,A1,A2,A3,A4,A5,A6"
+    rows = [f"{k},{k * 60},{k},0,0,0,0,0" for k in range(80)]
+    points = ["time,name,x_mm,y_mm,z_mm", *(f"{k},P1,{k},0,0" for k in range(80))]
+
+    assert recorded.table("\n".join([head, *rows]).encode()) is None
+    assert recorded.table("\n".join(points).encode()) is None
+    assert taught.table("\n".join([head, *rows]).encode()) is None

@@ -1,0 +1,137 @@
+"""Weight acts on the arm that weight and pull have turned, against machines made by Pinocchio."""
+
+from dataclasses import replace
+
+import numpy as np
+import pinocchio as pin
+import pytest
+from heavy_robot import TOOL, HeavyRobot, Truth, errors_of_table, read
+from mixed_campaign import HIGH, LOAD_POINT, LOW
+
+from pipeline.geometry.begin import begin
+from pipeline.geometry.identify import Wanted, identify
+from pipeline.geometry.mechanism import Mechanism, Payloads, Weights, layout
+from pipeline.geometry.scatter import start
+from pipeline.geometry.stance import by_masses
+from pipeline.machine.cell import Cell, Tool, baseline, predict
+from pipeline.machine.effect import Pulls
+from pipeline.machine.effects.gravity_sag import under_pulls
+from pipeline.machine.robot import configure, load
+from pipeline.machine.robot.letters import letters
+from pipeline.machine.robot.weight import link_moments, stiffening
+
+GRAVITY = np.array([0.0, 0.0, -9.80665])
+NOTHING = Payloads((), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))
+FAR = np.array([2e3, -1e3, -3e3])  # an anchor so far that a pull keeps its direction
+
+
+@pytest.fixture(scope="module")
+def arm():
+    """A KR 210 as its file has it but for soft joints, the same by Pinocchio, and poses."""
+    robot = load("kr210_r2700_2")
+    c = 2 * robot.nominal_compliance
+    body = np.array([joint.mass_kg for joint in robot.joints])
+    centre = np.array([joint.centre_of_mass_m for joint in robot.joints])
+    off = 0 * errors_of_table(robot.n + 1, np.random.default_rng(0))
+    machine = HeavyRobot(robot, off, Truth(c, mass=body, centre=centre))
+    return robot, c, machine, np.random.default_rng(3).uniform(LOW, HIGH, (8, robot.n))
+
+
+def points(machine, q, pull=None):
+    """Targets of the machine [m], (m, t, 3)."""
+    flange = np.array([machine.flange(one, pull) for one in q])
+    return np.einsum("mij,tj->mti", flange[:, :3, :3], TOOL) + flange[:, None, :3, 3]
+
+
+def mechanism(robot, c):
+    """The robot with its masses and springs, its tool, and nothing wrong."""
+    tool = np.tile(np.eye(4), (len(TOOL), 1, 1))
+    tool[:, :3, 3] = TOOL
+    none = np.zeros(len(letters(robot)))
+    return Mechanism(robot, none, tool, np.eye(4)[None], c, np.zeros((0, 4)), link_moments(robot))
+
+
+@pytest.mark.parametrize("size", [0.0, 2000.0])
+def test_a_robot_stands_where_weight_and_pull_have_turned_it(arm, size):
+    """To a three-thousandth of how far they turn it; ten times that at the commanded joints."""
+    robot, c, machine, q = arm
+    m, never = len(q), np.full(len(q), np.nan)
+    weights = Weights(GRAVITY, NOTHING, np.zeros(m, dtype=np.int64))
+    one = mechanism(robot, c)
+    pull = (size, LOAD_POINT, FAR) if size else None
+    force = np.tile(size * FAR / np.linalg.norm(FAR), (m, 1))
+    stand = one.stand(q, weights, never, never, never, force, LOAD_POINT)
+
+    truth = points(machine, q, pull)
+    turned = np.abs(truth - configure(robot, q).points(TOOL)).max()
+    assert turned > 2e-3
+    assert np.abs(stand.at - truth).max() < 3e-4 * turned
+
+
+def test_torques_of_weight_change_with_the_joints_as_pinocchio_has_them(arm):
+    """The derivative of all torques by all joints, to rounding."""
+    robot, _, machine, q = arm
+    own, x = [k for k, _ in machine.own], np.zeros((len(q), machine.model.nv))
+    x[:, own] = q
+    by = pin.computeGeneralizedGravityDerivatives
+    truth = [-by(machine.model, machine.data, one)[np.ix_(own, own)] for one in x]
+
+    assert stiffening(configure(robot, q), GRAVITY, link_moments(robot)) == pytest.approx(
+        np.array(truth), abs=1e-6
+    )
+
+
+def test_weight_turns_the_joints_further_under_a_pull(arm):
+    """Displacements of a heavy arm to a three-thousandth; without its weight seven times that."""
+    robot, c, machine, q = arm
+    size = 150.0  # so little that the second order in the pull is below
+    force = np.tile(size * FAR / np.linalg.norm(FAR), (len(q), 1))
+    truth = points(machine, q, (size, LOAD_POINT, FAR)) - points(machine, q)
+    names = np.array([f"P{k}" for k in range(len(TOOL))], dtype=object)
+    cell = Cell(robot, Tool(LOAD_POINT, names, TOOL), baseline(robot))
+    heavy = replace(cell, held=((under_pulls(c, link_moments(robot), GRAVITY), np.ones(1)),))
+    there = np.array([sagged(machine, one) for one in q])
+    with_it, without = (
+        predict(one, Pulls.at(there, force), c).displacement - truth for one in (heavy, cell)
+    )
+
+    most = np.abs(truth).max()
+    assert np.abs(with_it).max() < 3e-4 * most
+    assert np.abs(without).max() > 2e-3 * most
+
+
+def sagged(machine, q):
+    """Joints of the machine where it stands unloaded, shape (n,)."""
+    own, x = [k for k, _ in machine.own], np.zeros(machine.model.nv)
+    for _ in range(20):
+        weight = pin.computeGeneralizedGravity(machine.model, machine.data, x)
+        x[own] = q - machine.truth.joints * weight[own]
+    return x[own]
+
+
+def test_masses_that_are_off_count_as_springs_that_are(arm):
+    """Links that are heavier in the file: springs move by what `by_masses` says of them together.
+
+    To a third, as the estimate also takes a table for rougher where masses do not fit it.
+    """
+    robot, _, machine, _ = arm
+    rng = np.random.default_rng(5)
+    q = rng.uniform(LOW, HIGH, (60, robot.n))
+    readings = read(machine, q, rng)
+    weights = Weights(GRAVITY, NOTHING, np.zeros(len(q), dtype=np.int64))
+    tool = {f"P{k}": at for k, at in enumerate(TOOL, 1)}
+
+    def estimate(one):
+        return identify(begin(one, readings, tool), readings, weights, Wanted(), start(one, 1e-5))
+
+    given = estimate(robot)
+    where = layout(given.mechanism).compliance
+    spread = np.sqrt(np.diag(by_masses(given))[where])
+    moved = []
+    for k in range(robot.n):
+        joints = list(robot.joints)
+        joints[k] = joints[k].model_copy(update={"mass_kg": 1.001 * joints[k].mass_kg})
+        moved.append(estimate(replace(robot, joints=tuple(joints))).solution.x[where])
+    change = (np.array(moved) - given.solution.x[where]) / 0.001 * 0.05
+
+    assert np.sqrt((change**2).sum(axis=0))[1:5] == pytest.approx(spread[1:5], rel=0.35)

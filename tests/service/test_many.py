@@ -1,0 +1,234 @@
+"""Several campaigns at a time: the answers of one after another, whoever computes them."""
+
+import json
+import os
+import shutil
+import signal
+import subprocess
+import sys
+import time
+from dataclasses import dataclass
+from functools import partial
+from pathlib import Path
+from typing import ClassVar
+
+import pytest
+from conftest import without_pages
+from filelock import FileLock, Timeout
+
+from pipeline.app import cli
+from pipeline.app.shell import run_all, status
+from pipeline.service import many
+from pipeline.service.executor import Here, Processes
+
+HERE = Path(__file__).parents[2]
+KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"
+OWN = ("run_time_s",)
+
+
+@dataclass(frozen=True)
+class Afar(Processes):
+    """Processes that are treated as if they did not see the folder."""
+
+    near: ClassVar[bool] = False
+
+
+def project(root, small):
+    """A good campaign, the same with another scale, a broken one."""
+    raw = root / "data" / "raw"
+    shutil.copytree(KEPT, raw / "good")
+    shutil.copytree(KEPT, raw / "broken")
+    (raw / "broken" / "joints.csv").write_bytes(b"no table at all")
+    for name, content in small.files.items():
+        (raw / "small" / name).parent.mkdir(parents=True, exist_ok=True)
+        (raw / "small" / name).write_bytes(content)
+    return root
+
+
+def made(root):
+    """Everything that a run has left, but the times that it took."""
+    found = {}
+    for path in (p for top in ("reports", "data/processed") for p in (root / top).rglob("*")):
+        name = path.relative_to(root).as_posix()
+        if path.suffix in (".parquet", ".urdf") or path.name in ("result.json", "rejection.json"):
+            found[name] = path.read_bytes()
+        elif path.name == "manifest.json":
+            content = json.loads(path.read_bytes())
+            found[name] = {k: content[k] for k in ("key", "source", "verdict", "robot", "previous")}
+            found[name]["outputs"] = sorted(content["outputs"])
+    return found
+
+
+def told(outcomes):
+    return sorted((o.campaign, json.dumps(o.content), o.exit_code, o.misfit) for o in outcomes)
+
+
+@pytest.fixture(scope="module")
+def plain(tmp_path_factory, small_campaign):
+    """Three campaigns, one after another: what is told of them and what they leave."""
+    root = project(tmp_path_factory.mktemp("plain"), small_campaign)
+    return told(run_all(root, [], "local", force=False)), made(root)
+
+
+@pytest.mark.parametrize(
+    "executor",
+    [
+        pytest.param(Processes(2), id="jobs", marks=pytest.mark.slow),
+        pytest.param(Afar(2), id="afar", marks=pytest.mark.slow),
+    ],
+)
+def test_several_at_a_time_answer_as_one_after_another(executor, tmp_path, plain, small_campaign):
+    """Byte by byte, tables, answers and complaints; a second run has nothing to do."""
+    root = project(tmp_path, small_campaign)
+
+    assert told(run_all(root, [], "local", False, partial(many.outcomes, executor))) == plain[0]
+    assert made(root) == plain[1]
+    stamps = {p: p.stat().st_mtime_ns for p in root.rglob("result.json")}
+    assert told(run_all(root, [], "local", False, partial(many.outcomes, executor))) == plain[0]
+    assert {p: p.stat().st_mtime_ns for p in root.rglob("result.json")} == stamps
+    assert [o.content["state"] for o in status(root)] == ["rejected", "done", "done"]
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--jobs", "2", "--on", "tcp://127.0.0.1:1"], "give one of them"),
+        (["--jobs", "2", "--engine", "prefect"], "do without Prefect"),
+        pytest.param(
+            ["--on", "tcp://127.0.0.1:1"],
+            "no Dask scheduler answers at tcp://127.0.0.1:1",
+            marks=pytest.mark.slow,  # it is waited for
+        ),
+        (["--on", "nonsense://"], "no Dask scheduler answers at nonsense://"),
+    ],
+)
+def test_what_cannot_be_meant_is_a_sentence(words, said, tmp_path, capsys):
+    """Exit code 2 and the way out."""
+    if "--on" in words and "--jobs" not in words:
+        pytest.importorskip("distributed", reason="pip install 'rail-stiffness[cluster]'")
+    shutil.copytree(KEPT, tmp_path / "data" / "raw" / "a")
+
+    code = cli._exit_code(["run", *words, "--root", str(tmp_path)])
+
+    assert code == 2
+    assert said in capsys.readouterr().err
+
+
+def held(parcel):
+    """Whether somebody holds the campaign while it is computed elsewhere."""
+    lock = Path(os.environ["MANY_ROOT"]) / "data" / "processed" / parcel.name / ".lock"
+    try:
+        FileLock(lock).acquire(timeout=0)
+    except Timeout:
+        with without_pages():
+            return many.computed(parcel)
+    raise AssertionError(f"{lock} is not held")
+
+
+def test_a_campaign_is_locked_while_it_is_computed_elsewhere(tmp_path, monkeypatch):
+    """And free afterwards; named twice, it is computed once."""
+    shutil.copytree(KEPT, tmp_path / "data" / "raw" / "a")
+    monkeypatch.setenv("MANY_ROOT", str(tmp_path))
+    monkeypatch.setattr(many, "computed", held)
+
+    first, second = many.outcomes(Afar(2), tmp_path, ["a", "data/raw/../raw/a"][:1] * 2)
+
+    assert (first.exit_code, second.exit_code) == (0, 0)
+    assert first.content == second.content
+    FileLock(tmp_path / "data" / "processed" / "a" / ".lock").acquire(timeout=0)
+
+
+class NearlyHere(Here):
+    """This process, as if it did not see the folder."""
+
+    near = False
+
+
+def test_a_worker_with_other_code_is_refused(tmp_path, monkeypatch):
+    """Nothing of it is kept, and the sentence says which machine it is."""
+    shutil.copytree(KEPT, tmp_path / "data" / "raw" / "a")
+    real = many.computed
+    monkeypatch.setattr(many, "computed", lambda p: real(many.Parcel(p.name, "0" * 64, p.files)))
+
+    (refused,) = many.outcomes(NearlyHere(), tmp_path, ["a"])
+
+    assert refused.exit_code == 2
+    assert "requirements.lock" in refused.complaints[0]
+    assert not (tmp_path / "reports").exists()
+
+
+def working(process, root):
+    """A process that holds a campaign, as soon as one does."""
+    locks = {str(folder / ".lock") for folder in (root / "data" / "processed").glob("*")}
+    while process.poll() is None:
+        for pid in children(process.pid):
+            if locks & {os.path.realpath(fd) for fd in Path(f"/proc/{pid}/fd").iterdir()}:
+                return pid
+        time.sleep(0.02)
+    raise AssertionError("it ended before anybody was seen at work")
+
+
+def children(pid):
+    return [
+        int(word)
+        for task in Path(f"/proc/{pid}/task").iterdir()
+        for word in (task / "children").read_text().split()
+    ]
+
+
+def alive(group):
+    try:
+        os.killpg(group, 0)
+    except ProcessLookupError:
+        return False
+    return True
+
+
+@pytest.fixture
+def at_work(tmp_path):
+    """Four campaigns, two at a time: the command, and one of its processes at work."""
+    for name in NAMES:
+        shutil.copytree(KEPT, tmp_path / "data" / "raw" / name)
+        (tmp_path / "data" / "processed" / name).mkdir(parents=True)
+    command = [sys.executable, "-m", "pipeline", "run", "--jobs", "2", "--json", "--root", tmp_path]
+    process = subprocess.Popen(
+        command, cwd=HERE, stdout=subprocess.PIPE, stderr=subprocess.PIPE, start_new_session=True
+    )
+    yield process, working(process, tmp_path)
+    process.kill()
+
+
+NAMES = [f"c{k}" for k in range(4)]
+in_proc = pytest.mark.skipif(not Path("/proc").is_dir(), reason="finds processes in /proc")
+
+
+@pytest.mark.slow
+@in_proc
+def test_a_worker_that_is_killed_costs_nothing(at_work):
+    """Each campaign is told once, with the answer of the others, which have the same files."""
+    process, worker = at_work
+    os.kill(worker, signal.SIGKILL)
+
+    out, err = process.communicate(timeout=300)
+
+    assert (process.returncode, err) == (0, b"")
+    said = [json.loads(line) for line in out.splitlines()]
+    assert sorted(one.pop("campaign") for one in said) == NAMES
+    assert all(one == said[0] for one in said)
+
+
+@pytest.mark.slow
+@in_proc
+def test_ctrl_c_ends_all_of_them(at_work):
+    """Exit code 130, one sentence, no process that goes on."""
+    process, _ = at_work
+    os.killpg(process.pid, signal.SIGINT)
+
+    _, err = process.communicate(timeout=60)
+
+    assert process.returncode == 130
+    assert len(err.splitlines()) == 1
+    end = time.monotonic() + 20
+    while alive(process.pid) and time.monotonic() < end:
+        time.sleep(0.1)
+    assert not alive(process.pid)
