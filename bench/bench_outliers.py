@@ -14,7 +14,7 @@ import numpy as np
 from scipy import stats
 
 from bench.bench_screening import INSTRUMENT, plan
-from pipeline.faults.reading import Readings, shifted_readings
+from pipeline.faults.reading import TargetReadings, shifted_readings
 from pipeline.faults.screen import screen
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
@@ -90,7 +90,7 @@ def _found(job: tuple[str, float, int]) -> tuple[float, float, float, float]:
     return float(named), power, float(np.sqrt(square.mean())), float(np.linalg.norm(at))
 
 
-def _place(case: Case, reduced: Reduced, readings: Readings, where: str) -> int:
+def _place(case: Case, reduced: Reduced, readings: TargetReadings, where: str) -> int:
     """Which of the readings is that of a reading `group/target`."""
     group, target = where.split("/")
     state = re.fullmatch(case.settings.naming.group, group)

@@ -15,7 +15,7 @@ import numpy as np
 from pipeline.fleet import tables as fleet
 from pipeline.fleet.query import ask
 from pipeline.run import run as computed
-from pipeline.store.campaign import Campaign, dump, find
+from pipeline.store.campaign import CampaignFolder, dump, find
 
 HERE = Path(__file__).parents[1]
 KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"
@@ -30,11 +30,11 @@ def queries() -> list[str]:
     return re.findall(r"^```sql\n(.*?)^```$", text, re.DOTALL | re.MULTILINE)
 
 
-def copies(campaign: Campaign, names: Iterable[str], rng: np.random.Generator) -> None:
+def copies(campaign: CampaignFolder, names: Iterable[str], rng: np.random.Generator) -> None:
     """Finished campaigns of other names, which have measured the same with other numbers."""
     content, manifest = campaign.result(), campaign.manifest()
     for name in names:
-        other = Campaign(campaign.root, campaign.root / "data" / "raw" / name)
+        other = CampaignFolder(campaign.root, campaign.root / "data" / "raw" / name)
         shutil.copytree(campaign.processed, other.processed, ignore=shutil.ignore_patterns(".*"))
         other.reports.mkdir(parents=True)
         for joint in content["stiffness"]:

@@ -9,7 +9,7 @@ from pathlib import Path
 from bench.bench_jobs import project
 from pipeline.app.shell import run_all, status
 from pipeline.run import run as run_one
-from pipeline.store.campaign import MANIFEST, Campaign, every
+from pipeline.store.campaign import MANIFEST, CampaignFolder, every
 
 COUNTS = (1, 10, 100)
 WAYS: dict[str, Callable[[Path], list[object]]] = {
@@ -46,7 +46,7 @@ def finish(root: Path) -> None:
     list(run_all(root, [], "local", False))  # page and tables over all
 
 
-def _renamed(path: str, first: Campaign, one: Campaign) -> str:
+def _renamed(path: str, first: CampaignFolder, one: CampaignFolder) -> str:
     return path.replace(f"/{first.name}/", f"/{one.name}/")
 
 

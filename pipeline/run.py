@@ -19,7 +19,7 @@ from pipeline.answer.both import Both
 from pipeline.answer.contract import Answer, Which
 from pipeline.answer.findings import Findings
 from pipeline.answer.kept import kept, predicted
-from pipeline.answer.positions import Positions
+from pipeline.answer.positions import PositionsFound
 from pipeline.answer.recommended import (
     Basis,
     beside_positions,
@@ -38,7 +38,7 @@ from pipeline.diagnosis.settle import settle
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
 from pipeline.machine.robot import Robot
-from pipeline.prediction.model import Model, dumps
+from pipeline.prediction.model import IdentifiedModel, dumps
 from pipeline.prediction.tolerance import Shown, asked, judge
 from pipeline.reduction.bring import Keep, Reduced, Step, bring, conformed, plain
 from pipeline.reduction.case import Case
@@ -47,7 +47,7 @@ from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.stations import one_station
 from pipeline.report.render import render
-from pipeline.store.campaign import Campaign, Raw, dump
+from pipeline.store.campaign import CampaignFolder, Raw, dump
 from pipeline.system.fit import fit
 from pipeline.system.one_pose import as_measured
 
@@ -57,7 +57,7 @@ _LAST_RESORT = "campaign.toml"
 """Named in what rejects an input for reasons that stand in no one file."""
 
 
-def run(campaign: Campaign, step: Step = plain, force: bool = False) -> Answer:
+def run(campaign: CampaignFolder, step: Step = plain, force: bool = False) -> Answer:
     """Bring one campaign up to date and give its answer.
 
     Nothing is computed when inputs, code and libraries are those of the last finished run.
@@ -132,7 +132,7 @@ def _doubt_row(doubt: InputError) -> pd.DataFrame:
     return pd.DataFrame({"file": [doubt.file or _LAST_RESORT], "line": line, "reason": [reason]})
 
 
-def _compute(campaign: Campaign, raw: Raw, step: Step) -> Answer:
+def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
     """Everything: to the answer, and a report on disk."""
     began = time.perf_counter()
     found = answered(campaign.name, raw, campaign.keep, step)
@@ -171,7 +171,7 @@ class Answered:
 
     answer: Answer
     shown: dict[str, pd.DataFrame]
-    model: Model
+    model: IdentifiedModel
     files: dict[str, bytes] = field(default_factory=dict)
 
 
@@ -185,7 +185,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
         return Answered(end.answer, end.shown, end.model, end.files)
 
 
-def _of_pulls(name: str, raw: Raw, read: Positions | None, keep: Keep, step: Step) -> Answered:
+def _of_pulls(name: str, raw: Raw, read: PositionsFound | None, keep: Keep, step: Step) -> Answered:
     """Of a campaign of pulls; beside what its positions say, where there are any."""
     case, both = _joined(raw, read, keep, step)
     path = asked(raw.settings.tolerance, raw.files, case.robot, case.tool)
@@ -237,7 +237,9 @@ def _of_pulls(name: str, raw: Raw, read: Positions | None, keep: Keep, step: Ste
     return Answered(both.answer(found, answer_of(found)), shown, told.model, both.files)
 
 
-def _joined(raw: Raw, read: Positions | None, keep: Keep, step: Step) -> tuple[Case, Both | None]:
+def _joined(
+    raw: Raw, read: PositionsFound | None, keep: Keep, step: Step
+) -> tuple[Case, Both | None]:
     """A campaign's tables of pulls, and what they are beside positions where it has such, too."""
     raw.settings.within_reach(raw.files[_LAST_RESORT].decode("utf-8", "replace"))
     case = ingested(raw, keep, step, plausible=False)

@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 import numpy as np
 import pinocchio as pin
 
-from pipeline.geometry.readings import Readings
+from pipeline.geometry.readings import PositionReadings
 
 MASS = np.array([900.0, 700.0, 480.0, 420.0, 90.0, 60.0, 25.0])
 CENTRE = np.array([
@@ -132,7 +132,7 @@ def read(machine, q, rng, noise=1e-5, joint=1e-5, station=None):
     R, t = station or (pin.exp3(np.array([0.1, -0.05, 2.0])), np.array([3.0, -4.0, 0.6]))
     at = at @ R.T + t + noise * rng.standard_normal(at.shape)
     m = len(q)
-    return Readings(
+    return PositionReadings(
         series=np.zeros(m, dtype=np.int64),
         names=np.array([""], dtype=object),
         pose=np.arange(1, m + 1),

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.base.arrays import Parameter
-from pipeline.diagnosis.identify import Case
+from pipeline.diagnosis.identify import SearchCase
 from pipeline.system.evidence import ROUNDING
 from pipeline.system.system import Rows
 from pipeline.system.whitened import Whitened
@@ -162,7 +162,7 @@ class Seen:
 
 
 @dataclass(frozen=True, eq=False)
-class LinearCase(Case):
+class LinearCase(SearchCase):
     """A case whose model is linear: nothing depends on where it is linearised."""
 
     truth: Any = None

@@ -26,7 +26,7 @@ from pipeline.prediction.model import dumps
 from pipeline.reduction.bring import conformed
 from pipeline.report.render import render
 from pipeline.run import Answered, answered
-from pipeline.store.campaign import Campaign, dump
+from pipeline.store.campaign import CampaignFolder, dump
 
 SCREENED, ANSWER = "screened", "answer"
 DEPTHS = (SCREENED, ANSWER)
@@ -196,12 +196,12 @@ def play(files: Files, to: str, further: Callable[[Said], bool], shown: bool = F
     return played
 
 
-def _folder(root: Path, files: Files) -> Campaign:
+def _folder(root: Path, files: Files) -> CampaignFolder:
     folder = root / "data" / "raw" / "fuzzed"
     folder.mkdir(parents=True)
     for name, data in files.items():
         (folder / name).write_bytes(data)
-    return Campaign(root, folder)
+    return CampaignFolder(root, folder)
 
 
 def _states_stiffness(robot: Robot) -> bool:

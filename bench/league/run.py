@@ -24,7 +24,7 @@ from pipeline.diagnosis.isolability import twins
 from pipeline.diagnosis.separability import identifiable
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot, load
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 from pipeline.reduction.bring import Step, bring, conformed, plain
 from pipeline.run import Answered, answered, ingested
 from pipeline.store.campaign import in_memory
@@ -282,7 +282,7 @@ class Asked:
 
     truth: dict[str, Any]
     answer: dict[str, Any] | None
-    model: Model | None
+    model: IdentifiedModel | None
     seconds: float
     diagnosing: float
 

@@ -12,13 +12,13 @@ from pipeline.report.record import (
     Column,
     Figure,
     Report,
+    ReportTable,
     Section,
-    Table,
     entry,
     text_entry,
     unlabelled,
 )
-from pipeline.report.record import Entry as Cell
+from pipeline.report.record import TableEntry as Cell
 from pipeline.report.render import page, pdf
 from pipeline.report.svg import Drawing
 
@@ -80,7 +80,7 @@ def _report(parts: Sequence[Reproduction], seconds: float) -> Report:
 
 def _said(key: str, title: str, lines: Sequence[str]) -> Section:
     rows = tuple((text_entry(line),) for line in lines)
-    return Section(key, title, (Table(key, title, (Column("What"),), rows),))
+    return Section(key, title, (ReportTable(key, title, (Column("What"),), rows),))
 
 
 def _section(part: Reproduction) -> Section:
@@ -89,7 +89,9 @@ def _section(part: Reproduction) -> Section:
     for name in tables:
         rows = tuple(_row(one) for one in part.entries if one.table == name)
         title = name if name.startswith("Fig") else f"Table {name}"
-        blocks.append(Table(f"{part.robot}-{name.lower().replace('. ', '')}", title, COLUMNS, rows))
+        blocks.append(
+            ReportTable(f"{part.robot}-{name.lower().replace('. ', '')}", title, COLUMNS, rows)
+        )
     size = "The criterion of our best plans against the number of readings, as in Fig. 5."
     place = "The criterion against x of the anchor, as in Fig. 6: published poses, and poses anew."
     blocks.append(Figure(f"{part.robot}-size", "Size of the plan", size, f"Curves. {size}"))

@@ -40,7 +40,7 @@ from pipeline.answer.judged import path_findings, pose_entry, tolerance_entry
 from pipeline.answer.overload import overload_entry, overloaded
 from pipeline.answer.overstated import beside_the_beam, overstated
 from pipeline.answer.pose_budget import pose_budget
-from pipeline.answer.recommended import Values
+from pipeline.answer.recommended import ModelValues
 from pipeline.answer.reliability import carried_entries, controlled_entries
 from pipeline.answer.remarks import contradicted
 from pipeline.answer.sentences import Stated, first_screen, joint_to_pull
@@ -100,7 +100,9 @@ def answer(found: Findings) -> Answer:
         recommended=contract.Recommended(
             model=found.row.model,
             data=found.row.data,
-            table=contract.Table.ESTIMATED if stood.corrects else contract.Table.AS_DELIVERED,
+            table=contract.TableSource.ESTIMATED
+            if stood.corrects
+            else contract.TableSource.AS_DELIVERED,
             reason=found.row.reason,
             why=BECAUSE[found.row.reason],
             hypotheses=_hypothesis_entries(found.told.values),
@@ -175,7 +177,7 @@ def _tracker_drifts(found: Findings) -> bool:
     return any(isinstance(one, Observation) and one.instrument for one in effects)
 
 
-def _hypothesis_entries(values: Values) -> tuple[contract.Weighed, ...]:
+def _hypothesis_entries(values: ModelValues) -> tuple[contract.Weighed, ...]:
     """What the values are averaged over, with the weight of each."""
     known = {effect.label for effect in catalogue(values.fitted.case.robot)}
     return tuple(

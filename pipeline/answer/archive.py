@@ -21,7 +21,7 @@ from pipeline.base import files, parquet
 from pipeline.base.doors import is_there, opened
 from pipeline.base.errors import UsageError
 from pipeline.diagnosis.finding import Verdict
-from pipeline.store.campaign import Campaign, dump
+from pipeline.store.campaign import CampaignFolder, dump
 
 _SHOWN = {
     "rejected": "13_rejected",
@@ -60,12 +60,12 @@ class Finished:
         digest: SHA-256 of the result.json that the answer was read from.
     """
 
-    campaign: Campaign
+    campaign: CampaignFolder
     answer: Answer
     digest: str
 
 
-def read(campaign: Campaign) -> Answer:
+def read(campaign: CampaignFolder) -> Answer:
     """The answer of a campaign, as its last finished run wrote it.
 
     Raises:
@@ -74,7 +74,7 @@ def read(campaign: Campaign) -> Answer:
     return with_digest(campaign).answer
 
 
-def with_digest(campaign: Campaign) -> Finished:
+def with_digest(campaign: CampaignFolder) -> Finished:
     """A campaign with its answer, and what tells it from any other.
 
     Raises:
@@ -93,7 +93,7 @@ def with_digest(campaign: Campaign) -> Finished:
         ) from problem
 
 
-def done(campaign: Campaign, key: str) -> Answer | None:
+def done(campaign: CampaignFolder, key: str) -> Answer | None:
     """The answer of an earlier run with the same key whose outputs are all intact."""
     return read(campaign) if campaign.done(key) else None
 
@@ -144,21 +144,21 @@ def finished(root: Path, tell: Callable[[str], object] = str) -> list[Finished]:
     return out
 
 
-def _with_manifest(root: Path) -> Iterator[tuple[Campaign, dict[str, Any]]]:
+def _with_manifest(root: Path) -> Iterator[tuple[CampaignFolder, dict[str, Any]]]:
     for path in sorted((root / "reports").glob("*/result.json")):
-        campaign = Campaign(root, root / "data" / "raw" / path.parent.name)
+        campaign = CampaignFolder(root, root / "data" / "raw" / path.parent.name)
         manifest = campaign.manifest()
         if manifest is not None:  # a campaign that was run by path lies elsewhere
-            yield Campaign(root, root / manifest.get("source", campaign.folder)), manifest
+            yield CampaignFolder(root, root / manifest.get("source", campaign.folder)), manifest
 
 
-def earlier(campaign: Campaign, answer: Answer) -> Answer | None:
+def earlier(campaign: CampaignFolder, answer: Answer) -> Answer | None:
     """The answer of the same robot's campaign before this one, as far as it is finished.
 
     Only campaigns are read that can be it by their manifests, the last day first, not the hundreds
     of a whole plant.
     """
-    by_day: dict[str, list[Campaign]] = {}
+    by_day: dict[str, list[CampaignFolder]] = {}
     for other, manifest in _with_manifest(campaign.root):
         day = manifest.get("measured", _LONG_AGO)
         alike = all(manifest.get(key, said) == said for key, said in _machine(answer).items())
@@ -173,7 +173,7 @@ def earlier(campaign: Campaign, answer: Answer) -> Answer | None:
     return previous(answer, found)
 
 
-def _readable(campaigns: list[Campaign]) -> list[Answer]:
+def _readable(campaigns: list[CampaignFolder]) -> list[Answer]:
     found = []
     for one in campaigns:
         with contextlib.suppress(UsageError):
@@ -223,7 +223,7 @@ def mark(before: Answer | None) -> str | None:
     return files.sha256(dump([before.campaign, stiffness]))
 
 
-def shown(campaign: Campaign) -> dict[str, pd.DataFrame]:
+def shown(campaign: CampaignFolder) -> dict[str, pd.DataFrame]:
     """The tables of a report, as the run left them."""
     paths = {name: campaign.processed / f"{file}.parquet" for name, file in _SHOWN.items()}
     return {name: tables.frame(parquet.read(p)) for name, p in paths.items() if p.is_file()}

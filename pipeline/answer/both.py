@@ -19,15 +19,15 @@ from pipeline.answer import contract
 from pipeline.answer import positions as of_positions
 from pipeline.answer.contract import About, Answer, Line
 from pipeline.answer.findings import Findings
-from pipeline.answer.positions import Positions
+from pipeline.answer.positions import PositionsFound
 from pipeline.answer.recommended import joint_springs
 from pipeline.answer.standing import law_table, model_file, pictures
 from pipeline.answer.words import listed
-from pipeline.diagnosis.facts import Diagnosis, Facts
+from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.joined import Agreement, agreement, joined
 from pipeline.diagnosis.verdict import of_both, verdict
-from pipeline.geometry.stance import beside_pulls, lighter, standing
+from pipeline.geometry.stance import beside_pulls, elsewhere, lighter, standing
 from pipeline.reduction.bring import Keep, Step, bring
 from pipeline.reduction.case import Case
 from pipeline.system import alarms
@@ -48,12 +48,12 @@ class Both:
 
     case: Case
     delivered: Case
-    said: Positions
+    said: PositionsFound
     lighter: float
     agreement: Agreement | None = None
 
     @classmethod
-    def of(cls, case: Case, said: Positions, step: Step) -> Both:
+    def of(cls, case: Case, said: PositionsFound, step: Step) -> Both:
         """The pulls of a robot that stands where its positions have it.
 
         As its file has it where nothing explains these.
@@ -67,7 +67,7 @@ class Both:
         """The paper's model of the pulls alone, on the robot as delivered."""
         return step(fit)(self.delivered, bring(self.delivered))
 
-    def beside(self, stands: Fitted, diagnosis: Diagnosis) -> Both:
+    def beside(self, stands: Fitted, diagnosis: Diagnosed) -> Both:
         """The same after the pulls, whose likeliest model adds to what the positions know."""
         stance = stands.data.stance
         if stance is None:
@@ -75,7 +75,9 @@ class Both:
         one = diagnosis.hypotheses[0] if diagnosis.hypotheses else joint_springs(stands).first
         now = joined(one, stands.data)
         held = agreement(one, now, stance, self.lighter)
-        found = lighter(self.said.found.final, self.lighter)
+        found = self.said.found.final
+        held = replace(held, table_p=elsewhere(found, stance, stands.data, self.case.tool))
+        found = lighter(found, self.lighter)
         if held.p >= alarms.MISFIT:
             found = beside_pulls(found, stance, now.value, now.cov)
         return replace(self, said=self.said.ending(self.said.found.ending(found)), agreement=held)
@@ -128,7 +130,7 @@ class Both:
                 "verdict_sentence": tuple(line.text for line in lines),
                 "first_screen": lines,
                 "recommended": pulls.recommended.model_copy(
-                    update={"table": contract.Table.ESTIMATED}
+                    update={"table": contract.TableSource.ESTIMATED}
                 ),
                 "validation": validation,
                 "diagnosis": self._diagnosis(found.facts, pulls.diagnosis),

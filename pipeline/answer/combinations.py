@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.answer.contract import Combination
-from pipeline.answer.recommended import Values
+from pipeline.answer.recommended import ModelValues
 from pipeline.answer.words import listed
 from pipeline.base.quantities import bracketed
 from pipeline.diagnosis.average import information, together
@@ -15,7 +15,7 @@ from pipeline.machine.robot import Robot
 from pipeline.system.combinations import Motion, parting
 
 
-def combination_entries(values: Values) -> tuple[Combination, ...]:
+def combination_entries(values: ModelValues) -> tuple[Combination, ...]:
     """One record per direction that the data determine of joints that they do not part."""
     fitted, n = values.fitted, values.fitted.case.robot.n
     alone = values.found.identifiable[:n]

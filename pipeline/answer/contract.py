@@ -41,6 +41,9 @@ Day = Annotated[str, AfterValidator(_dated)]
 Interval = tuple[Number, Number]
 Share = Annotated[float, Field(ge=-1e-9, le=1 + 1e-9)]
 
+LEAST_CONTROLLED = 10
+"""So many of the errors that are controlled least stand in result.json."""
+
 
 class Which(StrEnum):
     """The model whose values the answer gives."""
@@ -57,7 +60,7 @@ class Data(StrEnum):
     CORRECTED = "corrected"
 
 
-class Table(StrEnum):
+class TableSource(StrEnum):
     """Which table of the robot's geometry they rest on."""
 
     AS_DELIVERED = "as_delivered"
@@ -325,7 +328,7 @@ class Validation(Drawn):
     )
 
 
-class Deflection(Fact):
+class TargetDeflection(Fact):
     """Predicted deflection of one target at the test pose."""
 
     target: str
@@ -347,7 +350,7 @@ class Values(Fact):
     stiffness: tuple[Stiffness, ...]
     fit: Fit
     validation: Validation | None = Field(description="null where nothing is determined")
-    test_pose_deflection: tuple[Deflection, ...]
+    test_pose_deflection: tuple[TargetDeflection, ...]
 
 
 class Extended(Fact):
@@ -355,7 +358,7 @@ class Extended(Fact):
 
     stiffness: tuple[Stiffness, ...]
     fit: Fit
-    test_pose_deflection: tuple[Deflection, ...]
+    test_pose_deflection: tuple[TargetDeflection, ...]
 
 
 class Placed(Fact):
@@ -389,8 +392,8 @@ class Recommended(Fact):
 
     model: Which
     data: Data
-    table: Table = Field(
-        default=Table.AS_DELIVERED,
+    table: TableSource = Field(
+        default=TableSource.AS_DELIVERED,
         description="geometry of the robot that the values rest on: estimated where unloaded "
         "reflectors prove the delivered one wrong, see `geometry`",
     )
@@ -479,7 +482,7 @@ class OneLaw(Fact):
     probability: Share = Field(description="if one of these acts there")
 
 
-class Law(Fact):
+class UnlistedLaw(Fact):
     """A law that nobody listed.
 
     In campaigns of positions by how much a joint turns more than its encoder says; in campaigns of
@@ -543,7 +546,7 @@ class Cause(Placed):
         exclude_if=_nothing,
         description="`file:line` from which on a unit is another; absent where none changes",
     )
-    law: Law | None = Field(
+    law: UnlistedLaw | None = Field(
         default=None, exclude_if=_nothing, description="of an `unlisted_law`; absent otherwise"
     )
 
@@ -613,7 +616,7 @@ class BestPose(ToMeasure):
     determines: bool = Field(description="whether the joint then has a value")
 
 
-class Cell(Fact):
+class CellLimits(Fact):
     """The limits that a proposed pose was checked against."""
 
     kept: tuple[str, ...]
@@ -691,7 +694,7 @@ class Diagnosis(Fact):
         description="for the joint that is known worst, where no cause is in question; absent "
         "without",
     )
-    next_poses_in: Cell | None = Field(
+    next_poses_in: CellLimits | None = Field(
         default=None,
         exclude_if=_nothing,
         description="what the cell lets a next pose do; absent without [cell]",
@@ -713,7 +716,7 @@ class NoiseComponent(Fact):
     p_value: Number
 
 
-class Noise(Fact):
+class FoundNoise(Fact):
     """Noise found in the data beside the stated one."""
 
     from_: NoiseFrom = Field(validation_alias="from", serialization_alias="from")
@@ -741,7 +744,7 @@ class Growth(Fact):
     probability: float = Field(description="that it has grown at all; 1 with temperature_c")
 
 
-class Registration(Fact):
+class BaseResiduals(Fact):
     """Residuals of the base reflectors; readings identified as outliers are left out."""
 
     rms_mm: Number
@@ -847,7 +850,7 @@ class Measuring(Fact):
     )
 
 
-class Letter(Placed):
+class TableLetter(Placed):
     """An entry of the robot's table: a length, an offset, a twist or a joint's zero."""
 
     nominal: float = Field(description="in the robot file")
@@ -1122,10 +1125,10 @@ class Answer(Values, Heading):
     budget: tuple[dict[str, str | float], ...] = Field(
         description="shares of the variance by source [%]"
     )
-    noise: Noise
+    noise: FoundNoise
     rejected: tuple[Rejected, ...] = Field(description="everything that was left out")
     findings: tuple[str, ...] = Field(description="sentences to act on")
-    registration: Registration | None
+    registration: BaseResiduals | None
     reliability: tuple[Controlled, ...] = Field(
         default=(), description="the ten errors with the lowest r"
     )
@@ -1148,7 +1151,7 @@ class Answer(Values, Heading):
         exclude_if=_nothing,
         description="a force far beyond the rated payload; absent without one",
     )
-    geometry: tuple[Letter, ...] = Field(
+    geometry: tuple[TableLetter, ...] = Field(
         default=(),
         exclude_if=_nothing,
         description="the robot's table as absolute positions or unloaded reflectors show it; "

@@ -15,14 +15,14 @@ from pipeline.answer.judged import axis_values
 from pipeline.answer.numbers import left_out_mm
 from pipeline.answer.words import law_told, why
 from pipeline.diagnosis.facts import (
-    Alone,
-    Amplitude,
-    BlindSpot,
-    Cause,
-    Diagnosis,
+    Diagnosed,
+    EffectSize,
     Facts,
+    FoundCause,
     Pose,
     Proposal,
+    SoleCause,
+    Unnoticed,
 )
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import Mistake
@@ -33,7 +33,7 @@ from pipeline.machine.room import room_of, unchecked
 from pipeline.system.estimate import left_out
 from pipeline.system.fit import Fitted
 from pipeline.system.shape import Shape
-from pipeline.system.system import Scatter
+from pipeline.system.system import ScatterRatio
 from pipeline.system.variance import NAMES, Components, at_most
 
 
@@ -52,21 +52,21 @@ def diagnosis_entry(found: Findings) -> contract.Diagnosis:
     return said.model_copy(update={"causes": causes, "next_poses_in": _cell(found)})
 
 
-def _cell(found: Findings) -> contract.Cell | None:
+def _cell(found: Findings) -> contract.CellLimits | None:
     """What the next poses were checked for; None where nobody says what stands around them."""
     case = found.right.case
     points, robot, said = case.tool.named, case.robot, case.settings
     room = room_of(robot, points, said, 0.0)
     if room is None:
         return None
-    return contract.Cell(
+    return contract.CellLimits(
         kept=room.kept(robot),
         not_checked=unchecked(robot, case.tool.targets.tolist(), said),
         capsules=robot.capsules.source or None,
     )
 
 
-def entry(said: Diagnosis, robot: Robot, whole: Facts | None = None) -> contract.Diagnosis:
+def entry(said: Diagnosed, robot: Robot, whole: Facts | None = None) -> contract.Diagnosis:
     """What the diagnosis says of data without mistakes.
 
     Args:
@@ -93,7 +93,7 @@ def entry(said: Diagnosis, robot: Robot, whole: Facts | None = None) -> contract
     )
 
 
-def _detection(said: Diagnosis) -> contract.Detection:
+def _detection(said: Diagnosed) -> contract.Detection:
     poses, pulls = said.lack_of_fit
     left_poses, left_pulls, further = said.remainder
     return contract.Detection(
@@ -105,7 +105,7 @@ def _detection(said: Diagnosis) -> contract.Detection:
     )
 
 
-def _scatter(found: Scatter) -> contract.Scatter:
+def _scatter(found: ScatterRatio) -> contract.Scatter:
     return contract.Scatter(
         tracker_over_stated=found.tracker,
         tracker_over_stated_std=found.tracker_std,
@@ -124,7 +124,7 @@ def _at(effect: Effect) -> dict[str, Any]:
     return {"name": effect.name, "where": effect.where, "axis": effect.axis}
 
 
-def cause_entry(cause: Cause) -> contract.Cause:
+def cause_entry(cause: FoundCause) -> contract.Cause:
     """A cause that the data call for."""
     effect = cause.effect
     return contract.Cause(
@@ -147,9 +147,9 @@ def cause_entry(cause: Cause) -> contract.Cause:
     )
 
 
-def _law(effect: Effect, law: Law, cause: Cause) -> contract.Law:
+def _law(effect: Effect, law: Law, cause: FoundCause) -> contract.UnlistedLaw:
     """What nobody listed, in the form of campaigns of positions."""
-    return contract.Law(
+    return contract.UnlistedLaw(
         kind=law.kind,
         variable=law.variable,
         part=law.part or None,
@@ -179,7 +179,7 @@ def _source(law: Law) -> int | None:
     return law.source if law.source and law.source != law.where else None
 
 
-def _amplitude(one: Amplitude) -> contract.Amplitude:
+def _amplitude(one: EffectSize) -> contract.Amplitude:
     return contract.Amplitude(
         name=one.parameter.name,
         value=one.value,
@@ -189,7 +189,7 @@ def _amplitude(one: Amplitude) -> contract.Amplitude:
     )
 
 
-def _unnamed(cause: Cause) -> contract.Unnamed | None:
+def _unnamed(cause: FoundCause) -> contract.Unnamed | None:
     if cause.unnamed is None and not cause.missing:
         return None
     one = cause.unnamed.effect if cause.unnamed else None
@@ -210,7 +210,7 @@ def _unnamed(cause: Cause) -> contract.Unnamed | None:
     )
 
 
-def _alone(one: Alone) -> contract.Alone:
+def _alone(one: SoleCause) -> contract.Alone:
     return contract.Alone(
         **placed(one.effect),
         probability=one.probability,
@@ -219,7 +219,7 @@ def _alone(one: Alone) -> contract.Alone:
     )
 
 
-def _gain(cause: Cause) -> contract.Gain | None:
+def _gain(cause: FoundCause) -> contract.Gain | None:
     if cause.gain is None:
         return None
     change = cause.test_pose_change_m
@@ -233,7 +233,7 @@ def _gain(cause: Cause) -> contract.Gain | None:
     )
 
 
-def _blind(spot: BlindSpot) -> contract.BlindSpot:
+def _blind(spot: Unnoticed) -> contract.BlindSpot:
     first = spot.effect.parameters[0]
     return contract.BlindSpot(
         **_at(spot.effect),
@@ -272,7 +272,7 @@ def _to_measure(pose: Pose, robot: Robot) -> dict[str, Any]:
 
 
 def best_pose(
-    said: Diagnosis, robot: Robot, joint: contract.Stiffness | None
+    said: Diagnosed, robot: Robot, joint: contract.Stiffness | None
 ) -> contract.BestPose | None:
     """The pose that would determine a joint best; None where none is known.
 
@@ -342,11 +342,11 @@ def mistake_entry(one: Mistake, gain: contract.Gain | None) -> contract.Cause:
     )
 
 
-def noise_entry(right: Fitted) -> contract.Noise:
+def noise_entry(right: Fitted) -> contract.FoundNoise:
     """The noise found in the data beside the stated one, and along and across the beam."""
     found, beam = right.noise, right.shape.beam
     parts = zip(("along_beam", "across_beam"), beam.found, beam.std, strict=True)
-    return contract.Noise(
+    return contract.FoundNoise(
         from_=NoiseFrom(right.estimate.noise_from),
         contrasts=found.dof,
         components=(

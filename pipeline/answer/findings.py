@@ -6,13 +6,13 @@ from dataclasses import dataclass
 
 import pandas as pd
 
-from pipeline.answer.recommended import Row, Values
-from pipeline.diagnosis.facts import Diagnosis, Facts
+from pipeline.answer.recommended import DecisionRow, ModelValues
+from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.mistake import Mistake
 from pipeline.prediction import model as handover
-from pipeline.prediction.tolerance import Judged
+from pipeline.prediction.tolerance import JudgedTolerance
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.store.campaign import Raw
 from pipeline.system.fit import Fitted
@@ -29,8 +29,8 @@ class Told:
         checked: Table VALIDATION; None where nothing is determined.
     """
 
-    values: Values
-    model: handover.Model
+    values: ModelValues
+    model: handover.IdentifiedModel
     checked: pd.DataFrame | None
 
 
@@ -61,16 +61,16 @@ class Findings:
     raw: Raw
     given: Fitted
     right: Fitted
-    diagnosis: Diagnosis
+    diagnosis: Diagnosed
     facts: Facts
-    row: Row
+    row: DecisionRow
     told: Told
     springs: Told
-    extended: Values | None
+    extended: ModelValues | None
     where: Where
     control: pd.DataFrame
     carried: pd.DataFrame
-    judged: Judged
+    judged: JudgedTolerance
     one_pose: OnePose | None = None
 
     @property

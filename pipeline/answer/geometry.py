@@ -11,7 +11,8 @@ from pipeline.answer.words import listed
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Parameter
 from pipeline.base.linear import rms
-from pipeline.diagnosis.facts import Standing
+from pipeline.base.tails import NORMAL_95
+from pipeline.diagnosis.facts import UnloadedFacts
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.letters import letters, nominal
 from pipeline.system.combinations import mixes
@@ -22,7 +23,7 @@ KNOWN = 0.5
 
 def table_entries(
     robot: Robot, off: Array, variance: Array, rough: Array, before: Array
-) -> tuple[contract.Letter, ...]:
+) -> tuple[contract.TableLetter, ...]:
     """Every geometric parameter that moves the flange against F_b.
 
     Args:
@@ -35,7 +36,7 @@ def table_entries(
     every = letters(robot)
     table = nominal(robot, every)
     return tuple(
-        contract.Letter(
+        contract.TableLetter(
             name=letter.name,
             where=letter.joint,
             nominal=float(stated),
@@ -51,17 +52,13 @@ def table_entries(
     )
 
 
-QUANTILE = 1.959964
-"""Of 95 % intervals: there are many readings."""
-
-
 _HALF = 2.0
 """A mix is determined if known to half of its typical size: if the readings by themselves know it
 to the uncertainty it had before, as with a single entry and `KNOWN`."""
 
 
 def table_combinations(
-    entries: Sequence[contract.Letter], cov: Array, after: Array, before: Array
+    entries: Sequence[contract.TableLetter], cov: Array, after: Array, before: Array
 ) -> tuple[contract.TableCombination, ...]:
     """Every direction that the readings determine of entries that they do not determine singly.
 
@@ -89,7 +86,7 @@ def table_combinations(
 
 
 def _combination(
-    members: Sequence[contract.Letter], weights: Array, off: Array, cov: Array
+    members: Sequence[contract.TableLetter], weights: Array, off: Array, cov: Array
 ) -> contract.TableCombination:
     value, std = float(weights @ off), float(np.sqrt(weights @ cov @ weights))
     return contract.TableCombination(
@@ -99,13 +96,13 @@ def _combination(
         ),
         value=value,
         std=std,
-        ci95=(value - QUANTILE * std, value + QUANTILE * std),
+        ci95=(value - NORMAL_95 * std, value + NORMAL_95 * std),
         unit=members[0].unit,
     )
 
 
 def estimated_combinations(
-    stood: Standing, entries: Sequence[contract.Letter]
+    stood: UnloadedFacts, entries: Sequence[contract.TableLetter]
 ) -> tuple[contract.TableCombination, ...]:
     """What is determined of several entries together, in a campaign of pulls."""
     if (found := stood.cells) is None:
@@ -116,7 +113,7 @@ def estimated_combinations(
     )
 
 
-def estimated_table(stood: Standing) -> tuple[contract.Letter, ...]:
+def estimated_table(stood: UnloadedFacts) -> tuple[contract.TableLetter, ...]:
     """The table of a campaign of pulls; empty where too few reflectors were read unloaded."""
     found = stood.cells
     if found is None:
@@ -137,7 +134,7 @@ def estimated_table(stood: Standing) -> tuple[contract.Letter, ...]:
     )
 
 
-def misshapen_findings(stood: Standing) -> list[str]:
+def misshapen_findings(stood: UnloadedFacts) -> list[str]:
     """Poses without a pull that tell nothing of the table."""
     found = () if stood.cells is None else stood.cells.zeros.misshapen.tolist()
     if not found:
@@ -151,13 +148,13 @@ def misshapen_findings(stood: Standing) -> list[str]:
     ]
 
 
-def _shared(stood: Standing) -> set[str]:
+def _shared(stood: UnloadedFacts) -> set[str]:
     """Entries of which only the sum with a twin is known."""
     pairs = [one for one in stood.causes if one.twins]
     return {effect.label for one in pairs for effect in (one.effect, *one.twins)}
 
 
-def with_positions(values: contract.Values, stood: Standing) -> contract.Values:
+def with_positions(values: contract.Values, stood: UnloadedFacts) -> contract.Values:
     """Values with how far left-out poses' unloaded reflectors are from that table's prediction."""
     if stood.gain is None or values.validation is None:
         return values

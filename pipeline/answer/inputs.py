@@ -23,12 +23,12 @@ from pipeline.machine.robot import configure
 from pipeline.machine.room import accepted
 from pipeline.reduction.case import Case
 from pipeline.reduction.digits import rounding
-from pipeline.reduction.growth import REFERENCE_C, STEEL, Growth
+from pipeline.reduction.growth import REFERENCE_C, STEEL, BaseGrowth
 from pipeline.reduction.limits import beyond
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.reduction.register import XYZ, Registration
-from pipeline.reduction.settings import Instrument, Scale, Settings, Unit
-from pipeline.reduction.torques import Weighed, weighed
+from pipeline.reduction.settings import Instrument, Scale, Settings, UnitSettings
+from pipeline.reduction.torques import WeighedPayload, weighed
 from pipeline.store.campaign import Raw
 from pipeline.system.estimate import MISFIT_P
 from pipeline.system.one_pose import OnePose
@@ -66,14 +66,14 @@ def input_entries(raw: Raw) -> tuple[Input, ...]:
     )
 
 
-def registration_entry(registration: Registration) -> contract.Registration | None:
+def registration_entry(registration: Registration) -> contract.BaseResiduals | None:
     """How well the base reflectors fit; None when the readings are in F_b already."""
     if registration.table.empty:
         return None
     miss = _miss_m(registration)
     std = np.sqrt(np.diag(registration.cov))
     chi2, dof = registration.chi2, registration.dof
-    return contract.Registration(
+    return contract.BaseResiduals(
         rms_mm=1e3 * rms(miss),
         max_mm=1e3 * float(miss.max()),
         chi2=chi2,
@@ -85,7 +85,7 @@ def registration_entry(registration: Registration) -> contract.Registration | No
     )
 
 
-def _growth_entry(grown: Growth) -> contract.Growth | None:
+def _growth_entry(grown: BaseGrowth) -> contract.Growth | None:
     """None where no temperature is stated and the base frame is as long as it should be."""
     if not grown.probability:
         return None
@@ -100,7 +100,7 @@ def _growth_entry(grown: Growth) -> contract.Growth | None:
     )
 
 
-def growth_findings(told: contract.Registration | None) -> list[str]:
+def growth_findings(told: contract.BaseResiduals | None) -> list[str]:
     """A sentence where the base frame has another length than it should have."""
     grown = told.growth if told is not None else None
     if grown is None or grown.seen is None or grown.seen_std is None:
@@ -130,7 +130,7 @@ def _miss_m(registration: Registration) -> Array:
 
 
 def registration_findings(
-    registration: Registration, told: contract.Registration | None, drifts: bool
+    registration: Registration, told: contract.BaseResiduals | None, drifts: bool
 ) -> list[str]:
     """A sentence when the base reflectors disagree by more than chance explains.
 
@@ -194,8 +194,8 @@ def unit_entry(settings: Settings) -> contract.Unit | None:
     return _unit(settings.robot_unit)
 
 
-def _unit(said: Unit | Scale) -> contract.Unit | None:
-    repairs = said.history if isinstance(said, Unit) else ()
+def _unit(said: UnitSettings | Scale) -> contract.Unit | None:
+    repairs = said.history if isinstance(said, UnitSettings) else ()
     if not (said.serial or said.certificate or said.calibrated or repairs):
         return None
     day = None if said.calibrated is None else said.calibrated.isoformat()
@@ -262,7 +262,7 @@ def payload_entries(case: Case) -> tuple[contract.Payload, ...]:
     return tuple(out)
 
 
-def _body(one: Weighed) -> contract.Body:
+def _body(one: WeighedPayload) -> contract.Body:
     x, y, z = one.center.tolist()
     a, b, c = one.center_std.tolist()
     return contract.Body(

@@ -10,17 +10,16 @@ import pandas as pd
 from pipeline.answer import contract
 from pipeline.answer.contract import AxisValue, JudgedPath, Stretch, TestPose
 from pipeline.base.arrays import Array
+from pipeline.base.quantities import MM
 from pipeline.machine.robot import Robot, axes
 from pipeline.prediction.compensate import beside_pulls
 from pipeline.prediction.decision import Decision
-from pipeline.prediction.tolerance import Judged, stretches
+from pipeline.prediction.tolerance import JudgedTolerance, stretches
 from pipeline.reduction import settings
 from pipeline.reduction.pose_of_interest import Where
 
-MM = 1e3
 
-
-def pose_entry(robot: Robot, where: Where, found: Judged) -> TestPose:
+def pose_entry(robot: Robot, where: Where, found: JudgedTolerance) -> TestPose:
     """The test pose with its force and the deflection of the load point."""
     x, y, z = where.force.tolist()
     return TestPose(
@@ -47,7 +46,7 @@ def axis_values(robot: Robot, q: Array) -> tuple[AxisValue, ...]:
 
 
 def tolerance_entry(
-    asked: settings.Tolerance | None, where: Where, found: Judged
+    asked: settings.ToleranceSettings | None, where: Where, found: JudgedTolerance
 ) -> contract.Tolerance | None:
     """What is decided; None where campaign.toml has no tolerance."""
     if asked is None:

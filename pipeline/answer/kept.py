@@ -8,7 +8,7 @@ import pandas as pd
 from pipeline import tables
 from pipeline.answer.findings import Findings, Told
 from pipeline.answer.pictures import pictured
-from pipeline.answer.recommended import Values
+from pipeline.answer.recommended import ModelValues
 from pipeline.answer.tables import (
     covariance_table,
     errors_table,
@@ -17,7 +17,7 @@ from pipeline.answer.tables import (
     system_table,
 )
 from pipeline.diagnosis.tables import apart_table, clues_table, examined_table
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.validate import none as no_validation
 from pipeline.prediction.validate import validate
 from pipeline.prediction.workspace import none as no_workspace
@@ -26,12 +26,13 @@ from pipeline.reduction.bring import Keep, Step
 from pipeline.reduction.pose_of_interest import Where
 
 SEED = 20261103
+"""Of its draws: another one moves numbers within what they say of their scatter."""
 
 _CORRECTED = (("22_forces", tables.FORCES), ("23_displacements", tables.DISPLACEMENTS))
 """Tables that a mistake in the data changes, and that the answer rests on."""
 
 
-def predicted(model: Model, values: Values, where: Where, step: Step) -> Told:
+def predicted(model: IdentifiedModel, values: ModelValues, where: Where, step: Step) -> Told:
     """One model's values with what they predict."""
     checked = None
     if values.found.identifiable.any():

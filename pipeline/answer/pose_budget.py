@@ -8,14 +8,14 @@ from dataclasses import replace
 import numpy as np
 
 from pipeline.answer.contract import PosePart
-from pipeline.answer.recommended import Values
+from pipeline.answer.recommended import ModelValues
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import jacobian, predict
 from pipeline.machine.effect import Pulls
-from pipeline.prediction.model import Hypothesis as Handed
-from pipeline.prediction.model import Model, of_machine
-from pipeline.prediction.tolerance import Tip
+from pipeline.prediction.model import IdentifiedModel, of_machine
+from pipeline.prediction.model import ModelHypothesis as Handed
+from pipeline.prediction.tolerance import TipDeflection
 from pipeline.system.budget import budget
 
 HELD_OUT = "held_out"
@@ -23,7 +23,7 @@ HELD_OUT = "held_out"
 
 
 def pose_budget(
-    values: Values, model: Model, q: Array, force: Array, at: Tip
+    values: ModelValues, model: IdentifiedModel, q: Array, force: Array, at: TipDeflection
 ) -> tuple[PosePart, ...]:
     """Contributions to the standard uncertainty u of a deflection, along it; u^2 = sum u_s^2.
 

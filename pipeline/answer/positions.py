@@ -12,7 +12,7 @@ import pandas as pd
 from pipeline.answer import contract
 from pipeline.answer.contract import About, Answer, Line, NoiseFrom, Reason
 from pipeline.answer.diagnosis import cause_entry, mistake_entry, placed
-from pipeline.answer.geometry import KNOWN, QUANTILE, table_combinations, table_entries
+from pipeline.answer.geometry import KNOWN, table_combinations, table_entries
 from pipeline.answer.inputs import (
     identity_entry,
     input_entries,
@@ -21,7 +21,7 @@ from pipeline.answer.inputs import (
     rejected_entries,
     unit_entry,
 )
-from pipeline.answer.recommended import Basis, Row, decide
+from pipeline.answer.recommended import Basis, DecisionRow, decide
 from pipeline.answer.remarks import contradicted
 from pipeline.answer.sentences import entered
 from pipeline.answer.stiffness import stiffness_entry
@@ -40,9 +40,9 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.base.quantities import p_value, percent, plain
-from pipeline.base.tails import chi2_beyond
+from pipeline.base.tails import NORMAL_95, chi2_beyond
 from pipeline.diagnosis.average import Springs
-from pipeline.diagnosis.facts import Cause, Facts
+from pipeline.diagnosis.facts import Facts, FoundCause
 from pipeline.diagnosis.positions import facts_of
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import Mistake
@@ -58,7 +58,7 @@ from pipeline.store.campaign import Raw, versions
 
 
 @dataclass(frozen=True, eq=False)
-class Positions:
+class PositionsFound:
     """All that a run found out about a campaign of positions.
 
     Attributes:
@@ -74,7 +74,7 @@ class Positions:
     raw: Raw
     found: Study
     facts: Facts
-    row: Row
+    row: DecisionRow
     rejected: pd.DataFrame
 
     @classmethod
@@ -85,16 +85,16 @@ class Positions:
         found: Study,
         mistakes: tuple[Mistake, ...],
         rejected: pd.DataFrame,
-    ) -> Positions:
+    ) -> PositionsFound:
         """With its facts, and the row of the one table of decisions that holds for them."""
         facts = facts_of(found, raw.robot, mistakes)
         rest = verdict(replace(facts, mistakes=()))
         row = decide(Basis(bool(mistakes), rest, bool(facts.causes), rivals=False))
         return cls(campaign, raw, found, facts, row, rejected)
 
-    def ending(self, found: Study) -> Positions:
+    def ending(self, found: Study) -> PositionsFound:
         """The same with another estimate of the whole model."""
-        return Positions.of(self.campaign, self.raw, found, self.facts.mistakes, self.rejected)
+        return PositionsFound.of(self.campaign, self.raw, found, self.facts.mistakes, self.rejected)
 
     @property
     def usable(self) -> bool:
@@ -102,7 +102,7 @@ class Positions:
         return self.row.reason.holds_for_its_readings and not self.facts.mistakes
 
 
-def answer(said: Positions) -> Answer:
+def answer(said: PositionsFound) -> Answer:
     """The answer to a campaign of positions."""
     raw, found, row = said.raw, said.found, said.row
     last, springs = found.stages[-1], _stage(found, Step.SPRINGS)
@@ -121,7 +121,7 @@ def answer(said: Positions) -> Answer:
         recommended=contract.Recommended(
             model=row.model,
             data=row.data,
-            table=contract.Table.ESTIMATED,
+            table=contract.TableSource.ESTIMATED,
             reason=row.reason,
             why=_WHY.get(row.reason, BECAUSE[row.reason]),
             hypotheses=(
@@ -140,7 +140,7 @@ def answer(said: Positions) -> Answer:
         joint_springs=_values(springs),
         extended=_extended(last) if said.facts.causes else None,
         budget=(),
-        noise=contract.Noise(from_=_noise_from(last.found), contrasts=0, components=()),
+        noise=contract.FoundNoise(from_=_noise_from(last.found), contrasts=0, components=()),
         rejected=rejected,
         findings=(*contradicted(payloads, "positions"), *_instrument(found)),
         registration=None,
@@ -253,7 +253,7 @@ def stiffness_entries(found: Identified) -> tuple[contract.Stiffness, ...]:
     x, cov = found.solution.x[part], found.solution.cov[part, part]
     std = np.sqrt(np.diag(cov))
     known = std**2 < KNOWN * found.known.std[part] ** 2
-    springs = Springs(x, cov, x - QUANTILE * std, x + QUANTILE * std, known)
+    springs = Springs(x, cov, x - NORMAL_95 * std, x + NORMAL_95 * std, known)
     return tuple(
         told(one, _about(joint, float(x[k]), bool(known[k])))
         for k, joint in enumerate(robot.joints)
@@ -281,7 +281,7 @@ def _about(joint: Joint, x: float, known: bool) -> str | None:
     return None
 
 
-def letter_entries(found: Identified) -> tuple[contract.Letter, ...]:
+def letter_entries(found: Identified) -> tuple[contract.TableLetter, ...]:
     """The robot's table as found."""
     mechanism, known = found.mechanism, found.known
     k = len(mechanism.values)
@@ -369,7 +369,7 @@ def _instrument(found: Study) -> Iterator[str]:
         )
 
 
-def _first_screen(said: Positions) -> Iterator[Line]:
+def _first_screen(said: PositionsFound) -> Iterator[Line]:
     """The first screen, line by line as for a campaign of pulls."""
     stiffness = stiffness_entries(said.found.stages[-1].found)
     lines = (
@@ -384,7 +384,7 @@ def _first_screen(said: Positions) -> Iterator[Line]:
     return (Line(about=about, text=text) for about, text in lines)
 
 
-def _verdict(said: Positions) -> str:
+def _verdict(said: PositionsFound) -> str:
     """The mistakes, or that nothing explains the readings, and how well they are predicted."""
     first, last = (1e3 * said.found.stages[k].mean(Parting.BETWEEN) for k in (0, -1))
     predicted = (
@@ -398,7 +398,7 @@ def _verdict(said: Positions) -> str:
     return predicted
 
 
-def _to_do(said: Positions) -> str:
+def _to_do(said: PositionsFound) -> str:
     """What to do with the values, and what of them no controller takes."""
     if said.facts.mistakes:
         return f"{correct(said.facts)} enter none of these values into a controller."
@@ -415,7 +415,7 @@ def _to_do(said: Positions) -> str:
 _ALONE = "the identified DH parameters with their springs"
 
 
-def _numbers(said: Positions, stiffness: Sequence[contract.Stiffness]) -> str:
+def _numbers(said: PositionsFound, stiffness: Sequence[contract.Stiffness]) -> str:
     """What a controller may have: nothing from wrong readings, or from unexplained ones."""
     if said.usable:
         return f"{entered(stiffness, ())} They come from the arm's own weight."
@@ -424,7 +424,7 @@ def _numbers(said: Positions, stiffness: Sequence[contract.Stiffness]) -> str:
     return "None: the values below do not explain the readings."
 
 
-def _model(said: Positions) -> str:
+def _model(said: PositionsFound) -> str:
     """What the model holds, and what each part of it is worth."""
     steps = list(pairwise(said.found.stages))
     each = [
@@ -450,7 +450,7 @@ _NOT_JUDGED = (
 )
 
 
-def _wrong(said: Positions) -> Iterator[str]:
+def _wrong(said: PositionsFound) -> Iterator[str]:
     found, facts = said.found, said.facts
     if facts.moved or not said.row.reason.holds_for_its_readings:
         yield wrong(facts, 0)
@@ -464,7 +464,7 @@ def _wrong(said: Positions) -> Iterator[str]:
     yield from beside
 
 
-def beside_causes(said: Positions) -> Iterator[str]:
+def beside_causes(said: PositionsFound) -> Iterator[str]:
     """What is wrong beside causes: the instrument, a joint, rows that were left out."""
     left_out = len(said.rejected)
     yield from _instrument(said.found)
@@ -474,7 +474,7 @@ def beside_causes(said: Positions) -> Iterator[str]:
         yield f"{rows} left out; see Rejected rows for file and line of each."
 
 
-def _named(causes: Sequence[Cause]) -> Iterator[str]:
+def _named(causes: Sequence[FoundCause]) -> Iterator[str]:
     """What of the catalogue acts, and the largest law outside of it."""
     known, laws = (_those(causes, law) for law in (False, True))
     if known:
@@ -485,7 +485,7 @@ def _named(causes: Sequence[Cause]) -> Iterator[str]:
         yield f"{capital(law_told(laws[0]))}: {of} outside the catalogue."
 
 
-def _those(causes: Sequence[Cause], law: bool) -> list[Cause]:
+def _those(causes: Sequence[FoundCause], law: bool) -> list[FoundCause]:
     """The causes that are laws nobody listed, or those that are not."""
     return [one for one in causes if (one.effect.law is not None) == law]
 
@@ -515,7 +515,7 @@ _SHARE = 0.25
 """Part of what joints that err move the targets by, squared, from which on one is said."""
 
 
-def _next(said: Positions, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
+def _next(said: PositionsFound, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
     last = said.found.stages[-1]
     if not said.row.reason.holds_for_its_readings:
         yield _AGAIN
@@ -533,7 +533,7 @@ def _next(said: Positions, stiffness: Sequence[contract.Stiffness]) -> Iterator[
 _AGAIN = "Nothing until the readings are explained: those taken may then do."
 
 
-def _diagnosis(said: Positions, first_line: str) -> contract.Diagnosis:
+def _diagnosis(said: PositionsFound, first_line: str) -> contract.Diagnosis:
     """`diagnosis`: mistakes in the data first, then the laws."""
     found, facts = said.found, said.facts
     first, last = found.stages[0], found.stages[-1]

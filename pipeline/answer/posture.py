@@ -7,6 +7,7 @@ from collections.abc import Iterator
 import numpy as np
 import pandas as pd
 
+from pipeline.answer.scene import TOOL_RADIUS
 from pipeline.base.arrays import Array, Ints
 from pipeline.machine import bodies
 from pipeline.machine.bodies import Bodies
@@ -14,18 +15,15 @@ from pipeline.machine.cell import Tool, load
 from pipeline.machine.effect import Elastic, Pulls
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.configuration import torque, velocity
-from pipeline.prediction.model import Hypothesis
+from pipeline.prediction.model import ModelHypothesis
 from pipeline.prediction.workspace import arm_joints
 from pipeline.reduction.pose_of_interest import Where
 
 JOINT, PLACE = "joint", "place"
 """Parts of POSTURE that are points: origins of joints, middles of links that a cause may be in."""
 
-_ROD = 0.35
-"""Radius of a rod of the effector over that of the last link."""
 
-
-def posture(model: Hypothesis, where: Where) -> pd.DataFrame:
+def posture(model: ModelHypothesis, where: Where) -> pd.DataFrame:
     """Table POSTURE of the test pose.
 
     A point p carried by joint j moves by the sum over the virtual joints v that j or one before it
@@ -81,7 +79,7 @@ def _parts(robot: Robot, here: Configuration, tool: Tool) -> Iterator[tuple[Bodi
     for one in bodies.links(robot, here):
         at = np.array([number[name] for name in one.names], dtype=np.int64)
         yield one, np.maximum(at - straight, 0)
-    thick = _ROD * (float(one.radius[-1]) if len(one.radius) else 0.05)
+    thick = TOOL_RADIUS * (float(one.radius[-1]) if len(one.radius) else 0.05)
     last = np.full(len(tool.named), robot.n)
     yield bodies.effector(here, tool, thick), last
     own = dict(zip((joint.name for joint in robot.joints), here.origin[0], strict=True))

@@ -22,7 +22,7 @@ from pipeline.diagnosis.average import (
     two_sided,
     weighed,
 )
-from pipeline.diagnosis.facts import Diagnosis, Facts
+from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.diagnosis.hypotheses import usual
 from pipeline.diagnosis.joined import joined
@@ -84,7 +84,7 @@ class Basis:
         return self.verdict == Verdict.UNEXPLAINED
 
     @classmethod
-    def of(cls, facts: Facts, diagnosis: Diagnosis) -> Basis:
+    def of(cls, facts: Facts, diagnosis: Diagnosed) -> Basis:
         """Those of a campaign, mistakes included."""
         found = diagnosis.hypotheses
         beside = bool(found and found[0].effects)
@@ -97,7 +97,7 @@ class Basis:
 
 
 @dataclass(frozen=True)
-class Row:
+class DecisionRow:
     """One row of the decision.
 
     Attributes:
@@ -116,40 +116,40 @@ class Row:
 _SPRINGS, _EXTENDED, _AVERAGED = Which.JOINT_SPRINGS, Which.EXTENDED, Which.AVERAGED
 _GIVEN, _CORRECTED = Data.AS_GIVEN, Data.CORRECTED
 
-TABLE: tuple[Row, ...] = (
-    Row(Reason.MISTAKE_AND_RIVALS, _AVERAGED, _CORRECTED, lambda f: f.causes and f.rivals),
-    Row(Reason.MISTAKE_AND_CAUSE, _EXTENDED, _CORRECTED, lambda f: f.causes),
-    Row(Reason.MISTAKE_AND_UNEXPLAINED, _SPRINGS, _CORRECTED, lambda f: f.unexplained),
-    Row(Reason.MISTAKE_SPRINGS_UNTOUCHED, _SPRINGS, _CORRECTED, lambda f: f.named),
-    Row(Reason.MISTAKE_AND_TOO_SMALL, _AVERAGED, _CORRECTED, lambda f: f.unseen),
-    Row(Reason.MISTAKE, _SPRINGS, _CORRECTED, lambda _: True),
-    Row(Reason.WEIGHED_ANEW, _EXTENDED, _GIVEN, lambda f: f.causes and not f.beside),
-    Row(Reason.CAUSE_AND_RIVALS, _AVERAGED, _GIVEN, lambda f: f.explained and f.rivals),
-    Row(Reason.CAUSE_IDENTIFIED, _EXTENDED, _GIVEN, lambda f: f.explained),
-    Row(Reason.RIVALS, _AVERAGED, _GIVEN, lambda f: f.causes and f.rivals),
-    Row(Reason.CAUSE_DOUBTFUL, _EXTENDED, _GIVEN, lambda f: f.causes),
-    Row(Reason.SPRINGS_UNTOUCHED, _SPRINGS, _GIVEN, lambda f: f.named),
-    Row(Reason.SPRINGS_DISAGREE, _SPRINGS, _GIVEN, lambda f: f.disagree),
-    Row(Reason.UNEXPLAINED, _SPRINGS, _GIVEN, lambda f: f.unexplained),
-    Row(Reason.TOO_SMALL, _AVERAGED, _GIVEN, lambda f: f.unseen),
-    Row(Reason.ADEQUATE, _SPRINGS, _GIVEN, lambda f: f.verdict == Verdict.ADEQUATE),
+TABLE: tuple[DecisionRow, ...] = (
+    DecisionRow(Reason.MISTAKE_AND_RIVALS, _AVERAGED, _CORRECTED, lambda f: f.causes and f.rivals),
+    DecisionRow(Reason.MISTAKE_AND_CAUSE, _EXTENDED, _CORRECTED, lambda f: f.causes),
+    DecisionRow(Reason.MISTAKE_AND_UNEXPLAINED, _SPRINGS, _CORRECTED, lambda f: f.unexplained),
+    DecisionRow(Reason.MISTAKE_SPRINGS_UNTOUCHED, _SPRINGS, _CORRECTED, lambda f: f.named),
+    DecisionRow(Reason.MISTAKE_AND_TOO_SMALL, _AVERAGED, _CORRECTED, lambda f: f.unseen),
+    DecisionRow(Reason.MISTAKE, _SPRINGS, _CORRECTED, lambda _: True),
+    DecisionRow(Reason.WEIGHED_ANEW, _EXTENDED, _GIVEN, lambda f: f.causes and not f.beside),
+    DecisionRow(Reason.CAUSE_AND_RIVALS, _AVERAGED, _GIVEN, lambda f: f.explained and f.rivals),
+    DecisionRow(Reason.CAUSE_IDENTIFIED, _EXTENDED, _GIVEN, lambda f: f.explained),
+    DecisionRow(Reason.RIVALS, _AVERAGED, _GIVEN, lambda f: f.causes and f.rivals),
+    DecisionRow(Reason.CAUSE_DOUBTFUL, _EXTENDED, _GIVEN, lambda f: f.causes),
+    DecisionRow(Reason.SPRINGS_UNTOUCHED, _SPRINGS, _GIVEN, lambda f: f.named),
+    DecisionRow(Reason.SPRINGS_DISAGREE, _SPRINGS, _GIVEN, lambda f: f.disagree),
+    DecisionRow(Reason.UNEXPLAINED, _SPRINGS, _GIVEN, lambda f: f.unexplained),
+    DecisionRow(Reason.TOO_SMALL, _AVERAGED, _GIVEN, lambda f: f.unseen),
+    DecisionRow(Reason.ADEQUATE, _SPRINGS, _GIVEN, lambda f: f.verdict == Verdict.ADEQUATE),
 )
 """First match wins."""
 
 
-def row_of(reason: str) -> Row:
+def row_of(reason: str) -> DecisionRow:
     """The row of a reason."""
     return next(row for row in TABLE if row.reason == reason)
 
 
-def decide(basis: Basis) -> Row:
+def decide(basis: Basis) -> DecisionRow:
     """The row of `TABLE` that holds."""
     data = _CORRECTED if basis.mistakes else _GIVEN
     return next(row for row in TABLE if row.data == data and row.holds(basis))
 
 
 @dataclass(frozen=True, eq=False)
-class Values:
+class ModelValues:
     """Springs and causes of one model with all that is needed to state them.
 
     Attributes:
@@ -182,9 +182,9 @@ class Values:
         """Values and uncertainties of the parameters."""
         return self.first.estimate if len(self.hypotheses) == 1 else springs(self.hypotheses)
 
-    def model(self, campaign: str, verdict: str, row: Row) -> handover.Model:
+    def model(self, campaign: str, verdict: str, row: DecisionRow) -> handover.IdentifiedModel:
         """What is handed over of it."""
-        return handover.Model(
+        return handover.IdentifiedModel(
             campaign,
             verdict,
             {"model": str(row.model), "data": str(row.data), "reason": str(row.reason)},
@@ -206,21 +206,21 @@ class Values:
         return springs(at_pose(self.hypotheses, self.where.q, self.where.force)).identifiable
 
 
-def joint_springs(fitted: Fitted) -> Values:
+def joint_springs(fitted: Fitted) -> ModelValues:
     """The joint springs and nothing else."""
     alone = Hypothesis(1.0, (), fitted.case.cell, fitted.system, fitted.estimate)
-    return Values(fitted, (alone,), left_out(fitted.system))
+    return ModelValues(fitted, (alone,), left_out(fitted.system))
 
 
-def identified(fitted: Fitted, diagnosis: Diagnosis, where: Where) -> Values | None:
+def identified(fitted: Fitted, diagnosis: Diagnosed, where: Where) -> ModelValues | None:
     """Springs with the identified causes; None where these do not change the springs."""
     if not diagnosis.hypotheses:
         return None
     own = replace(diagnosis.hypotheses[0], weight=1.0)
-    return Values(fitted, (own,), _left_out(diagnosis), where)
+    return ModelValues(fitted, (own,), _left_out(diagnosis), where)
 
 
-def standing(fitted: Fitted, diagnosis: Diagnosis) -> Fitted:
+def standing(fitted: Fitted, diagnosis: Diagnosed) -> Fitted:
     """The joint springs of the robot as its unloaded reflectors prove it to stand."""
     stood, cell = diagnosis.facts.unloaded, fitted.case.cell
     if not stood.corrects:
@@ -229,7 +229,7 @@ def standing(fitted: Fitted, diagnosis: Diagnosis) -> Fitted:
     return fitted.standing(robot, lambda data: corrected(cell, data, stood)[1])
 
 
-def recommend(row: Row, stands: Fitted, diagnosis: Diagnosis, where: Where) -> Values:
+def recommend(row: DecisionRow, stands: Fitted, diagnosis: Diagnosed, where: Where) -> ModelValues:
     """The values that the answer gives.
 
     Args:
@@ -245,10 +245,10 @@ def recommend(row: Row, stands: Fitted, diagnosis: Diagnosis, where: Where) -> V
         rest = 1.0 - sum(one.weight for one in diagnosis.too_small)
         every = weighed([replace(alone.first, weight=rest), *diagnosis.too_small])
         return replace(alone, hypotheses=every, where=where)
-    return Values(stands, diagnosis.hypotheses, _left_out(diagnosis), where)
+    return ModelValues(stands, diagnosis.hypotheses, _left_out(diagnosis), where)
 
 
-def beside_positions(values: Values) -> Values:
+def beside_positions(values: ModelValues) -> ModelValues:
     """The same values with what absolute positions in the same campaign say of springs and table.
 
     Errors of left-out poses are those of the joint model too, but for causes, which each fold of
@@ -268,7 +268,7 @@ def beside_positions(values: Values) -> Values:
     return replace(values, hypotheses=every, left_out_m=left)
 
 
-def _left_out(diagnosis: Diagnosis) -> Array:
+def _left_out(diagnosis: Diagnosed) -> Array:
     """Cross-validation residuals with the causes, chosen in each fold where these were tested."""
     tested = any(cause.gain and cause.gain.of == "displacements" for cause in diagnosis.causes)
     return diagnosis.left_out_after_m if tested else left_out(diagnosis.hypotheses[0].system)

@@ -13,8 +13,8 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.answer.contract import Carried, Controlled
-from pipeline.answer.recommended import Values
+from pipeline.answer.contract import LEAST_CONTROLLED, Carried, Controlled
+from pipeline.answer.recommended import ModelValues
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.machine.cell import Cell, jacobian
@@ -39,10 +39,6 @@ _AXES = np.array(["x", "y", "z"], dtype=object)
 _NONE = 1e-7
 """An error so much smaller than the largest of its source is rounding [1], such as that of a chain
 along itself: variances carry sixteen digits, their roots eight."""
-
-
-_TOLD = 10
-"""So many of the errors that are controlled least stand in result.json."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -80,7 +76,7 @@ def asked(cell: Cell, values: Array, where: Where) -> Asked:
     )
 
 
-def control(values: Values, where: Where) -> tuple[pd.DataFrame, pd.DataFrame]:
+def control(values: ModelValues, where: Where) -> tuple[pd.DataFrame, pd.DataFrame]:
     """Tables RELIABILITY and INFLUENCE of the likeliest model."""
     first, fitted = values.first, values.fitted
     system, x = first.system, first.estimate.value
@@ -299,7 +295,7 @@ def _names(case: Case, placed: pd.DataFrame) -> _Names:
 
 def controlled_entries(control: pd.DataFrame) -> tuple[Controlled, ...]:
     """`reliability`: the errors with the lowest r of table RELIABILITY."""
-    least = control.nsmallest(_TOLD, "r")
+    least = control.nsmallest(LEAST_CONTROLLED, "r")
     return tuple(Controlled(**_plain(row)) for row in least.to_dict("records"))
 
 
@@ -309,7 +305,7 @@ def _plain(row: Mapping[Hashable, Any]) -> dict[str, Any]:
     return cells | {"line": None if cells["line"] is None else int(cells["line"])}
 
 
-def carried_entries(carried: pd.DataFrame, values: Values) -> tuple[Carried, ...]:
+def carried_entries(carried: pd.DataFrame, values: ModelValues) -> tuple[Carried, ...]:
     """`influence`: of each stiffness and of each cause the pull that moves it most."""
     of = {one.name: effect for effect in values.first.effects for one in effect.parameters}
     key = [of[what].label if what in of else what for what in carried["what"]]

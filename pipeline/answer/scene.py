@@ -9,7 +9,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.answer.recommended import Values
+from pipeline.answer.recommended import ModelValues
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import PAIRS, PLACES
 from pipeline.geometry.study import Study
@@ -23,13 +23,13 @@ from pipeline.reduction.settings import Settings
 MOST = 40
 """Poses in one picture; of more, the worst and an even choice of the rest are drawn."""
 
-_TOOL_RADIUS = 0.35
+TOOL_RADIUS = 0.35
 """Radius of a rod of the effector over that of the last link."""
 
 Tables = dict[str, pd.DataFrame]
 
 
-def scene(values: Values) -> Tables:
+def scene(values: ModelValues) -> Tables:
     """Tables SCENE, POSES and VECTORS of a campaign of loads."""
     case, data = values.fitted.case, values.fitted.data
     first = np.unique(data.pulls.pose, return_index=True)[1]
@@ -70,7 +70,7 @@ def _bodies(
 ) -> pd.DataFrame:
     """Table SCENE."""
     base, carriage, arm = bodies.links(robot, here)
-    thick = _TOOL_RADIUS * (float(arm.radius[-1]) if len(arm.radius) else 0.05)
+    thick = TOOL_RADIUS * (float(arm.radius[-1]) if len(arm.radius) else 0.05)
     still = [_rows(one, np.zeros(1, np.int64)) for one in (base, *standing) if len(one.names)]
     moving = [_rows(one, poses) for one in (carriage, arm, bodies.effector(here, tool, thick))]
     return pd.concat([*still, *moving], ignore_index=True)
@@ -96,7 +96,7 @@ def _xyz(name: str) -> list[str]:
 # --- pulled ---------------------------------------------------------------------------------------
 
 
-def _displaced(values: Values) -> pd.DataFrame:
+def _displaced(values: ModelValues) -> pd.DataFrame:
     """Table VECTORS of all poses, each under its largest load."""
     data, left = values.fitted.data, values.first.estimate.residual.reshape(-1, 3)
     size = np.linalg.norm(data.pulls.force, axis=1)
@@ -136,7 +136,7 @@ def _spread(name: str, vectors: Array) -> dict[str, Array]:
     return {name.format(axis): column for axis, column in zip("xyz", vectors.T, strict=True)}
 
 
-def _poses_pulled(values: Values, shown: Ints) -> pd.DataFrame:
+def _poses_pulled(values: ModelValues, shown: Ints) -> pd.DataFrame:
     """Table POSES."""
     case, pulls = values.fitted.case, values.fitted.data.pulls
     size = np.linalg.norm(pulls.force, axis=1)

@@ -13,12 +13,12 @@ from pipeline.answer.contract import (
     About,
     BestPose,
     Combination,
-    Deflection,
     Diagnosis,
     Line,
     NextPose,
     Reason,
     Stiffness,
+    TargetDeflection,
     TestPose,
     Tolerance,
     ToMeasure,
@@ -457,7 +457,7 @@ def at_axis(value: float, unit: str) -> str:
 
 
 def _changed(
-    mine: Sequence[Deflection], springs: Sequence[Deflection], found: Findings
+    mine: Sequence[TargetDeflection], springs: Sequence[TargetDeflection], found: Findings
 ) -> Iterator[str]:
     """What the model changes at the target that moves most; nothing where it changes nothing."""
     sizes = [[one.size_mm for one in those if one.size_mm is not None] for those in (mine, springs)]

@@ -13,7 +13,7 @@ from pipeline import tables
 from pipeline.answer import positions
 from pipeline.answer.contract import Answer
 from pipeline.answer.pictures import kept_scene
-from pipeline.answer.positions import Positions
+from pipeline.answer.positions import PositionsFound
 from pipeline.answer.posture import standing_posture
 from pipeline.answer.scene import scene_of_positions
 from pipeline.base.arrays import Array
@@ -26,19 +26,20 @@ from pipeline.faults.position_readings import (
     outliers,
     wrong_entries,
 )
-from pipeline.faults.position_rows import Sheet, position_rows
+from pipeline.faults.position_rows import PositionSheet, position_rows
 from pipeline.geometry.identify import Identified
-from pipeline.geometry.laws import Law
+from pipeline.geometry.laws import JointLaw
 from pipeline.geometry.mechanism import layout
 from pipeline.geometry.positioned import Positioned, as_read, usable
 from pipeline.geometry.study import Study, study
 from pipeline.machine.cell import Tool, paper_cell
-from pipeline.prediction.model import Hypothesis, Model
+from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 from pipeline.prediction.standing import dumps, standing
 from pipeline.reduction.bring import Keep, Step
 from pipeline.store.campaign import Raw
 
 _SEED = 20261123
+"""Of its draws: another one moves numbers within what they say of their scatter."""
 
 MODEL = "positions.npz"
 """What `pipeline predict` reads."""
@@ -60,17 +61,17 @@ class Stood:
 
     answer: Answer
     shown: dict[str, pd.DataFrame]
-    model: Model
+    model: IdentifiedModel
     files: dict[str, bytes]
 
 
-def identified(name: str, raw: Raw, keep: Keep, step: Step) -> Positions:
+def identified(name: str, raw: Raw, keep: Keep, step: Step) -> PositionsFound:
     """From the tables of positions to what they say."""
     rows, rejects = step(as_read)(raw.settings, raw.robot, raw.files)
-    wrong, sheet = step(position_rows)(Sheet(raw.robot, raw.settings, rows))
+    wrong, sheet = step(position_rows)(PositionSheet(raw.robot, raw.settings, rows))
     read = usable(raw.settings, raw.robot, sheet.rows, rejects)
     found = _studied(raw, read, step)
-    late, sheet = exchanged_beside(Sheet(raw.robot, raw.settings, read.table), found)
+    late, sheet = exchanged_beside(PositionSheet(raw.robot, raw.settings, read.table), found)
     if late:  # a table as delivered shows decimetres, the identified one a millimetre
         read = usable(raw.settings, raw.robot, sheet.rows, rejects)
         found = _studied(raw, read, step)
@@ -78,10 +79,10 @@ def identified(name: str, raw: Raw, keep: Keep, step: Step) -> Positions:
     off = outliers(found, read.table)
     rejected = keep("13_rejected", _rejected(read, off), tables.REJECTED)
     mistakes = (*wrong, *late, *wrong_entries(found), *accused(off, found))
-    return Positions.of(name, raw, found, mistakes, rejected)
+    return PositionsFound.of(name, raw, found, mistakes, rejected)
 
 
-def stood(said: Positions, keep: Keep, step: Step) -> Stood:
+def stood(said: PositionsFound, keep: Keep, step: Step) -> Stood:
     """The end of a campaign of nothing but positions."""
     found, given = said.found, positions.answer(said)
     laws = {"laws": keep("53_laws", law_table(found), tables.LAWS)}
@@ -92,7 +93,7 @@ def stood(said: Positions, keep: Keep, step: Step) -> Stood:
     return Stood(given, shown, model, model_file(said))
 
 
-def pictures(said: Positions, keep: Keep) -> dict[str, pd.DataFrame]:
+def pictures(said: PositionsFound, keep: Keep) -> dict[str, pd.DataFrame]:
     """The tables of what only positions show."""
     found = said.found
     return {
@@ -104,7 +105,7 @@ def pictures(said: Positions, keep: Keep) -> dict[str, pd.DataFrame]:
     }
 
 
-def model_file(said: Positions) -> dict[str, bytes]:
+def model_file(said: PositionsFound) -> dict[str, bytes]:
     """What `pipeline predict` reads, by name."""
     settings = said.raw.settings
     tip = None if settings.of_positions else np.array(settings.tool["load_point"])
@@ -240,7 +241,7 @@ def law_table(whole: Study) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True) if parts else pd.DataFrame(columns=tables.LAWS.names)
 
 
-def _over(law: Law, found: Identified) -> tuple[str, str, Array]:
+def _over(law: JointLaw, found: Identified) -> tuple[str, str, Array]:
     """What a law is shown over, its unit, and that of each pose."""
     x = law.of(found.linear.inputs)
     if law.variable == "time":
@@ -279,7 +280,7 @@ def _held_out(found: Study) -> pd.DataFrame:
     return pd.concat(parts, ignore_index=True)
 
 
-def _model(name: str, found: Identified, given: Answer) -> Model:
+def _model(name: str, found: Identified, given: Answer) -> IdentifiedModel:
     """Corrected table and springs; the uncertainty of what is not determined is infinite."""
     mechanism, part = found.mechanism, layout(found.mechanism).compliance
     points = mechanism.tool[:, :3, 3]
@@ -288,9 +289,9 @@ def _model(name: str, found: Identified, given: Answer) -> Model:
     known = np.array([one.identifiable for one in given.stiffness])
     cov[~known], cov[:, ~known] = 0.0, 0.0
     cov[~known, ~known] = np.inf
-    one = Hypothesis(1.0, cell, mechanism.compliance, cov)
+    one = ModelHypothesis(1.0, cell, mechanism.compliance, cov)
     said = given.recommended
-    return Model(
+    return IdentifiedModel(
         name,
         str(given.diagnosis.verdict),
         {"model": str(said.model), "data": str(said.data), "reason": str(said.reason)},

@@ -8,15 +8,15 @@ import numpy as np
 import pandas as pd
 
 from pipeline.answer import contract
-from pipeline.answer.contract import Deflection, Drawn, Fit, NoiseFrom, Validation
+from pipeline.answer.contract import Drawn, Fit, NoiseFrom, TargetDeflection, Validation
 from pipeline.answer.findings import Told
 from pipeline.answer.numbers import left_out_mm, rms_mm
-from pipeline.answer.recommended import Values
+from pipeline.answer.recommended import ModelValues
 from pipeline.answer.stiffness import stiffness_entries
 from pipeline.base.arrays import Array
 from pipeline.machine.cell import Cell
 from pipeline.prediction.by_payload import by_payload
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system.assemble import second_order
@@ -24,7 +24,7 @@ from pipeline.system.estimate import fits
 from pipeline.system.system import Estimate
 
 
-def stated(values: Values, model: Model, where: Where) -> dict[str, Any]:
+def stated(values: ModelValues, model: IdentifiedModel, where: Where) -> dict[str, Any]:
     """Stiffnesses, fit and deflection at the test pose of one model."""
     fitted = values.fitted
     return {
@@ -99,7 +99,7 @@ def noise_statement(estimate: Estimate, tracked: bool) -> str:
 
 
 def validation_entry(
-    checked: pd.DataFrame, left_out_m: Array, where: Where, values: Values
+    checked: pd.DataFrame, left_out_m: Array, where: Where, values: ModelValues
 ) -> Validation:
     """Means of Eq. (22) per target, from the full covariance and as in Eq. (23).
 
@@ -136,11 +136,11 @@ def _means(rows: pd.DataFrame) -> contract.PerTarget:
     return {str(target): float(mean) for target, mean in means.items()}
 
 
-def deflection_entries(model: Model, where: Where) -> tuple[Deflection, ...]:
+def deflection_entries(model: IdentifiedModel, where: Where) -> tuple[TargetDeflection, ...]:
     """Predicted deflection at the test pose with its standard uncertainty."""
     moved, std = (1e3 * part for part in model.deflection(where.q, where.force))
     return tuple(
-        Deflection(target=name, dx_mm=x, dy_mm=y, dz_mm=z, std_mm=(a, b, c))
+        TargetDeflection(target=name, dx_mm=x, dy_mm=y, dz_mm=z, std_mm=(a, b, c))
         for name, (x, y, z), (a, b, c) in zip(
             model.tool.targets, moved.tolist(), std.tolist(), strict=True
         )

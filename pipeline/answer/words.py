@@ -21,7 +21,7 @@ from pipeline.base.quantities import (
     with_std,
 )
 from pipeline.diagnosis.average import LIKELY
-from pipeline.diagnosis.facts import ROUGH, Cause, Drift, Facts, Named
+from pipeline.diagnosis.facts import ROUGH, Drift, Facts, FoundCause, PossibleCause
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.machine.effect import Effect, Table, in_place
@@ -249,7 +249,7 @@ def _rivals(facts: Facts) -> str:
     return f"{first}The data cannot distinguish between {open_}."
 
 
-def enormous(cause: Cause) -> str | None:
+def enormous(cause: FoundCause) -> str | None:
     """That a cause is many times its typical magnitude, and what would settle it; else None."""
     most = cause.enormous
     if most is None:
@@ -266,7 +266,7 @@ def enormous(cause: Cause) -> str | None:
     )
 
 
-def law_told(cause: Cause) -> str:
+def law_told(cause: FoundCause) -> str:
     """A law that nobody listed, with its amplitude."""
     size = cause.height
     if size is None:
@@ -294,9 +294,9 @@ def hangs_on(cause: Effect, most: Carried) -> str | None:
     )
 
 
-def _or(cause: Cause) -> str:
+def _or(cause: FoundCause) -> str:
     """A cause and what it could be instead, with their probabilities."""
-    every = (Named(cause.effect, cause.probability), *cause.rivals[:_RIVALS])
+    every = (PossibleCause(cause.effect, cause.probability), *cause.rivals[:_RIVALS])
     mine, *others = (
         f"{one.effect.called}, {100 * cause.stated(one.probability):.0f} %" for one in every
     )
@@ -346,14 +346,12 @@ def _of_table(facts: Facts) -> str:
 
 
 def _tables_disagree(facts: Facts) -> str:
-    gain = facts.unloaded.gain
-    assert gain is not None
+    assert facts.agreement is not None
     return (
-        f"In cross-validation the unloaded reflectors of the pulls are "
-        f"{plain(1e3 * gain.rms_before_m, 2)} mm rms per coordinate from where the DH parameters "
-        "identified from the positions place them, and "
-        f"{plain(1e3 * gain.rms_after_m, 2)} mm from where their own do: positions and pulls are "
-        "not of one robot, or of one before and after a collision, repair or mastering."
+        "The unloaded reflectors of the pulls do not stand where the robot identified from the "
+        f"positions has them ({plain(1e3 * facts.unloaded.miss_m, 2)} mm rms, "
+        f"{p_value(facts.agreement.table_p)} beside its uncertainty): positions and pulls are not "
+        "of one robot, or of one before and after a collision, repair or mastering."
     )
 
 
@@ -377,7 +375,7 @@ _ENTRIES = {"m": (1e3, "mm"), "rad": (180 / np.pi, "°")}
 """... and in which an entry of a robot's table."""
 
 
-def _sized(cause: Cause) -> str:
+def _sized(cause: FoundCause) -> str:
     """A cause with its size, and where else it may be without another robot."""
     sizes = []
     for one in cause.amplitudes:
@@ -425,11 +423,11 @@ def _joint(facts: Facts, where: int | str | None) -> str:
     return capital(in_place(where, axis=cause.axis).removeprefix(" in "))
 
 
-def _names(causes: Sequence[Cause]) -> str:
+def _names(causes: Sequence[FoundCause]) -> str:
     return listed([cause.effect.called for cause in causes])
 
 
-def _likely(causes: Sequence[Cause]) -> str:
+def _likely(causes: Sequence[FoundCause]) -> str:
     """The same with their probabilities."""
     return listed(
         [

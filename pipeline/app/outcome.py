@@ -14,13 +14,13 @@ from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError, PipelineError, Unfinished, place
 from pipeline.base.quantities import bracketed, common_prefix, prefixed, scaled, with_std
 from pipeline.base.shown import in_json, printable
-from pipeline.store.campaign import Campaign, find, label
+from pipeline.store.campaign import CampaignFolder, find, label
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
     from pipeline.answer.contract import Answer, Combination, Rejected, Stiffness
 
 
-Meant = str | Campaign
+Meant = str | CampaignFolder
 """A campaign, or the name or path of one."""
 
 
@@ -64,16 +64,16 @@ class Outcome:
 
 Several = Callable[[Path, Iterable[Meant], bool], Iterator[Outcome]]
 """What becomes of many campaigns of a project, as they end; whether to compute all again."""
-Compute = Callable[[Campaign], "Answer"]
+Compute = Callable[[CampaignFolder], "Answer"]
 """How a campaign is brought up to date: campaign in, answer out."""
 
 
-def outcome(campaign: Campaign, compute: Compute) -> Outcome:
+def outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
     """What becomes of one campaign; whatever goes wrong is part of it."""
     return dated(campaign, partial(_outcome, compute=compute))
 
 
-def dated(campaign: Campaign, work: Callable[[Campaign], Outcome]) -> Outcome:
+def dated(campaign: CampaignFolder, work: Callable[[CampaignFolder], Outcome]) -> Outcome:
     """What `work` makes of a campaign; where it fails, that the report is an old one."""
     made, old = guarded(campaign.name, partial(work, campaign)), campaign.reports / "index.html"
     if "error" not in made.content or not old.is_file():
@@ -88,7 +88,7 @@ def dated(campaign: Campaign, work: Callable[[Campaign], Outcome]) -> Outcome:
 EARLIER = "of an earlier input or program"
 
 
-def _outcome(campaign: Campaign, compute: Compute) -> Outcome:
+def _outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
     from pipeline.answer.nouns import sizes
 
     name, answer = campaign.name, compute(campaign)
@@ -156,9 +156,9 @@ def mixed(one: Combination) -> str:
     return f"{one.formula}   {bracketed(one.value, one.std)} {prefixed(one.unit, '')}"
 
 
-def named(root: Path, meant: Meant, work: Callable[[Campaign], Outcome]) -> Outcome:
+def named(root: Path, meant: Meant, work: Callable[[CampaignFolder], Outcome]) -> Outcome:
     """What `work` makes of a campaign, or of the one that is meant by a name or a path."""
-    if isinstance(meant, Campaign):
+    if isinstance(meant, CampaignFolder):
         return guarded(meant.name, lambda: work(meant))
     return guarded(label(meant), lambda: work(find(root, meant)))
 

@@ -14,7 +14,7 @@ from pipeline.base import preferences
 from pipeline.base.doors import is_there, opened
 from pipeline.base.errors import InputError, UsageError
 from pipeline.store import campaign as campaigns
-from pipeline.store.campaign import Campaign
+from pipeline.store.campaign import CampaignFolder
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
     from pipeline.answer.contract import Answer
@@ -70,7 +70,7 @@ def _one_by_one(
     compute = plainly if engine == "local" else opened(PREFECT)
     work = partial(outcome, compute=partial(compute, force=force, tell=bar.at))
     for one in everyone:
-        bar.now(one.name if isinstance(one, Campaign) else campaigns.label(one))
+        bar.now(one.name if isinstance(one, CampaignFolder) else campaigns.label(one))
         done = named(root, one, work)
         bar.done()
         yield done
@@ -85,7 +85,7 @@ def no_campaign(root: Path) -> InputError:
     )
 
 
-def plainly(campaign: Campaign, force: bool = False, tell: Tell = str) -> Answer:
+def plainly(campaign: CampaignFolder, force: bool = False, tell: Tell = str) -> Answer:
     """Bring a campaign up to date in this process."""
     from pipeline.run import run
 
@@ -98,7 +98,7 @@ def status(root: Path) -> Iterator[Outcome]:
         yield dated(campaign, _status)
 
 
-def _status(campaign: Campaign) -> Outcome:
+def _status(campaign: CampaignFolder) -> Outcome:
     before, key = campaign.manifest(), campaign.read().key
     if before is not None and campaign.done(key):
         return _standing(campaign, "done", before.get("verdict"))
@@ -110,7 +110,7 @@ def _status(campaign: Campaign) -> Outcome:
     return replace(told, content=told.content | content, text=f"{campaign.name:24} rejected")
 
 
-def _standing(campaign: Campaign, state: str, verdict: str | None) -> Outcome:
+def _standing(campaign: CampaignFolder, state: str, verdict: str | None) -> Outcome:
     """A campaign that was not rejected; the report of another input is said to be one."""
     content = {"campaign": campaign.name, "state": state, "verdict": verdict}
     report = campaign.reports / "index.html"

@@ -144,7 +144,7 @@ def read(
         if before.st_size > most:
             raise refused(too_large(before.st_size, most), "split it, or give the right file")
         with path.open("rb") as opened:
-            begins(opened.read(_BEGIN))
+            begins(opened.read(BEGIN))
             opened.seek(0)
             data = opened.read(before.st_size + 1)
             after = os.fstat(opened.fileno())
@@ -160,7 +160,7 @@ def read(
     return data
 
 
-_BEGIN = 4096
+BEGIN = 4096
 """Bytes that tell what a file is."""
 NEVER = (errno.ENAMETOOLONG, errno.EISDIR, errno.ELOOP)
 """What trying again does not help against."""

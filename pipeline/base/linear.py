@@ -34,7 +34,8 @@ them [1]."""
 _ROUNDED = 1e-12
 """Part of a row's variance that is rounding where hundreds of rows share one error [1]."""
 
-_TINY = 1e-300
+TINY = 1e-300
+"""What a square, divided by, is at least [any]: doubles end at 1e-308."""
 
 
 def rms(values: Array) -> float:
@@ -87,7 +88,7 @@ def _lengths(X: Array) -> Array:
     """Length of each column of (..., m, k), infinite for one that is nothing, shape (..., 1, k)."""
     X = np.asarray(X, float)  # squares of integers overflow without a word
     square = np.einsum("...mk,...mk->...k", X, X)[..., None, :]
-    least = _ROUNDING**2 * square.max(axis=-1, keepdims=True, initial=_TINY)
+    least = _ROUNDING**2 * square.max(axis=-1, keepdims=True, initial=TINY)
     return np.sqrt(np.where(square > least, square, np.inf))
 
 
@@ -99,7 +100,7 @@ def orthonormal(X: Array, least: float = _ROUNDING) -> Array:
         least: Part of the longest mix of unit columns below which a mix is rounding.
     """
     U, s, _ = np.linalg.svd(X / _lengths(X), full_matrices=False)
-    return np.asarray(U[:, s > least * s.max(initial=_TINY)])
+    return np.asarray(U[:, s > least * s.max(initial=TINY)])
 
 
 def span(X: Array, least: float) -> Array:
@@ -117,14 +118,14 @@ def spans(X: Array) -> Array:
 def complement(X: Array) -> Array:
     """Orthonormal columns, (M, M - r), that no mix of the columns of X, (M, k), reaches."""
     U, s, _ = np.linalg.svd(X / _lengths(X), full_matrices=True)
-    return np.asarray(U[:, int(np.sum(s > _ROUNDING * s.max(initial=_TINY))) :])
+    return np.asarray(U[:, int(np.sum(s > _ROUNDING * s.max(initial=TINY))) :])
 
 
 def pseudoinverse(X: Array) -> Inverse:
     """X+ with its rank, by singular values of unit columns."""
     size = _lengths(X)
     U, s, Vt = np.linalg.svd(X / size, full_matrices=False)
-    rank = int(np.sum(s > _ROUNDING * s.max(initial=_TINY)))
+    rank = int(np.sum(s > _ROUNDING * s.max(initial=TINY)))
     half = Vt[:rank].T / (s[:rank] * size.T)
     lost = 1 - np.einsum("rk,rk->k", Vt[:rank], Vt[:rank]) > _PART
     free = complement(Vt[:rank].T) / np.where(np.isfinite(size), size, 1.0).T
@@ -147,7 +148,7 @@ def unit(N: Array) -> tuple[Array, Array]:
     A column that is nothing has infinite length, and products of zero.
     """
     square = np.einsum("...ii->...i", N)
-    least = _ROUNDING**2 * np.max(square, axis=-1, keepdims=True, initial=_TINY)
+    least = _ROUNDING**2 * np.max(square, axis=-1, keepdims=True, initial=TINY)
     size = np.sqrt(np.where(square > least, square, np.inf))
     return N / (size[..., :, None] * size[..., None, :]), size
 
@@ -156,7 +157,7 @@ def determined(N: Array) -> Array:
     """Orthonormal mixes of parameters, (k, r), that rows with products N, (k, k), determine."""
     scaled, size = unit(N)
     values, vectors = directions(scaled)
-    seen = vectors[:, values > PRODUCTS * values.max(initial=_TINY)]
+    seen = vectors[:, values > PRODUCTS * values.max(initial=TINY)]
     return orthonormal(seen * np.where(np.isfinite(size), size, 0.0)[:, None])
 
 
@@ -202,7 +203,7 @@ def covariance(N: Array) -> Array:
     """Inverse of products (k, k), variances infinite where a parameter has a part in rounding."""
     scaled, size = unit(N)
     values, vectors = directions(scaled)
-    dark = values <= PRODUCTS * values.max(initial=_TINY)
+    dark = values <= PRODUCTS * values.max(initial=TINY)
     half = vectors[:, ~dark] / np.sqrt(values[~dark]) / size[:, None]
     cov = half @ half.T
     lost = np.sum(vectors[:, dark] ** 2, axis=1) > _PART
@@ -219,7 +220,7 @@ def left(G: Array, whole: Array, least: float = LEFT) -> tuple[Array, Ints]:
         least: Squared part of a whole column that is none: what the base explains to seven digits
             is the base.
     """
-    size = np.sqrt(np.maximum(whole, _TINY))
+    size = np.sqrt(np.maximum(whole, TINY))
     outer = size[..., :, None] * size[..., None, :]
     values, vectors = directions(G / outer)
     kept = values > least

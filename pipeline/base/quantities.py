@@ -13,6 +13,9 @@ MISSING = "–"
 
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
 
+MM = 1e3
+"""Millimetres in a metre, the unit of pages and result.json."""
+
 _ROUNDING = 1e-15
 """Part of a double that is rounding [1]: nothing is known better."""
 

@@ -10,6 +10,10 @@ NORMAL_95 = 1.96
 three digits of GUM table G.1."""
 
 
+CHI2_95 = 3.84
+"""95 % of chi2 of one degree of freedom lie below [1]: the square of it, as tables have it."""
+
+
 def chi2_below(chi2: Array | float, dof: Array | float) -> Array:
     """P(chi2_dof < chi2); 0 below zero, and nan without freedom."""
     return special.chdtr(np.where(np.greater(dof, 0), dof, np.nan), np.maximum(chi2, 0.0))

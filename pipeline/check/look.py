@@ -38,7 +38,7 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.expected import expected
 from pipeline.reduction.settings import Settings
 from pipeline.run import ingested
-from pipeline.store.campaign import Campaign, Raw
+from pipeline.store.campaign import CampaignFolder, Raw
 
 _MOST_LINES = 40
 """More of a kind fit no screen."""
@@ -47,7 +47,7 @@ _OTHER_UNIT = 2.2
 tens of per cent."""
 
 
-def check(campaign: Campaign) -> Outcome:
+def check(campaign: CampaignFolder) -> Outcome:
     """Read a campaign and say what would be used; write nothing.
 
     Raises:
@@ -115,7 +115,7 @@ def _beside(pulls: Outcome, positions: Outcome) -> Outcome:
 
 
 def _refused(
-    campaign: Campaign, wrong: list[Wrong], others: list[str], problem: InputError
+    campaign: CampaignFolder, wrong: list[Wrong], others: list[str], problem: InputError
 ) -> Outcome:
     """A campaign that can be used when a line, or a whole file, is corrected."""
     shown = problem
@@ -152,7 +152,7 @@ def _complaints(name: str, wrong: list[Wrong]) -> list[str]:
 
 
 def _told(
-    campaign: Campaign, raw: Raw, case: Case, reduced: Reduced, wrong: list[Wrong]
+    campaign: CampaignFolder, raw: Raw, case: Case, reduced: Reduced, wrong: list[Wrong]
 ) -> Outcome:
     name, shown, data = campaign.name, reduced.shown, reduced.data
     rejected = rejected_entries(shown["rejected"])

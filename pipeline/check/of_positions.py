@@ -14,7 +14,7 @@ from pipeline.base.errors import InputError, listed
 from pipeline.base.quantities import plain
 from pipeline.base.shown import typed
 from pipeline.faults.mistake import Mistake
-from pipeline.faults.position_rows import Sheet, position_rows
+from pipeline.faults.position_rows import PositionSheet, position_rows
 from pipeline.geometry.begin import begin
 from pipeline.geometry.leftout import distances
 from pipeline.geometry.mechanism import linearised
@@ -30,7 +30,7 @@ def of_positions(name: str, raw: Raw) -> Outcome:
     """What a campaign of positions holds, and how far it is from the robot's table."""
     with raw.placing():
         table, rejects = as_read(raw.settings, raw.robot, raw.files)
-        wrong, sheet = position_rows(Sheet(raw.robot, raw.settings, table))
+        wrong, sheet = position_rows(PositionSheet(raw.robot, raw.settings, table))
         read = usable(raw.settings, raw.robot, sheet.rows, rejects)
     readings, off_m = read.readings, _off_m(raw, read)
     rejected = rejected_entries(read.rejected)

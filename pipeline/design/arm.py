@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pipeline.machine.bodies import SHORT_M
 from pipeline.machine.cell import Tool
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.capsules import Capsules
@@ -15,9 +16,6 @@ from pipeline.machine.surroundings import Surrounded, Surroundings
 _THICK, _THIN = 0.10, 0.035
 """Radii of links at foot and wrist over the length of the arm [1]: estimates, as those of the rough
 hulls that ship (KR 210: 0.33 and 0.12 m of 3.5 m)."""
-
-_SHORT_M = 1e-3
-"""A link that is shorter has no body of its own [m]."""
 
 
 def bodied(robot: Robot) -> Robot:
@@ -54,7 +52,7 @@ def hulls(robot: Robot) -> Capsules:
     rows = [
         (k + 1, here.axes[0, k].T @ (at[k + 1] - at[k]), radius * arm)
         for k, length, radius in zip(links, size, share, strict=True)
-        if length > _SHORT_M
+        if length > SHORT_M
     ]
     ends = np.array([[np.zeros(3), end] for _, end, _ in rows]).transpose(1, 0, 2)
     return Capsules(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated
@@ -14,8 +14,10 @@ from pipeline.app.commands._shared import AsJson, Root, Steps, at_work
 from pipeline.base import files
 from pipeline.base.errors import InputError, Interrupted, UsageError
 from pipeline.base.shown import lines, typed
+from pipeline.design.language import Language
 
 if TYPE_CHECKING:
+    from pipeline.base.arrays import Array
     from pipeline.design.made import Made
     from pipeline.design.propose import Proposal
 
@@ -45,6 +47,9 @@ def design(
     rounds: Annotated[
         int, Option(min=1, help="Number of search rounds from new random starts.")
     ] = 2,
+    language: Annotated[
+        Language, Option(help="Language of the measurement sheet: en, de or fr.")
+    ] = Language.EN,
     wanted: Annotated[
         bool | None,
         Option("--write/--no-write", help="Write plan file and sheet; off with --json."),
@@ -76,13 +81,16 @@ def design(
     made = make(asked, seed, Effort(rounds=rounds), at_work)
     if wanted or (wanted is None and not as_json):
         more = f" --add-to {typed(add_to)}" if add_to else ""
-        made = write(root, made, seed, f" --seed {seed} --rounds {rounds}{more}")
+        more += f" --language {language}" if language is not Language.EN else ""
+        made = write(root, made, seed, f" --seed {seed} --rounds {rounds}{more}", language)
     typer.echo(made.as_json() if as_json else lines(made.as_text()))
     if made.interrupted:
         raise Interrupted("Interrupted; this is the best plan so far.")
 
 
-def write(root: Path, made: Made, seed: int, by: str = "") -> Made:
+def write(
+    root: Path, made: Made, seed: int, by: str = "", language: Language = Language.EN
+) -> Made:
     """Write plan file, measurement sheet and pictures of a design.
 
     Args:
@@ -90,6 +98,7 @@ def write(root: Path, made: Made, seed: int, by: str = "") -> Made:
         made: The design.
         seed: Of its searches; the curves use it too.
         by: Options with which the problem gives this plan again.
+        language: Of the sheet.
 
     Raises:
         UsageError: A plan of that name was written by hand.
@@ -111,7 +120,7 @@ def write(root: Path, made: Made, seed: int, by: str = "") -> Made:
     robot = made.proposal.problem.robot
     if made.proposal.problem.spec.robot not in SHIPPED:  # beside the plan, which names it
         files.write(plan.parent / Path(made.proposal.problem.spec.robot).name, robot.text.encode())
-    for inner, data in plan_files(made.proposal, made.seconds, seed).items():
+    for inner, data in plan_files(made.proposal, made.seconds, seed, language).items():
         files.write(folder / inner, data)
     files.write(folder / "design.json", content)
     for inner, data in driven.items():
@@ -137,16 +146,42 @@ def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, by
     from pipeline.programs.for_plan import NO_CELL, brand_of, drive, programs
 
     problem, measurement = proposal.problem, proposal.measurement
-    q, steps = measurement.q, [own.tolist() for own in measurement.steps]
-    way = measurement.approach
-    if (beside := proposal.unpulled) is not None:
-        q, steps = np.concatenate([q, beside.q]), [*steps, *[[] for _ in beside.q]]
-        way = np.append(way, np.resize([1, -1], len(beside.q)))
+    q, steps, way = _every_pose(proposal)
     zero_after = problem.spec.noise.zero == "before_after"
     q = from_log_units(problem.robot, printed(problem, q))
     ways = legs(problem, q, measurement.anchor)
     wrong = [*standing(problem, q), *(one.sentence for one in ways if one.blocked)]
-    if wrong and problem.spec.limits.clear_of_itself:
+    if wrong:
+        _undriven(wrong, problem.spec.limits.clear_of_itself, tell)
+        return {}
+    lost = {leg.pose: leg.crossed for leg in ways if leg.crossed}
+    for pose, line in lost.items():
+        tell(f"On the way to pose {pose} no way keeps {line}: the program says so there.")
+    via = [np.zeros((0, problem.robot.n)), *(one.via for one in ways)]
+    first = (NO_CELL,) if problem.spec.cell is None else ()
+    found = drive(problem.spec.name, problem.robot, q, way, steps, zero_after, via, lost, first)
+    return {} if found is None else programs(found, brand_of(problem.robot.description))
+
+
+def _every_pose(proposal: Proposal) -> tuple[Array, list[list[float]], Array]:
+    """Joint values, load steps and ways of the carriage of all poses, those without a pull last."""
+    import numpy as np
+
+    measurement, beside = proposal.measurement, proposal.unpulled
+    steps = [own.tolist() for own in measurement.steps]
+    if beside is None:
+        return measurement.q, steps, measurement.approach
+    way = np.append(measurement.approach, np.resize([1, -1], len(beside.q)))
+    return np.concatenate([measurement.q, beside.q]), [*steps, *[[] for _ in beside.q]], way
+
+
+def _undriven(wrong: Sequence[str], refused: bool, tell: Callable[[str], object]) -> None:
+    """Say why a plan cannot be driven.
+
+    Raises:
+        InputError: The problem asks that it can.
+    """
+    if refused:
         raise InputError(
             f"this plan cannot be driven: {'; '.join(wrong[:3])}",
             "try another --seed or --poses, or narrow limits.joints where the arm folds; with "
@@ -154,10 +189,3 @@ def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, by
         )
     for one in wrong:
         tell(f"No program is written: {one}.")
-    lost = {} if wrong else {leg.pose: leg.crossed for leg in ways if leg.crossed}
-    for pose, line in lost.items():
-        tell(f"On the way to pose {pose} no way keeps {line}: the program says so there.")
-    via = [np.zeros((0, problem.robot.n)), *(one.via for one in ways)]
-    first = (NO_CELL,) if problem.spec.cell is None else ()
-    found = drive(problem.spec.name, problem.robot, q, way, steps, zero_after, via, lost, first)
-    return {} if found is None or wrong else programs(found, brand_of(problem.robot.description))

@@ -123,23 +123,27 @@ def designed(made: Made) -> Design:
     )
 
 
+def _text_of(name: str) -> tuple[str, Path | None]:
+    """A problem as written, and the folder of its file where it does not ship."""
+    if name in specs.SHIPPED:
+        return specs.shipped(name), None
+    path = Path(name)
+    missing = InputError(
+        f'there is no design problem "{name}"',
+        f"use {listed(specs.SHIPPED)}, or the path of a problem file ending in .toml",
+    )
+    if path.suffix != ".toml":
+        raise missing
+    return files.words(path, path.name, LARGEST, missing), path.parent
+
+
 def problem_of(name: str, changes: dict[str, Any]) -> Problem:
     """A problem that ships, or from a file, with what is said otherwise.
 
     Raises:
         InputError: There is no such problem, it is wrong, or no plan can meet it.
     """
-    if name in specs.SHIPPED:
-        text, folder = specs.shipped(name), None
-    else:
-        path = Path(name)
-        missing = InputError(
-            f'there is no design problem "{name}"',
-            f"use {listed(specs.SHIPPED)}, or the path of a problem file ending in .toml",
-        )
-        if path.suffix != ".toml":
-            raise missing
-        text, folder = files.words(path, path.name, LARGEST, missing), path.parent
+    text, folder = _text_of(name)
     if changes.get("robot") and name in specs.SHIPPED:  # the paper's own robot goes to its limits
         own = {k: specs.Limits.model_fields[k].default for k in specs.MARGINS}
         changes = changes | {"limits": own | (changes.get("limits") or {})}

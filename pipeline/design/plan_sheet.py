@@ -9,9 +9,10 @@ from operator import itemgetter
 
 import numpy as np
 
+from pipeline.answer.contract import LEAST_CONTROLLED
 from pipeline.answer.words import capital
 from pipeline.base.arrays import Array
-from pipeline.base.quantities import percent, plain
+from pipeline.base.quantities import MM, percent, plain
 from pipeline.design.control import Control
 from pipeline.design.curves import ByAnchor, BySize
 from pipeline.design.discriminate import Sight
@@ -29,19 +30,18 @@ from pipeline.report.columns import Cells, number, roughly, said, table_of
 from pipeline.report.record import (
     Block,
     Column,
-    Entry,
     Figure,
+    Paragraph,
     Report,
+    ReportTable,
     Section,
-    Table,
-    Text,
+    TableEntry,
     entry,
     present,
     section_of,
     unlabelled,
 )
 
-MM = 1e3
 _BEFORE = (
     "Fix the anchor, mount the effector, measure its points and put them into campaign.toml. Read "
     "the base reflectors before the first pose and after the last."
@@ -156,14 +156,14 @@ def _setting_up(problem: Problem, measurement: Measurement) -> Section | None:
     once = table_of(
         "once",
         "To write down once",
-        [said("What", str), (Column("Value"), lambda _: Entry("_" * 24))],
+        [said("What", str), (Column("Value"), lambda _: TableEntry("_" * 24))],
         _ONCE,
     )
-    return section_of("setup", "Set up", [*map(Text, todo), table, once])
+    return section_of("setup", "Set up", [*map(Paragraph, todo), table, once])
 
 
 _ONCE = (
-    "Date, begin and end",
+    "Date",
     "Operator",
     "Temperature of base and robot [degC], at the begin and at the end",
     "Weight that hangs at the load point all the time [kg]",
@@ -248,7 +248,7 @@ def _pose(
         f"reflectors, chain and anchor.",
         held=True,
     )
-    drive = Text(_drive_to(problem.robot, measurement, pose))
+    drive = Paragraph(_drive_to(problem.robot, measurement, pose))
     log = _log(problem, pose, measurement.steps[pose], moved)
     back = _read_back(problem.robot, pose)
     return section_of(f"pose{pose + 1}", name, [drive, figure, back, log])
@@ -269,7 +269,7 @@ def _reading_only(proposal: Proposal) -> Section | None:
         "unpulled",
         "Unloaded poses",
         [
-            Text(
+            Paragraph(
                 f"Remove the chain and measure every reflector {often} at these poses. They "
                 f"identify the DH parameters, not the stiffnesses: {worth_unpulled(found)}."
             ),
@@ -308,7 +308,7 @@ def expected(problem: Problem, measurement: Measurement) -> list[Array]:
     return out
 
 
-def _log(problem: Problem, pose: int, steps: Array, moved: list[Array]) -> Table | None:
+def _log(problem: Problem, pose: int, steps: Array, moved: list[Array]) -> ReportTable | None:
     group, turned = f"pose{pose + 1:02d}_rep", turnings(steps)
     columns: list[Cells[int]] = [
         number("Pull", lambda k: k + 1, str),
@@ -336,7 +336,7 @@ def turnings(steps: Array) -> list[str]:
     return [one if way > 0 else "slacken to" for one, way in zip(up, ways, strict=True)]
 
 
-def _read_back(robot: Robot, pose: int) -> Table | None:
+def _read_back(robot: Robot, pose: int) -> ReportTable | None:
     """Boxes for the axes as the controller shows them once it stands there."""
     columns: list[Cells[int]] = [
         *((Column(name), _short) for name in axes.of(robot).names),
@@ -345,12 +345,12 @@ def _read_back(robot: Robot, pose: int) -> Table | None:
     return table_of(f"read-back-{pose + 1}", "Axes read back", columns, range(1))
 
 
-def _short(_: int) -> Entry:
-    return Entry("_" * 8)
+def _short(_: int) -> TableEntry:
+    return TableEntry("_" * 8)
 
 
-def _blank(_: int) -> Entry:
-    return Entry("_" * 12)
+def _blank(_: int) -> TableEntry:
+    return TableEntry("_" * 12)
 
 
 def _telling(proposal: Proposal, extras: Extras) -> Section | None:
@@ -366,9 +366,9 @@ def _telling(proposal: Proposal, extras: Extras) -> Section | None:
         zip(proposal.problem.robot.joints, proposal.relative_std, strict=True),
         "At nominal stiffness and the stated noise; below 50 % the report calls it identifiable.",
     )
-    cell = [Text(f"{capital(one)}.") for one in cell_lines(proposal)]
+    cell = [Paragraph(f"{capital(one)}.") for one in cell_lines(proposal)]
     curves = _curves(proposal, extras)
-    blocks = [Text(worth(proposal)), _search_note(proposal), *cell, table, *curves]
+    blocks = [Paragraph(worth(proposal)), _search_note(proposal), *cell, table, *curves]
     return section_of("worth", "What it will tell", blocks)
 
 
@@ -378,11 +378,11 @@ def _verdict(std: float) -> str:
     return "weak: known to better than its own size only" if std < 1 else "not identifiable"
 
 
-def _search_note(proposal: Proposal) -> Text | None:
+def _search_note(proposal: Proposal) -> Paragraph | None:
     certificate = proposal.certificate
     if certificate is None:
         return None
-    return Text(
+    return Paragraph(
         f"The bound comes from the continuous design and the general equivalence theorem. Its "
         f"worst direction was searched numerically, from {certificate.starts} starts of which "
         f"{percent(certificate.agreeing)} ended at the highest peak; the bound holds as far as "
@@ -425,11 +425,7 @@ def _seeing(sights: list[Sight], axes: words.Axes) -> Section | None:
     )
     told = _visibility(sights)
     figure = Figure("sights", "What the plan can see", told, f"Range chart of the causes. {told}")
-    return section_of("sights", "What it will and will not see", [Text(told), figure, table])
-
-
-_LEAST = 10
-"""So many of the readings that are controlled least are shown."""
+    return section_of("sights", "What it will and will not see", [Paragraph(told), figure, table])
 
 
 def _controlling(problem: Problem, controls: Sequence[Control]) -> Section | None:
@@ -458,8 +454,8 @@ def _controlling(problem: Problem, controls: Sequence[Control]) -> Section | Non
         "columns say what it would move most. Readings of chain and base are no part of a plan."
     )
     title = "Readings of least redundancy"
-    table = table_of("control", title, columns, controls[:_LEAST], note)
-    return section_of("control", "Uncontrolled observations", [Text(told), table])
+    table = table_of("control", title, columns, controls[:LEAST_CONTROLLED], note)
+    return section_of("control", "Uncontrolled observations", [Paragraph(told), table])
 
 
 _UNIT = {"tracker": "m", "zero": "m", "force_reading": "N"}
@@ -472,7 +468,7 @@ def _reading(one: Control) -> str:
     return f"reading of {one.target} {when} in pose {one.pose}"
 
 
-def _times(size: float) -> Entry:
+def _times(size: float) -> TableEntry:
     return entry(plain(size, 2) if np.isfinite(size) else "no size", min(size, 1e9))
 
 

@@ -10,10 +10,10 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Parameter
-from pipeline.base.tails import NORMAL_95
+from pipeline.base.tails import CHI2_95, NORMAL_95
 from pipeline.diagnosis.average import Hypothesis, Size, each_way, size
-from pipeline.diagnosis.facts import Amplitude
-from pipeline.diagnosis.identify import Case, of_model
+from pipeline.diagnosis.facts import EffectSize
+from pipeline.diagnosis.identify import SearchCase, of_model
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect, Elastic
 from pipeline.system.elimination import coefficients, eliminate
@@ -21,7 +21,7 @@ from pipeline.system.evidence import ROUNDING
 from pipeline.system.whitened import Whitened
 
 
-def amplitudes(case: Case, view: Whitened) -> list[tuple[Amplitude, ...]]:
+def amplitudes(case: SearchCase, view: Whitened) -> list[tuple[EffectSize, ...]]:
     """Sizes of the accepted causes, springs estimated as well; scatter from the residuals.
 
     z = N^+ g in typical sizes, N = X'X and g = X'y over the whitened columns of the base;
@@ -48,12 +48,14 @@ def amplitudes(case: Case, view: Whitened) -> list[tuple[Amplitude, ...]]:
             interval = (here - quantile * mine, here + quantile * mine)
             if not isinstance(effect, Elastic) and np.isfinite(mine):
                 interval = _profile(view, suspect, parameter, here, mine, scatter)
-            sizes.append(Amplitude(parameter, float(here), float(mine), interval))
+            sizes.append(EffectSize(parameter, float(here), float(mine), interval))
         out.append(tuple(sizes))
     return out
 
 
-def averaged(case: Case, view: Whitened, sets: Sequence[Hypothesis]) -> list[tuple[Amplitude, ...]]:
+def averaged(
+    case: SearchCase, view: Whitened, sets: Sequence[Hypothesis]
+) -> list[tuple[EffectSize, ...]]:
     """The same over all hypotheses that hold the cause, as the springs are (`average.size`).
 
     Their covariance holds what the springs' does: the stated noise, how far each pull may deviate
@@ -75,7 +77,7 @@ def averaged(case: Case, view: Whitened, sets: Sequence[Hypothesis]) -> list[tup
     return out
 
 
-def both_ways(effect: Effect, sets: Sequence[Hypothesis]) -> tuple[Amplitude, ...]:
+def both_ways(effect: Effect, sets: Sequence[Hypothesis]) -> tuple[EffectSize, ...]:
     """Compliance of a joint where its torque is positive, and where it is negative.
 
     Nothing of an effect that does not give it two.
@@ -90,7 +92,7 @@ def both_ways(effect: Effect, sets: Sequence[Hypothesis]) -> tuple[Amplitude, ..
     found, own = each_way(sets, joint, effect), sets[0].estimate.parameters[joint]
     ends = zip(found.value, found.std, found.low, found.high, strict=True)
     return tuple(
-        Amplitude(
+        EffectSize(
             replace(own, name=f"c_joint{joint + 1}_{way}"),
             float(value),
             float(std),
@@ -104,11 +106,11 @@ WAYS = ("positive", "negative")
 """Sign of the torque on a joint of the robot file, in the order of `average.each_way`."""
 
 
-def _of(alone: Amplitude, over: Size) -> Amplitude:
-    return Amplitude(alone.parameter, over.value, over.std, over.ci95)
+def _of(alone: EffectSize, over: Size) -> EffectSize:
+    return EffectSize(alone.parameter, over.value, over.std, over.ci95)
 
 
-def _bent(alone: Amplitude, over: Size) -> Amplitude:
+def _bent(alone: EffectSize, over: Size) -> EffectSize:
     """A size over all hypotheses, its interval bent as that of the accepted cause alone."""
     straight = NORMAL_95 * alone.std
     if not 0 < straight < np.inf:
@@ -133,7 +135,7 @@ def _profile(
     out = []
     for side in (-NORMAL_95, NORMAL_95):
         rise = _rise(view, suspect, parameter, value + side * std) / variance
-        out.append(value + side * std * float(np.sqrt(3.84 / max(rise, 1.0))))
+        out.append(value + side * std * float(np.sqrt(CHI2_95 / max(rise, 1.0))))
     return out[0], out[1]
 
 

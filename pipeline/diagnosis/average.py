@@ -92,7 +92,7 @@ class Springs(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class Combination(Locked):
+class DeterminedMix(Locked):
     """What the data determine of joints that they do not determine singly.
 
     Attributes:
@@ -382,7 +382,7 @@ def information(hypotheses: Sequence[Hypothesis]) -> Array:
     return np.asarray(R @ linear.solve(R.T @ np.einsum("h,hij->ij", w, covs) @ R, R.T))
 
 
-def together(hypotheses: Sequence[Hypothesis], N: Array, alone: Bools) -> tuple[Combination, ...]:
+def together(hypotheses: Sequence[Hypothesis], N: Array, alone: Bools) -> tuple[DeterminedMix, ...]:
     """What is determined only of several joints together, over all hypotheses.
 
     Args:
@@ -405,7 +405,7 @@ def together(hypotheses: Sequence[Hypothesis], N: Array, alone: Bools) -> tuple[
     std = np.sqrt(np.einsum("ci,hij,cj->hc", W, covs, W))
     ends = zip(*_interval(hypotheses, values @ W.T, std), strict=True)
     return tuple(
-        Combination(mix.of, mix.weights, mix.value, mix.std, float(low), float(high))
+        DeterminedMix(mix.of, mix.weights, mix.value, mix.std, float(low), float(high))
         for mix, (low, high) in zip(found, ends, strict=True)
     )
 

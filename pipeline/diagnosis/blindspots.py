@@ -10,13 +10,14 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
-from pipeline.diagnosis.facts import BlindSpot
+from pipeline.diagnosis.facts import Unnoticed
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.effect import Effect, Wrench
 from pipeline.system.beside import left_beside
 from pipeline.system.whitened import Whitened
 
 _POWER = 0.8
+"""Probability with which what is called visible is seen [1]: the usual power of a test."""
 
 
 def smallest_visible(view: Whitened, base: Ints, p: float) -> Array:
@@ -60,7 +61,7 @@ def blind_spots(
     p: float,
     twins: Twins,
     elsewhere: Mapping[str, float],
-) -> tuple[BlindSpot, ...]:
+) -> tuple[Unnoticed, ...]:
     """Causes whose typical size would not have been noticed, the best known first.
 
     Args:
@@ -78,7 +79,7 @@ def blind_spots(
     out = []
     for effect in {e.label: e for e in effects}.values():
         if effect.label in twins.of_stiffness:
-            out.append(BlindSpot(effect, _hidden(effect), None, np.inf))
+            out.append(Unnoticed(effect, _hidden(effect), None, np.inf))
         elif effect.label in best and best[effect.label] > 1:
             size = float(best[effect.label])
             far = not np.isfinite(size) or size * effect.parameters[0].typical > 1e3
@@ -88,7 +89,7 @@ def blind_spots(
                 if visible is None
                 else f"a typical size is {1 / size:.2g} of what would be seen here"
             )
-            out.append(BlindSpot(effect, why, visible, size))
+            out.append(Unnoticed(effect, why, visible, size))
     # twins, which differ by rounding, stay in the catalogue's order
     return tuple(sorted(out, key=lambda spot: -float(f"{spot.times:.6g}")))
 

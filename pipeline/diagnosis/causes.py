@@ -11,9 +11,17 @@ from pipeline.base.arrays import Array
 from pipeline.base.tails import NORMAL_95
 from pipeline.diagnosis.amplitude import averaged, both_ways
 from pipeline.diagnosis.average import Hypothesis
-from pipeline.diagnosis.facts import Amplitude, AsGood, Cause, Drift, Gain, Named, Standing
+from pipeline.diagnosis.facts import (
+    CrossValidation,
+    Drift,
+    EffectSize,
+    FoundCause,
+    NamelessEqual,
+    PossibleCause,
+    UnloadedFacts,
+)
 from pipeline.diagnosis.hypotheses import accepted
-from pipeline.diagnosis.identify import WORTH, Case, Found
+from pipeline.diagnosis.identify import WORTH, Found, SearchCase
 from pipeline.diagnosis.improvement import as_good
 from pipeline.diagnosis.isolability import Twins
 from pipeline.machine.cell import predict
@@ -22,19 +30,19 @@ from pipeline.machine.effects.nameless import NAMELESS, mounting
 from pipeline.machine.effects.unlisted import height, undecided
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system import alarms
-from pipeline.system.system import Scatter
+from pipeline.system.system import ScatterRatio
 from pipeline.system.variance import at_most
 
 
 def of_displacements(
-    case: Case,
+    case: SearchCase,
     found: Found,
-    worth: Gain | None,
+    worth: CrossValidation | None,
     where: Where,
     known: Twins,
     sets: Sequence[Hypothesis],
     rng: np.random.Generator,
-) -> tuple[Cause, ...]:
+) -> tuple[FoundCause, ...]:
     """Those that the search accepted, with their cross-validation gain.
 
     Args:
@@ -50,19 +58,20 @@ def of_displacements(
         return ()
     held = sets if sets and sets[0].effects else (accepted(case, found),)
     change, sizes = _change(found, where), averaged(case, found.plain, held)
-    none: list[tuple[AsGood, ...]] = [()] * len(found.accepted)
+    none: list[tuple[NamelessEqual, ...]] = [()] * len(found.accepted)
     alike = _alike(case, found, rng) if worth and found.strange else none
     out = []
     for place, suspect in enumerate(found.accepted):
         effect = case.suspects[suspect]
-        standing = [Named(case.suspects[r.suspect], r.probability) for r in found.rivals[place]]
+        standing = [
+            PossibleCause(case.suspects[r.suspect], r.probability) for r in found.rivals[place]
+        ]
         odds = {one.effect.label: one for one in standing}
         mine = odds.pop(effect.label, None)
         either = _either(case, found, place)
-        laws = [other.effect.law for other in either[1:] if other.effect.law is not None]
         out.append(
-            Cause(
-                effect=undecided(case.cell.robot, effect, laws) if laws else effect,
+            FoundCause(
+                effect=_worded(case, effect, either),
                 probability=mine.probability if mine else 0.0,
                 amplitudes=sizes[place],
                 p_value=found.p_values[place],
@@ -80,7 +89,13 @@ def of_displacements(
     return tuple(out)
 
 
-def _either(case: Case, found: Found, place: int) -> tuple[Named, ...]:
+def _worded(case: SearchCase, effect: Effect, either: Sequence[PossibleCause]) -> Effect:
+    """The effect; where its law is undecided, in the words of all."""
+    laws = [other.effect.law for other in either[1:] if other.effect.law is not None]
+    return undecided(case.cell.robot, effect, laws) if laws else effect
+
+
+def _either(case: SearchCase, found: Found, place: int) -> tuple[PossibleCause, ...]:
     """Laws of one place within exp(`WORTH`) of the likeliest, the accepted one first; or none."""
     effect = case.suspects[found.accepted[place]]
     own = next((one for one in found.rivals[place] if one.label == effect.label), None)
@@ -90,10 +105,10 @@ def _either(case: Case, found: Found, place: int) -> tuple[Named, ...]:
     least = max(every.values()) * np.exp(-WORTH)
     near = [one for one, share in every.items() if share > least and one is not effect]
     ranked = sorted(near, key=lambda one: -every[one])
-    return tuple(Named(one, every[one]) for one in (effect, *ranked)) if ranked else ()
+    return tuple(PossibleCause(one, every[one]) for one in (effect, *ranked)) if ranked else ()
 
 
-def _height(effect: Effect, first: Hypothesis) -> Amplitude | None:
+def _height(effect: Effect, first: Hypothesis) -> EffectSize | None:
     """Amplitude of a law that nobody listed, from the likeliest set of causes."""
     if effect.law is None or effect not in first.effects:
         return None
@@ -101,10 +116,12 @@ def _height(effect: Effect, first: Hypothesis) -> Amplitude | None:
     at = [k for k, p in enumerate(found.parameters) if p.name in names]
     parameter = replace(effect.parameters[0], name="amplitude", lower=0.0)
     value, std = height(effect.law, found.value[at], found.cov[np.ix_(at, at)])
-    return Amplitude.symmetric(parameter, value, std)
+    return EffectSize.symmetric(parameter, value, std)
 
 
-def _alike(case: Case, found: Found, rng: np.random.Generator) -> list[tuple[AsGood, ...]]:
+def _alike(
+    case: SearchCase, found: Found, rng: np.random.Generator
+) -> list[tuple[NamelessEqual, ...]]:
     """What does as well in the place of each cause, of all that has a name or none."""
     more = (*case.nameless, *mounting(case.cell.robot))
     wide = case.whitened(found.seen.beside(more))
@@ -120,11 +137,11 @@ def _change(found: Found, where: Where) -> float:
     return float(np.mean(np.linalg.norm(new - old, axis=-1)))
 
 
-def _unnamed(found: Found, place: int) -> Named | None:
+def _unnamed(found: Found, place: int) -> PossibleCause | None:
     if not found.strange:
         return None
     one = found.strange[place]
-    return Named(found.wide.suspects[one.suspect], one.probability)
+    return PossibleCause(found.wide.suspects[one.suspect], one.probability)
 
 
 def missing(found: Found, misfit_p: float) -> float:
@@ -144,12 +161,12 @@ def missing(found: Found, misfit_p: float) -> float:
     return at_most(min(found.lack.p_poses, found.lack.p_pulls, further, misfit_p), NAMELESS)
 
 
-def of_unloaded(stood: Standing) -> tuple[Cause, ...]:
+def of_unloaded(stood: UnloadedFacts) -> tuple[FoundCause, ...]:
     """Causes that the unloaded positions call for."""
     if not stood.believed:
         return ()
     return tuple(
-        Cause(
+        FoundCause(
             effect=one.effect,
             probability=one.probability,
             amplitudes=_sizes(one.effect, one.value, one.std),
@@ -165,21 +182,21 @@ def of_unloaded(stood: Standing) -> tuple[Cause, ...]:
 
 def _sizes(
     effect: Effect, value: Array, std: Array, quantile: float = NORMAL_95
-) -> tuple[Amplitude, ...]:
+) -> tuple[EffectSize, ...]:
     parts = zip(effect.parameters, value, std, strict=True)
-    return tuple(Amplitude.symmetric(p, float(v), float(s), quantile) for p, v, s in parts)
+    return tuple(EffectSize.symmetric(p, float(v), float(s), quantile) for p, v, s in parts)
 
 
-def of_base(drift: Drift | None, causes: Sequence[Cause]) -> tuple[Cause, ...]:
+def of_base(drift: Drift | None, causes: Sequence[FoundCause]) -> tuple[FoundCause, ...]:
     """The drift that the base reflectors show, unless the displacements have shown it already."""
     if drift is None or not drift.named or drift.effect.name in {c.effect.name for c in causes}:
         return ()
     sizes = _sizes(drift.effect, drift.velocity, drift.std)
     odds = at_most(drift.p_value) / (1 + NAMELESS * drift.undecided)
-    return (Cause(drift.effect, odds, sizes, drift.p_value),)
+    return (FoundCause(drift.effect, odds, sizes, drift.p_value),)
 
 
-def of_scatter(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ...]:
+def of_scatter(whole: tuple[Effect, ...], spread: ScatterRatio) -> tuple[FoundCause, ...]:
     """Causes of scatter: readings scatter more than the stated noise by a wide margin."""
     sizes = {
         "tracker_noise": (spread.tracker - 1, spread.tracker_std, spread.tracker_p),
@@ -193,6 +210,6 @@ def of_scatter(whole: tuple[Effect, ...], spread: Scatter) -> tuple[Cause, ...]:
     for effect in whole:
         value, std, p = sizes.get(effect.name, (0.0, 0.0, 1.0))
         if isinstance(effect, Noise) and p < alarms.SCATTER and spread.known_from == "contrasts":
-            size = Amplitude.symmetric(effect.parameters[0], value, std)
-            out.append(Cause(effect, at_most(p), (size,), p))
+            size = EffectSize.symmetric(effect.parameters[0], value, std)
+            out.append(FoundCause(effect, at_most(p), (size,), p))
     return tuple(out)

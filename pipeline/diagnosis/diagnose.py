@@ -12,9 +12,20 @@ from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.diagnosis.blindspots import blind_spots
 from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_scatter, of_unloaded
-from pipeline.diagnosis.facts import Alone, BlindSpot, Diagnosis, Drift, Facts, Gain, Named
+from pipeline.diagnosis.facts import (
+    CrossValidation,
+    Determining,
+    Diagnosed,
+    Drift,
+    Facts,
+    FoundCause,
+    PossibleCause,
+    Proposal,
+    SoleCause,
+    Unnoticed,
+)
 from pipeline.diagnosis.hypotheses import hypotheses, too_small
-from pipeline.diagnosis.identify import Case, Found, by_label, search
+from pipeline.diagnosis.identify import Found, SearchCase, by_label, search
 from pipeline.diagnosis.improvement import alone, gain
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.separability import separation, separation_found
@@ -36,7 +47,7 @@ from pipeline.system.estimate import fits
 from pipeline.system.linearised import Linearised
 from pipeline.system.noise import scatter
 from pipeline.system.shape import Shape
-from pipeline.system.system import Estimate, Scatter, System
+from pipeline.system.system import Estimate, ScatterRatio, System
 from pipeline.system.variance import Components, variance_components
 from pipeline.system.whitened import Whitened
 
@@ -47,6 +58,20 @@ _SHOWN = 5
 
 _POINTS_M = 3e-4
 """Standard uncertainty per axis of the tool's points [m] where the campaign states none."""
+
+
+def _to_measure(
+    case: SearchCase,
+    found: Found,
+    causes: tuple[FoundCause, ...],
+    worth: CrossValidation | None,
+    known: Twins,
+    rng: np.random.Generator,
+) -> tuple[tuple[Proposal, ...], tuple[Determining, ...]]:
+    """Poses that would tell causes apart; where there are none, those that determine joints."""
+    proposed = next_poses(case, found, causes, worth, known, rng)
+    joints = () if proposed else determining(case, found, rng.spawn(1)[0])
+    return proposed, joints
 
 
 def diagnose(
@@ -60,7 +85,7 @@ def diagnose(
     noise: Components | None = None,
     shape: Shape | None = None,
     room: Room | None = None,
-) -> Diagnosis:
+) -> Diagnosed:
     """Find what the paper's model misses in one campaign.
 
     Args:
@@ -90,7 +115,8 @@ def diagnose(
     sets = hypotheses(case, found, stood.believed, facts.helps)
     causes = of_displacements(case, found, worth, where, known, sets, rng.spawn(1)[0])
     stated_p, misfit = _misfit(sets[0].estimate if sets else estimate, spread)
-    causes = tuple(replace(one, missing=missing(found, misfit)) for one in causes)
+    lacking = missing(found, misfit)
+    causes = tuple(replace(one, missing=lacking) for one in causes)
     facts = replace(
         facts,
         causes=causes,
@@ -105,16 +131,17 @@ def diagnose(
     held = (facts.causes if facts.helps else ()) + facts.scatter
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
-    main = [forms[0] for forms in by_label(case.suspects).values()]
+    every = by_label(case.suspects)
+    main = [forms[0] for forms in every.values()]
     single = _alone(found, worth, rng)
-    proposed = next_poses(case, found, causes, worth, known, rng)
-    return Diagnosis(
+    proposed, joints = _to_measure(case, found, causes, worth, known, rng)
+    return Diagnosed(
         facts=facts,
         causes=facts.moved + drifts + held,
         alone=single,
         blind_spots=_blind_spots(whole, found, facts, known),
         next_poses=proposed,
-        determining=() if proposed else determining(case, found, rng.spawn(1)[0]),
+        determining=joints,
         refused=found.refused,
         clues=clues(found),
         threshold=found.threshold.p,
@@ -125,7 +152,7 @@ def diagnose(
         scatter=spread,
         equilibrium=case.cell.equilibrium,
         apart=separation(found.first.M, found.first.base, found.first.at[main]),
-        apart_labels=tuple(by_label(case.suspects)),
+        apart_labels=tuple(every),
         apart_found=_apart_found(case, found, main, facts.helps),
         hypotheses=sets,
         **_left_out(found, worth, facts.helps),
@@ -137,8 +164,8 @@ def diagnose(
     )
 
 
-def _apart_found(case: Case, found: Found, main: Sequence[int], helps: bool) -> Array:
-    """`Diagnosis.apart_found`, by the first form of each cause."""
+def _apart_found(case: SearchCase, found: Found, main: Sequence[int], helps: bool) -> Array:
+    """`Diagnosed.apart_found`, by the first form of each cause."""
     labels = [case.suspects[i].label for i in main]
     out = np.full((len(main), len(main)), np.nan)
     accepted = found.accepted if helps else ()
@@ -154,7 +181,7 @@ def _apart_found(case: Case, found: Found, main: Sequence[int], helps: bool) -> 
     return out
 
 
-def _misfit(estimate: Estimate, spread: Scatter) -> tuple[float | None, float]:
+def _misfit(estimate: Estimate, spread: ScatterRatio) -> tuple[float | None, float]:
     """`stated_p` and `misfit_p` of what stands.
 
     The latter is that of F = (chi2 / dof) / s^2 with dof and nu = (u(s) / s)^-2 / 2 degrees of
@@ -170,7 +197,9 @@ def _misfit(estimate: Estimate, spread: Scatter) -> tuple[float | None, float]:
     return p, max(p, float(special.fdtrc(dof, nu, ratio)))
 
 
-def _alone(found: Found, worth: Gain | None, rng: np.random.Generator) -> tuple[Alone, ...]:
+def _alone(
+    found: Found, worth: CrossValidation | None, rng: np.random.Generator
+) -> tuple[SoleCause, ...]:
     """What each of the likeliest causes does by itself, where it improves predictions."""
     single = [(r.suspect, r.probability) for r in found.single[:_SHOWN]]
     every = alone(found.first, single, rng) if worth else ()
@@ -179,7 +208,7 @@ def _alone(found: Found, worth: Gain | None, rng: np.random.Generator) -> tuple[
 
 def _blind_spots(
     whole: tuple[Effect, ...], found: Found, facts: Facts, known: Twins
-) -> tuple[BlindSpot, ...]:
+) -> tuple[Unnoticed, ...]:
     """What would have gone unnoticed, except for what is stated already."""
     visible = dict(facts.unloaded.visible)
     if facts.base is not None:
@@ -192,20 +221,20 @@ def _blind_spots(
     return tuple(spot for spot in spots if spot.effect.label not in names)
 
 
-def _left_out(found: Found, worth: Gain | None, helps: bool) -> dict[str, Array]:
+def _left_out(found: Found, worth: CrossValidation | None, helps: bool) -> dict[str, Array]:
     """Cross-validation residuals of the joint springs and of the extended model."""
     before = worth.before if worth else _left_by_springs(found.first)
     after = worth.after if worth and helps else before
     return {"left_out_before_m": before, "left_out_after_m": after}
 
 
-def _facts(case: Case, found: Found, spread: Scatter) -> Facts:
+def _facts(case: SearchCase, found: Found, spread: ScatterRatio) -> Facts:
     """What the displacements show, except for the causes themselves."""
     outside = found.stranger
     return Facts(
         detected=found.detected,
         explains=found.explains,
-        outside=Named(found.wide.suspects[outside.suspect], outside.probability)
+        outside=PossibleCause(found.wide.suspects[outside.suspect], outside.probability)
         if outside
         else None,
         refused=_refused(case, found),
@@ -218,7 +247,7 @@ def _facts(case: Case, found: Found, spread: Scatter) -> Facts:
     )
 
 
-def _refused(case: Case, found: Found) -> tuple[Effect, ...]:
+def _refused(case: SearchCase, found: Found) -> tuple[Effect, ...]:
     """Causes refused for their size that are likelier than not in the place of an accepted one.
 
     Where none was accepted, by themselves.
@@ -230,14 +259,14 @@ def _refused(case: Case, found: Found) -> tuple[Effect, ...]:
     )
 
 
-def _beyond_certificate(spread: Scatter, stated: bool) -> bool:
+def _beyond_certificate(spread: ScatterRatio, stated: bool) -> bool:
     """With one reflector only the certificate separates scatter from misfit."""
     return stated and spread.known_from == "residuals" and spread.tracker_p < alarms.SCATTER
 
 
 def _searched(
-    case: Case, spread: Scatter, start: Array, rng: np.random.Generator
-) -> tuple[Case, Scatter, Found]:
+    case: SearchCase, spread: ScatterRatio, start: Array, rng: np.random.Generator
+) -> tuple[SearchCase, ScatterRatio, Found]:
     """Search with the scale's stated scatter; with a larger one only if that finds no cause.
 
     A cause not yet identified looks like scatter of the scale, pull by pull: only what no cause
@@ -260,7 +289,7 @@ def case_of(
     whole: tuple[Effect, ...] | None = None,
     known: Twins | None = None,
     noise: Components | None = None,
-) -> tuple[Case, Scatter]:
+) -> tuple[SearchCase, ScatterRatio]:
     """The suspects, at the scatter and the equilibrium that the data show.
 
     Args:
@@ -276,7 +305,7 @@ def case_of(
     never = {*known.unmoved, *known.of_stiffness, *(effect.label for effect, _ in cell.held)}
     suspects = tuple(e for e in whole if not isinstance(e, Noise) and e.label not in never)
     data = replace(data, tool_std=data.tool_std or _POINTS_M, bends=False)
-    plain = Case(replace(cell, equilibrium="undeformed"), data, suspects, 1.0)
+    plain = SearchCase(replace(cell, equilibrium="undeformed"), data, suspects, 1.0)
     start = plain.model((), estimate.value)
     seen = plain.linearised(start)
     system = seen.system
@@ -293,7 +322,7 @@ def case_of(
     return replace(case, cell=replace(case.cell, equilibrium=_bent(case, seen))), spread
 
 
-def _of_pulls(case: Case, seen: Linearised, system: System) -> tuple[float, float]:
+def _of_pulls(case: SearchCase, seen: Linearised, system: System) -> tuple[float, float]:
     """`Components.left` of a campaign's pulls, its repeated zeros not being known."""
     residual = seen.y - seen.B @ seen.model.values
     contrasts = pure_error(system, residual, case.data, Zeros.none(), case.cell)
@@ -301,13 +330,13 @@ def _of_pulls(case: Case, seen: Linearised, system: System) -> tuple[float, floa
     return float(found.scale[0]) / (case.data.found_m or 1.0), float(found.std[0])
 
 
-def _bent(case: Case, seen: Linearised) -> str:
+def _bent(case: SearchCase, seen: Linearised) -> str:
     """The equilibrium, on the straight or the deflected robot, that fits better."""
     views = [case.whitened(seen.bent(equilibrium)) for equilibrium in _EQUILIBRIA]
     return _EQUILIBRIA[int(np.argmin([eliminate(v.M, v.base)[-1, -1] for v in views]))]
 
 
-def _gain(case: Case, found: Found, rng: np.random.Generator) -> Gain | None:
+def _gain(case: SearchCase, found: Found, rng: np.random.Generator) -> CrossValidation | None:
     if not found.accepted or found.first.poses < 4:
         return None
     return gain(case, found.first, found.plain, found.threshold.p, rng)

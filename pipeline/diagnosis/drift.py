@@ -30,6 +30,11 @@ _LEVER_M = 10.0
 """Turns are estimated in shifts at this distance, for the conditioning."""
 
 
+def _forms(effects: Sequence[Effect]) -> list[Observation]:
+    """The laws of a drift."""
+    return [e for e in effects if isinstance(e, Observation) and e.form in LAWS]
+
+
 def drift(
     registration: Registration,
     scale: float,
@@ -58,7 +63,7 @@ def drift(
         None without times unless the catalogue is one by the order of rows, with too few
         reflectors, or with one round of readings.
     """
-    forms = [e for e in effects if isinstance(e, Observation) and e.form in LAWS]
+    forms = _forms(effects)
     by_order = any(e.parameters[0].unit == PER_GROUP for e in forms)
     table = in_rounds(_repeated(registration.table, by_order))
     since = table["since"].to_numpy(float)

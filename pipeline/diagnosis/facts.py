@@ -18,7 +18,7 @@ from pipeline.geometry.roughness import Cells
 from pipeline.machine.effect import Effect, Observation
 from pipeline.readers.known import GROSS_M
 from pipeline.system.linearised import Linearised
-from pipeline.system.system import Estimate, Scatter
+from pipeline.system.system import Estimate, ScatterRatio
 
 ROUGH = 1.6
 """A model that leaves this many times the scatter has a wrong law somewhere."""
@@ -37,7 +37,7 @@ a factor of a few (`Effect.source`), so what is beyond an order of magnitude is 
 
 
 @dataclass(frozen=True, eq=False)
-class Gain(Locked):
+class CrossValidation(Locked):
     """Cross-validation error without and with the causes.
 
     Attributes:
@@ -68,7 +68,7 @@ class Gain(Locked):
 
 
 @dataclass(frozen=True)
-class Alone:
+class SoleCause:
     """What one cause does by itself, identified or not.
 
     Attributes:
@@ -85,7 +85,7 @@ class Alone:
 
 
 @dataclass(frozen=True)
-class AsGood:
+class NamelessEqual:
     """Something without a name that predicts left-out poses as well as a cause in its place.
 
     Attributes:
@@ -102,7 +102,7 @@ class AsGood:
 
 
 @dataclass(frozen=True)
-class BlindSpot:
+class Unnoticed:
     """One cause that would have gone unnoticed at its typical size.
 
     Attributes:
@@ -211,7 +211,7 @@ class Drift(Locked):
 
 
 @dataclass(frozen=True)
-class Amplitude:
+class EffectSize:
     """One parameter of an identified cause.
 
     Attributes:
@@ -240,13 +240,13 @@ class Amplitude:
     @classmethod
     def symmetric(
         cls, parameter: Parameter, value: float, std: float, quantile: float = NORMAL_95
-    ) -> Amplitude:
+    ) -> EffectSize:
         """One whose interval reaches `quantile` standard uncertainties to either side."""
         return cls(parameter, value, std, (value - quantile * std, value + quantile * std))
 
 
 @dataclass(frozen=True)
-class Named:
+class PossibleCause:
     """A cause that could stand in some place, with its probability."""
 
     effect: Effect
@@ -254,7 +254,7 @@ class Named:
 
 
 @dataclass(frozen=True, eq=False)
-class Off(Locked):
+class TableCause(Locked):
     """A cause that the unloaded positions call for.
 
     Attributes:
@@ -272,12 +272,12 @@ class Off(Locked):
     std: Array
     p_value: float
     probability: float
-    rivals: tuple[Named, ...]
+    rivals: tuple[PossibleCause, ...]
     twins: tuple[Effect, ...]
 
 
 @dataclass(frozen=True, eq=False)
-class Standing(Locked):
+class UnloadedFacts(Locked):
     """What the unloaded positions show.
 
     Attributes:
@@ -296,8 +296,8 @@ class Standing(Locked):
     left_m: float
     visible: Mapping[str, float]
     cells: Cells | None = None
-    causes: tuple[Off, ...] = ()
-    gain: Gain | None = None
+    causes: tuple[TableCause, ...] = ()
+    gain: CrossValidation | None = None
     rough: bool = False
     tool_m: float = 0.0
 
@@ -338,11 +338,11 @@ class Standing(Locked):
         return tuple(one.effect for one in self.causes)
 
 
-NOTHING = Standing(np.nan, np.nan, {})
+NOTHING = UnloadedFacts(np.nan, np.nan, {})
 
 
 @dataclass(frozen=True, eq=False)
-class Cause(Locked):
+class FoundCause(Locked):
     """A cause that the data call for.
 
     Attributes:
@@ -372,18 +372,18 @@ class Cause(Locked):
 
     effect: Effect
     probability: float
-    amplitudes: tuple[Amplitude, ...]
+    amplitudes: tuple[EffectSize, ...]
     p_value: float
-    rivals: tuple[Named, ...] = ()
-    unnamed: Named | None = None
-    as_good: tuple[AsGood, ...] = ()
+    rivals: tuple[PossibleCause, ...] = ()
+    unnamed: PossibleCause | None = None
+    as_good: tuple[NamelessEqual, ...] = ()
     twins: tuple[str, ...] = ()
     same_robot: tuple[Effect, ...] = ()
-    gain: Gain | None = None
+    gain: CrossValidation | None = None
     test_pose_change_m: float | None = None
-    height: Amplitude | None = None
-    each_way: tuple[Amplitude, ...] = ()
-    either: tuple[Named, ...] = ()
+    height: EffectSize | None = None
+    each_way: tuple[EffectSize, ...] = ()
+    either: tuple[PossibleCause, ...] = ()
     missing: float = 0.0
 
     @property
@@ -396,24 +396,24 @@ class Cause(Locked):
         return (1.0 - self.outside) * share
 
     @property
-    def told(self) -> tuple[Amplitude, ...]:
+    def told(self) -> tuple[EffectSize, ...]:
         """What is told of its size: its parameters, or what these mean."""
         return (self.height,) if self.height else self.each_way or self.amplitudes
 
     @property
-    def largest(self) -> Amplitude:
+    def largest(self) -> EffectSize:
         """Its parameter that is largest in typical sizes."""
         return max(self.amplitudes, key=lambda one: one.times_typical)
 
     @property
-    def enormous(self) -> Amplitude | None:
+    def enormous(self) -> EffectSize | None:
         """Its parameter that is certainly `MANY` times its typical size; None where none is."""
         most = max(self.amplitudes, key=lambda one: one.at_least_typical)
         return most if most.at_least_typical > MANY else None
 
 
 @dataclass(frozen=True)
-class Clue:
+class SuspectStatistics:
     """Statistics of one suspect added to the joint springs alone, for the evidence bars.
 
     Attributes:
@@ -477,22 +477,22 @@ class Facts:
 
     detected: bool = False
     explains: bool = False
-    causes: tuple[Cause, ...] = ()
-    gain: Gain | None = None
-    outside: Named | None = None
+    causes: tuple[FoundCause, ...] = ()
+    gain: CrossValidation | None = None
+    outside: PossibleCause | None = None
     refused: tuple[Effect, ...] = ()
     remainder: float | None = None
     loose_p: float = 1.0
     scale_ratio: float = 1.0
     tracker_ratio: float = 1.0
     scatter_told: bool = True
-    scatter: tuple[Cause, ...] = ()
+    scatter: tuple[FoundCause, ...] = ()
     beyond_certificate: bool = False
     beyond_a_tracker: bool = False
     stated_p: float | None = None
     misfit_p: float = 1.0
-    unloaded: Standing = NOTHING
-    moved: tuple[Cause, ...] = ()
+    unloaded: UnloadedFacts = NOTHING
+    moved: tuple[FoundCause, ...] = ()
     base: Drift | None = None
     drift: Drift | None = None
     mistakes: tuple[Mistake, ...] = ()
@@ -513,7 +513,7 @@ class Facts:
 
 
 @dataclass(frozen=True, eq=False)
-class Diagnosis(Locked):
+class Diagnosed(Locked):
     """What the model gets wrong.
 
     Attributes:
@@ -550,19 +550,19 @@ class Diagnosis(Locked):
     """
 
     facts: Facts
-    causes: tuple[Cause, ...]
-    alone: tuple[Alone, ...]
-    blind_spots: tuple[BlindSpot, ...]
+    causes: tuple[FoundCause, ...]
+    alone: tuple[SoleCause, ...]
+    blind_spots: tuple[Unnoticed, ...]
     next_poses: tuple[Proposal, ...]
     determining: tuple[Determining, ...]
     refused: tuple[str, ...]
-    clues: tuple[Clue, ...]
+    clues: tuple[SuspectStatistics, ...]
     threshold: float
     lack_of_fit: tuple[float, float]
     remainder: tuple[float, float, float]
     rough: float | None
     misfits: tuple[Misfit, ...]
-    scatter: Scatter
+    scatter: ScatterRatio
     equilibrium: str
     apart: Array
     apart_labels: tuple[str, ...]

@@ -13,24 +13,25 @@ import scipy.sparse
 from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.diagnosis.average import LEAST, LIKELY, Hypothesis, weighed
-from pipeline.diagnosis.identify import Case, Found, lone_odds, merged, remainder
+from pipeline.diagnosis.identify import Found, SearchCase, lone_odds, merged, remainder
 from pipeline.machine.cell import predict
 from pipeline.machine.effect import Effect
 from pipeline.system.assemble import TRACKED, assemble
 from pipeline.system.estimate import identifiable, solve
-from pipeline.system.linearised import Linearised, Model
+from pipeline.system.linearised import CurrentModel, Linearised
 from pipeline.system.shape import goodness
 from pipeline.system.system import Errors, Estimate, System
 from pipeline.system.whitened import with_laws
 
 _SEED = 20261122
+"""Of its draws: another one moves numbers within what they say of their scatter."""
 
 _USUAL = 2.5
 """Standard deviation of an unnoticed cause in typical sizes [1]: the second largest of the widths
 that the evidence is averaged over (`system.evidence.WIDTHS`)."""
 
 
-def hypotheses(case: Case, found: Found, moved: bool, helps: bool) -> tuple[Hypothesis, ...]:
+def hypotheses(case: SearchCase, found: Found, moved: bool, helps: bool) -> tuple[Hypothesis, ...]:
     """The accepted causes, and every set with likely rivals in their places; none without causes.
 
     Args:
@@ -52,7 +53,7 @@ def hypotheses(case: Case, found: Found, moved: bool, helps: bool) -> tuple[Hypo
     return weighed([own, *(_other(case, found, one) for one in others)])
 
 
-def too_small(case: Case, found: Found) -> tuple[Hypothesis, ...]:
+def too_small(case: SearchCase, found: Found) -> tuple[Hypothesis, ...]:
     """Single causes that may act unseen where none is detected, each above `LIKELY`.
 
     Weights are those beside a model without causes, which has the rest of them. Of each the size
@@ -86,7 +87,7 @@ def usual(effect: Effect) -> Array:
     return _USUAL * effect.size * np.array([p.typical for p in effect.parameters])
 
 
-def accepted(case: Case, found: Found) -> Hypothesis:
+def accepted(case: SearchCase, found: Found) -> Hypothesis:
     """The accepted causes alone, whether or not they are worth anything."""
     return _hypothesis(case, found.view.model, found.seen, 1.0)
 
@@ -106,7 +107,7 @@ class _Set:
     instead: tuple[tuple[int, int], ...] = ()
 
 
-def _likely(case: Case, found: Found) -> list[_Set]:
+def _likely(case: SearchCase, found: Found) -> list[_Set]:
     """Sets of causes with their probability: the accepted ones, then others, likeliest first.
 
     What acts in one place is independent of what acts in another; something outside the
@@ -126,7 +127,7 @@ def _likely(case: Case, found: Found) -> list[_Set]:
     return [own, *sorted(others, key=lambda one: -one.weight)]
 
 
-def _of_catalogue(case: Case, found: Found, known: float) -> Iterator[_Set]:
+def _of_catalogue(case: SearchCase, found: Found, known: float) -> Iterator[_Set]:
     """Sets of the catalogue's causes in all their forms, `known` the probability of any of them."""
     for rivals in product(*found.rivals):
         odds = known * math.prod(rival.probability for rival in rivals)
@@ -137,7 +138,9 @@ def _of_catalogue(case: Case, found: Found, known: float) -> Iterator[_Set]:
                 yield from _at_once(case, found, chosen, weight)
 
 
-def _at_once(case: Case, found: Found, chosen: tuple[int, ...], weight: float) -> Iterator[_Set]:
+def _at_once(
+    case: SearchCase, found: Found, chosen: tuple[int, ...], weight: float
+) -> Iterator[_Set]:
     """One suspect for each place, as a set; none where one cause stands in two places."""
     suspects = case.suspects
     kept = merged(suspects, chosen)
@@ -147,7 +150,7 @@ def _at_once(case: Case, found: Found, chosen: tuple[int, ...], weight: float) -
         yield _Set(kept, weight, instead)
 
 
-def _other(case: Case, found: Found, one: _Set) -> Hypothesis:
+def _other(case: SearchCase, found: Found, one: _Set) -> Hypothesis:
     """Other causes in the places of the accepted ones, estimated together with the springs."""
     known = len(case.suspects)
     if max(one.suspects) >= known:
@@ -166,8 +169,8 @@ def _called(effect: Effect, has_a_name: bool) -> str:
 
 
 def _hypothesis(
-    case: Case,
-    model: Model,
+    case: SearchCase,
+    model: CurrentModel,
     seen: Linearised,
     weight: float,
     instead: tuple[tuple[str, str], ...] = (),
@@ -189,7 +192,7 @@ def _hypothesis(
     return Hypothesis(weight, effects, model.cell, system, estimate, instead, ratio, sized)
 
 
-def _tested(case: Case, one: Hypothesis, seen: Linearised) -> Hypothesis:
+def _tested(case: SearchCase, one: Hypothesis, seen: Linearised) -> Hypothesis:
     """The same, tested in the noise that its readings are weighed by: alike, with what was found.
 
     Weights that follow from the residuals make these small, whatever the model.
@@ -202,7 +205,7 @@ def _tested(case: Case, one: Hypothesis, seen: Linearised) -> Hypothesis:
     return replace(one, estimate=replace(one.estimate, goodness=left))
 
 
-def _sized(system: System, model: Model, ratio: float) -> Estimate:
+def _sized(system: System, model: CurrentModel, ratio: float) -> Estimate:
     """The same without other laws of the same element: the size is that of the law that is named.
 
     Those move all pulls alike and would take over as much of what it moves as they resemble it.
@@ -214,7 +217,7 @@ def _sized(system: System, model: Model, ratio: float) -> Estimate:
     return replace(found, cov=found.cov * ratio**2)
 
 
-def _solved(case: Case, model: Model, seen: Linearised) -> tuple[System, Estimate]:
+def _solved(case: SearchCase, model: CurrentModel, seen: Linearised) -> tuple[System, Estimate]:
     """Springs and causes as one linear system about the model's values, and its solution.
 
     Args:
@@ -241,7 +244,7 @@ def _solved(case: Case, model: Model, seen: Linearised) -> tuple[System, Estimat
     return system, estimate
 
 
-def _scales(case: Case, system: System) -> Array:
+def _scales(case: SearchCase, system: System) -> Array:
     """Scatter found over stated, for each column of G: that of the tracker and of the scale.
 
     What is stated holds unless it is certainly larger.

@@ -19,7 +19,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.system.detect import Lack, Threshold, lack_of_fit, threshold
 from pipeline.system.elimination import coefficients, eliminate
 from pipeline.system.evidence import ROUNDING, Scores
-from pipeline.system.linearised import Linearised, Model, linearise
+from pipeline.system.linearised import CurrentModel, Linearised, linearise
 from pipeline.system.shape import Shape
 from pipeline.system.whitened import Whitened, whiten
 
@@ -49,7 +49,7 @@ what is left was searched once more after each cause that was named."""
 
 
 @dataclass(frozen=True, eq=False)
-class Case:
+class SearchCase:
     """What does not change while causes are sought.
 
     Attributes:
@@ -79,7 +79,7 @@ class Case:
     shape: Shape | None = None
     room: Room | None = None
 
-    def linearised(self, model: Model, near: Linearised | None = None) -> Linearised:
+    def linearised(self, model: CurrentModel, near: Linearised | None = None) -> Linearised:
         """The campaign linearised at a model, with the errors of a near one where it is given."""
         return linearise(model, self.data, self.suspects, near)
 
@@ -91,7 +91,7 @@ class Case:
         """Suspects, each with the fraction to which its law is known."""
         return [(i, self.suspects[i].tolerance) for i in doubt]
 
-    def only(self, accepted: tuple[int, ...]) -> Case:
+    def only(self, accepted: tuple[int, ...]) -> SearchCase:
         """The case that asks about the accepted causes alone, which are then 0, 1, 2."""
         return replace(self, suspects=tuple(self.suspects[i] for i in accepted))
 
@@ -107,7 +107,7 @@ class Case:
         start: Array,
         near: Linearised | None = None,
         rounds: int = 4,
-    ) -> Model:
+    ) -> CurrentModel:
         """Joint springs and accepted causes estimated together, linearised anew each round.
 
         Args:
@@ -127,13 +127,13 @@ class Case:
                 break
         return model
 
-    def model(self, accepted: tuple[int, ...], start: Array) -> Model:
+    def model(self, accepted: tuple[int, ...], start: Array) -> CurrentModel:
         """A model with accepted causes; those missing in `start` begin at zero."""
         springs = len(self.cell.parameters)
         cell = self.cell.with_effects(*(self.suspects[i] for i in accepted))
         values = np.zeros(len(cell.parameters))
         values[: min(len(start), len(values))] = start[: len(values)]
-        return Model(cell, values, springs, accepted)
+        return CurrentModel(cell, values, springs, accepted)
 
 
 def of_model(view: Whitened) -> Ints:
@@ -150,7 +150,7 @@ def _solved(view: Whitened, base: Ints) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Rival:
+class Replacement:
     """One cause that could replace an accepted one.
 
     Attributes:
@@ -210,7 +210,7 @@ class Found(Locked):
     wide: Whitened
     view: Whitened
     first: Whitened
-    single: tuple[Rival, ...]
+    single: tuple[Replacement, ...]
     scores: Scores
     threshold: Threshold
     lack_first: Lack
@@ -218,7 +218,7 @@ class Found(Locked):
     left: float
     accepted: tuple[int, ...]
     p_values: tuple[float, ...]
-    rivals: tuple[tuple[Rival, ...], ...]
+    rivals: tuple[tuple[Replacement, ...], ...]
     strange: tuple[Stranger, ...]
     refused: tuple[str, ...]
 
@@ -258,7 +258,7 @@ def remainder(view: Whitened) -> float | None:
     return float(np.sqrt(max(rest, ROUNDING) / noise))
 
 
-def search(case: Case, start: Array, rng: np.random.Generator) -> Found:
+def search(case: SearchCase, start: Array, rng: np.random.Generator) -> Found:
     """Add the likeliest cause, exchange and drop, until nothing is left or three are in."""
     seen = case.fitted((), start)
     first = case.whitened(seen)
@@ -311,7 +311,7 @@ class _Stand:
     p: Array
 
 
-def _stand(case: Case, seen: Linearised, rough: Sequence[int]) -> _Stand:
+def _stand(case: SearchCase, seen: Linearised, rough: Sequence[int]) -> _Stand:
     plain = case.whitened(seen)
     view = case.whitened(seen, rough) if rough else plain
     now = given(case.suspects, view.beside(view.base), seen.model.accepted)
@@ -320,7 +320,7 @@ def _stand(case: Case, seen: Linearised, rough: Sequence[int]) -> _Stand:
 
 
 def _grow(
-    case: Case, end: _Stand, limit: Threshold, refused: dict[str, None], most: int = _MOST
+    case: SearchCase, end: _Stand, limit: Threshold, refused: dict[str, None], most: int = _MOST
 ) -> _Stand:
     """Add the likeliest, then move until no move is better, and so on until nothing joins."""
     tried: set[tuple[int, ...]] = {()}
@@ -345,7 +345,7 @@ def _open(end: _Stand, limit: Threshold) -> bool:
     return bool(end.p.min() < limit.p) or end.lack.found
 
 
-def _fewer(case: Case, end: _Stand, limit: Threshold, refused: dict[str, None]) -> _Stand:
+def _fewer(case: SearchCase, end: _Stand, limit: Threshold, refused: dict[str, None]) -> _Stand:
     """The other way round, where as many as can be named leave something: one more, then fewer.
 
     What was mixed up when few had joined is the first to be dispensable beside all of its parts.
@@ -360,13 +360,13 @@ def _fewer(case: Case, end: _Stand, limit: Threshold, refused: dict[str, None]) 
     return max(end, _stand(case, seen, seen.model.accepted), key=lambda one: _worth(case, one))
 
 
-def _worth(case: Case, end: _Stand) -> float:
+def _worth(case: SearchCase, end: _Stand) -> float:
     """Log evidence of all accepted causes, less `WORTH` for each."""
     accepted = end.seen.model.accepted
     return _chained(case, end.plain, (), accepted) - WORTH * len(accepted)
 
 
-def _dropped(case: Case, seen: Linearised) -> Linearised:
+def _dropped(case: SearchCase, seen: Linearised) -> Linearised:
     """Without the cause that the others dispense with best, and after all moves from there."""
     accepted, view = seen.model.accepted, case.whitened(seen)
     rest = [tuple(a for a in accepted if a != one) for one in accepted]
@@ -387,7 +387,7 @@ def by_label(suspects: Sequence[Effect]) -> dict[str, list[int]]:
 
 
 def _add(
-    case: Case, view: Whitened, now: Scores, found: Bools, refused: dict[str, None]
+    case: SearchCase, view: Whitened, now: Scores, found: Bools, refused: dict[str, None]
 ) -> int | None:
     """The likeliest further cause of a possible size.
 
@@ -413,7 +413,7 @@ def may_join(suspects: Sequence[Effect], accepted: Sequence[int], more: int) -> 
     return all(extends(one, other) for other in mine)
 
 
-def joined(case: Case, accepted: Sequence[int], more: int) -> tuple[int, ...]:
+def joined(case: SearchCase, accepted: Sequence[int], more: int) -> tuple[int, ...]:
     """Causes and one more behind them."""
     return merged(case.suspects, (*accepted, more))
 
@@ -448,7 +448,7 @@ def _likeliest(now: Scores) -> Ints:
     return np.argsort(-np.round(now.log_evidence, 6), kind="stable")
 
 
-def _possible(case: Case, now: Scores, suspect: int) -> bool:
+def _possible(case: SearchCase, now: Scores, suspect: int) -> bool:
     """True unless an estimate is beyond its bounds by more than two sigmas.
 
     Bounds are what physics allows and what the unloaded reflectors do not refute.
@@ -463,7 +463,7 @@ def _possible(case: Case, now: Scores, suspect: int) -> bool:
     return bool(np.all((value > low) & (value < high)))
 
 
-def _exchange(case: Case, seen: Linearised, limit: float = 0.0) -> Linearised:
+def _exchange(case: SearchCase, seen: Linearised, limit: float = 0.0) -> Linearised:
     """Exchange and drop accepted causes until no move makes the evidence better.
 
     Args:
@@ -504,17 +504,22 @@ class _Move:
         return merged(suspects, (*some[:at], *self.into, *some[at:]))
 
 
+def _ranked(case: SearchCase, view: Whitened, most: int) -> list[_Move]:
+    """Moves that gain, those that gain most first."""
+    places = range(len(view.model.accepted))
+    outs = [*combinations(places, 1), *combinations(places, 2)]
+    moves = [m for out in outs for m in _moves(case, view, out, most) if m.gain > _BETTER]
+    return sorted(moves, key=lambda one: (-round(one.gain, 6), one.out, one.into))
+
+
 def _better(
-    case: Case, view: Whitened, tried: Set[frozenset[int]], limit: float = 0.0
+    case: SearchCase, view: Whitened, tried: Set[frozenset[int]], limit: float = 0.0
 ) -> tuple[int, ...] | None:
     """Better causes than the accepted ones that were not accepted before: by the best move."""
     accepted = view.model.accepted
-    places = range(len(accepted))
-    outs = [*combinations(places, 1), *combinations(places, 2)]
     most = 2 if limit and len(accepted) < _MOST else 0
-    moves = [m for out in outs for m in _moves(case, view, out, most) if m.gain > _BETTER]
     asked = 0
-    for move in sorted(moves, key=lambda one: (-round(one.gain, 6), one.out, one.into)):
+    for move in _ranked(case, view, most):
         after = move.of(case.suspects, accepted)
         if frozenset(after) in tried:
             continue
@@ -527,13 +532,15 @@ def _better(
     return None
 
 
-def _may_stand(case: Case, view: Whitened, causes: Sequence[int], one: int, limit: float) -> bool:
+def _may_stand(
+    case: SearchCase, view: Whitened, causes: Sequence[int], one: int, limit: float
+) -> bool:
     """Whether a cause has a possible size beside the others, and a p within the limit."""
     now = _beside(case, view, tuple(i for i in causes if i != one))
     return bool(now.p()[one] <= limit) and _possible(case, now, one)
 
 
-def _moves(case: Case, view: Whitened, out: tuple[int, ...], most: int) -> Iterator[_Move]:
+def _moves(case: SearchCase, view: Whitened, out: tuple[int, ...], most: int) -> Iterator[_Move]:
     """All that can be done where some causes go: none, one, or as many as go come, or `most`."""
     accepted = view.model.accepted
     gone = [accepted[place] for place in out]
@@ -546,16 +553,23 @@ def _moves(case: Case, view: Whitened, out: tuple[int, ...], most: int) -> Itera
     for i in free:
         yield _Move(float(now.log_evidence[i]) - WORTH - mine, out, (i,))
     if max(len(out), most) > 1:
-        for first in _leading(case, now, free):
-            already = float(now.log_evidence[first])
-            then = _beside(case, view, (*rest, first))
-            for i in free:
-                if now.log_evidence[i] <= already and may_join(case.suspects, (first,), i):
-                    gain = already + float(then.log_evidence[i]) - 2 * WORTH - mine
-                    yield _Move(gain, out, (first, i))
+        for pair, evidence in _in_pairs(case, view, rest, now, free):
+            yield _Move(evidence - 2 * WORTH - mine, out, pair)
 
 
-def _leading(case: Case, now: Scores, free: Sequence[int]) -> list[int]:
+def _in_pairs(
+    case: SearchCase, view: Whitened, rest: tuple[int, ...], now: Scores, free: Sequence[int]
+) -> Iterator[tuple[tuple[int, int], float]]:
+    """Pairs of causes that come beside the rest, the likelier one first, with their evidence."""
+    for first in _leading(case, now, free):
+        already = float(now.log_evidence[first])
+        then = _beside(case, view, (*rest, first))
+        for i in free:
+            if now.log_evidence[i] <= already and may_join(case.suspects, (first,), i):
+                yield (first, i), already + float(then.log_evidence[i])
+
+
+def _leading(case: SearchCase, now: Scores, free: Sequence[int]) -> list[int]:
     """The likeliest causes, each in its best form."""
     best: dict[str, int] = {}
     allowed = set(free)
@@ -565,7 +579,7 @@ def _leading(case: Case, now: Scores, free: Sequence[int]) -> list[int]:
     return list(best.values())[:_FIRST]
 
 
-def _chained(case: Case, view: Whitened, rest: Sequence[int], causes: Sequence[int]) -> float:
+def _chained(case: SearchCase, view: Whitened, rest: Sequence[int], causes: Sequence[int]) -> float:
     """Log evidence of causes beside others: the likelier one first, each next beside those before.
 
     The same in whatever order the causes were found.
@@ -580,13 +594,15 @@ def _chained(case: Case, view: Whitened, rest: Sequence[int], causes: Sequence[i
     return total
 
 
-def _beside(case: Case, view: Whitened, causes: Sequence[int]) -> Scores:
+def _beside(case: SearchCase, view: Whitened, causes: Sequence[int]) -> Scores:
     """Every suspect beside springs and some causes."""
     base = np.concatenate([np.arange(view.first), view.columns(causes)])
     return given(case.suspects, view.beside(base), causes)
 
 
-def _rivals(case: Case, view: Whitened) -> tuple[tuple[tuple[Rival, ...], ...], tuple[float, ...]]:
+def _rivals(
+    case: SearchCase, view: Whitened
+) -> tuple[tuple[tuple[Replacement, ...], ...], tuple[float, ...]]:
     accepted = view.model.accepted
     out, p_values = [], []
     for place in range(len(accepted)):
@@ -597,7 +613,9 @@ def _rivals(case: Case, view: Whitened) -> tuple[tuple[tuple[Rival, ...], ...], 
     return tuple(out), tuple(p_values)
 
 
-def _odds(case: Case, now: Scores, rest: Sequence[int], least: float = 1e-3) -> tuple[Rival, ...]:
+def _odds(
+    case: SearchCase, now: Scores, rest: Sequence[int], least: float = 1e-3
+) -> tuple[Replacement, ...]:
     """Probabilities of all causes possible in one place, forms taken together."""
     labels, logs, best, shares = [], [], [], []
     for label, every in by_label(case.suspects).items():
@@ -612,10 +630,10 @@ def _odds(case: Case, now: Scores, rest: Sequence[int], least: float = 1e-3) -> 
     probability = special.softmax(np.array(logs))
     ranked = np.argsort(-np.round(logs, 6), kind="stable")  # twins in the catalogue's order
     order = [i for i in ranked if probability[i] >= least]
-    return tuple(Rival(labels[i], best[i], float(probability[i]), shares[i]) for i in order)
+    return tuple(Replacement(labels[i], best[i], float(probability[i]), shares[i]) for i in order)
 
 
-def lone_odds(case: Case, found: Found) -> list[tuple[int, float]]:
+def lone_odds(case: SearchCase, found: Found) -> list[tuple[int, float]]:
     """Each cause as the only one, in its best form, with its odds against none.
 
     Beforehand some cause is as likely as none, and all of them are alike.
@@ -626,7 +644,7 @@ def lone_odds(case: Case, found: Found) -> list[tuple[int, float]]:
     return list(zip(best, odds, strict=True))
 
 
-def _strange(case: Case, wide: Whitened) -> tuple[Stranger, ...]:
+def _strange(case: SearchCase, wide: Whitened) -> tuple[Stranger, ...]:
     """For each accepted cause: how likely something without a name stands in its place.
 
     Either in its place alone, or in the place of several causes that only together look like it.
@@ -644,7 +662,7 @@ def _strange(case: Case, wide: Whitened) -> tuple[Stranger, ...]:
     return tuple(out)
 
 
-def _instead(case: Case, wide: Whitened, gone: Sequence[int]) -> Stranger:
+def _instead(case: SearchCase, wide: Whitened, gone: Sequence[int]) -> Stranger:
     """Probability of one thing without a name instead of the causes in some places."""
     accepted = wide.model.accepted
     rest = tuple(a for place, a in enumerate(accepted) if place not in gone)
@@ -667,7 +685,7 @@ def _instead(case: Case, wide: Whitened, gone: Sequence[int]) -> Stranger:
     return Stranger(float(special.expit(strange - named)), suspect, tuple(gone))
 
 
-def _together(case: Case, now: Scores, forms: Sequence[int]) -> float:
+def _together(case: SearchCase, now: Scores, forms: Sequence[int]) -> float:
     """Log evidence of a cause, its forms equally likely; laws have shared their odds already."""
     shared = 1 if case.suspects[forms[0]].law is not None else len(forms)
     return float(special.logsumexp(now.log_evidence[list(forms)]) - np.log(shared))

@@ -8,8 +8,8 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.base.bootstrap import interval
-from pipeline.diagnosis.facts import Alone, AsGood, Gain
-from pipeline.diagnosis.identify import WORTH, Case, given, may_join, merged
+from pipeline.diagnosis.facts import CrossValidation, NamelessEqual, SoleCause
+from pipeline.diagnosis.identify import WORTH, SearchCase, given, may_join, merged
 from pipeline.system.elimination import coefficients
 from pipeline.system.whitened import Whitened
 
@@ -19,7 +19,7 @@ _ASKED = 6
 
 def alone(
     first: Whitened, likely: Sequence[tuple[int, float]], rng: np.random.Generator
-) -> tuple[Alone, ...]:
+) -> tuple[SoleCause, ...]:
     """Cross-validation error with each of some causes by itself, estimated without each pose.
 
     Args:
@@ -32,11 +32,15 @@ def alone(
     out = []
     for suspect, probability in likely:
         mine = first.left_out(np.concatenate([springs, first.columns([suspect])]))
-        out.append(Alone(first.suspects[suspect], probability, *interval(before, mine, pose, rng)))
+        out.append(
+            SoleCause(first.suspects[suspect], probability, *interval(before, mine, pose, rng))
+        )
     return tuple(out)
 
 
-def as_good(wide: Whitened, place: int, known: int, rng: np.random.Generator) -> tuple[AsGood, ...]:
+def as_good(
+    wide: Whitened, place: int, known: int, rng: np.random.Generator
+) -> tuple[NamelessEqual, ...]:
     """What competes without a name and predicts as well in the place of an accepted cause.
 
     Of those that take most of the sum of squares there: it lets the cross-validation error fall for
@@ -63,13 +67,13 @@ def as_good(wide: Whitened, place: int, known: int, rng: np.random.Generator) ->
         if ci95[0] > 0 and better > 0:
             size = coefficients(wide.M, columns)[-len(mine) :]
             times = float(np.abs(size).max())
-            out.append(AsGood(wide.suspects[suspect], reduction, ci95, times))
+            out.append(NamelessEqual(wide.suspects[suspect], reduction, ci95, times))
     return tuple(sorted(out, key=lambda one: -one.reduction))
 
 
 def gain(
-    case: Case, first: Whitened, extended: Whitened, limit: float, rng: np.random.Generator
-) -> Gain:
+    case: SearchCase, first: Whitened, extended: Whitened, limit: float, rng: np.random.Generator
+) -> CrossValidation:
     """Leave out one pose with all its pulls at a time; estimate and choose without it.
 
     Cross-validation with the choice inside each fold (Stone, J. Roy. Stat. Soc. B 36, 1974).
@@ -93,11 +97,11 @@ def gain(
         after[rows] = extended.raw[rows, -1] - extended.predicted(base, M, rows)
         chosen.append(tuple(case.suspects[i].label for i in names))
     reduction, ci95 = interval(before, after, pose, rng)
-    return Gain(before, after, reduction, ci95, tuple(chosen))
+    return CrossValidation(before, after, reduction, ci95, tuple(chosen))
 
 
 def _choose(
-    case: Case, view: Whitened, M: Array, most: int, limit: float, fewer: int
+    case: SearchCase, view: Whitened, M: Array, most: int, limit: float, fewer: int
 ) -> tuple[int, ...]:
     """Causes chosen from the poses that stay, one after the other."""
     names: tuple[int, ...] = ()

@@ -25,7 +25,7 @@ from pipeline.base.tails import chi2_beyond
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import Cell, sensitivity
 from pipeline.machine.effect import Effect
-from pipeline.machine.stance import Common, Stance
+from pipeline.machine.stance import CommonSoftness, Stance
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.assemble import POSITIONS, by_stance
@@ -46,6 +46,8 @@ class Agreement(Locked):
         factor: By how much springs are softer than with an arm of usual weight, where no masses are
             stated; None where they are [1].
         common: The same where masses are stated, if nothing else parts the two; None where it does.
+        table_p: Chance that the unloaded readings of the pulls are so far from where the positions
+            have the robot.
     """
 
     chi2: float
@@ -53,7 +55,8 @@ class Agreement(Locked):
     weight: Array
     pulls: Array
     factor: float | None
-    common: Common | None = None
+    common: CommonSoftness | None = None
+    table_p: float = 1.0
 
     @property
     def most(self) -> tuple[int, float]:

@@ -10,7 +10,7 @@ rests least on a model that may be wrong.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from itertools import combinations
 
@@ -19,7 +19,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.diagnosis.facts import APART, Determining, Pose, Proposal
-from pipeline.diagnosis.identify import Case
+from pipeline.diagnosis.identify import SearchCase
 from pipeline.diagnosis.separability import left_by, sizes
 from pipeline.machine.cell import sensitivity
 from pipeline.machine.effect import Effect, Pulls
@@ -33,6 +33,7 @@ _SETTLED = 0.002
 """Chance of a wrong name from which a further pose need not do better."""
 
 _CANDIDATES = 240
+"""Poses that are drawn to choose from."""
 
 _LIGHT = 0.25
 """Weak pulls, of the largest: proposed as well where the campaign's steps are all large."""
@@ -89,7 +90,7 @@ class Candidates(Locked):
         )
 
 
-def candidates(case: Case, rng: np.random.Generator) -> Candidates:
+def candidates(case: SearchCase, rng: np.random.Generator) -> Candidates:
     """Random reachable poses, pulled as the campaign's fullest pose was.
 
     As hard as the hardest pull, and no harder than the weight that the robot carries: nobody knows
@@ -242,6 +243,13 @@ def _series(
     return chosen, np.array(apart)
 
 
+def _pairs(questions: Sequence[Question]) -> Iterator[tuple[int, int, int]]:
+    """Number of a question, and two of those that it asks for."""
+    for number, one in enumerate(questions):
+        for a, b in combinations(range(len(one.who)), 2):
+            yield number, a, b
+
+
 @dataclass(frozen=True, eq=False)
 class _Contest(Locked):
     """All causes in question beside the springs: only their columns.
@@ -276,11 +284,7 @@ class _Contest(Locked):
         for i, part, end in zip(suspects, parts, ends, strict=True):
             at[i] = np.arange(end - len(part), end)
         columns = np.concatenate([np.arange(view.first), *parts])
-        pairs = [
-            (number, a, b)
-            for number, one in enumerate(questions)
-            for a, b in combinations(range(len(one.who)), 2)
-        ]
+        pairs = [*_pairs(questions)]
         weight = [np.sqrt(questions[n].odds[a] * questions[n].odds[b]) for n, a, b in pairs]
         return cls(
             questions=tuple(questions),

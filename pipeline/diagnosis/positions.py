@@ -10,14 +10,21 @@ from pipeline.base.arrays import Array, Parameter
 from pipeline.base.linear import least_squares, rms
 from pipeline.base.quantities import plain
 from pipeline.diagnosis.bounds import UNSTATED_M, Bounds
-from pipeline.diagnosis.facts import Amplitude, Cause, Facts, Gain, Off, Standing
+from pipeline.diagnosis.facts import (
+    CrossValidation,
+    EffectSize,
+    Facts,
+    FoundCause,
+    TableCause,
+    UnloadedFacts,
+)
 from pipeline.faults.mistake import Mistake
-from pipeline.geometry.causes import Cause as Listed
+from pipeline.geometry.causes import TableLaw as Listed
 from pipeline.geometry.mechanism import placed
 from pipeline.geometry.named import NamedLaw
 from pipeline.geometry.scatter import START
 from pipeline.geometry.study import Study
-from pipeline.geometry.worth import Gain as Worth
+from pipeline.geometry.worth import LeftOutGain as Worth
 from pipeline.geometry.worth import Parting
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects import catalogue
@@ -26,9 +33,6 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.robot.axes import alone
 
 UNLISTED = "unlisted_law"
-
-_QUANTILE = 1.959964
-"""Of 95 % intervals: there are thousands of readings."""
 
 
 def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> Facts:
@@ -50,7 +54,7 @@ def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> 
         detected=bool(causes),
         explains=True,
         causes=causes,
-        unloaded=Standing(table_m, last, {}, causes=tuple(map(_off, moved))),
+        unloaded=UnloadedFacts(table_m, last, {}, causes=tuple(map(_off, moved))),
         moved=moved,
         mistakes=mistakes,
         bounds=bounds_of(found),
@@ -65,7 +69,7 @@ _WRONG = 0.01
 found 2 mm and mrad at most (`geometry.estimate.ROUGH`)."""
 
 
-def _entries(found: Study, robot: Robot) -> Iterator[Cause]:
+def _entries(found: Study, robot: Robot) -> Iterator[FoundCause]:
     """Entries that are off by far more than the rest of the table."""
     final = found.final
     std = np.sqrt(np.diag(final.solution.cov))
@@ -85,27 +89,32 @@ def _entries(found: Study, robot: Robot) -> Iterator[Cause]:
             source="geometry.estimate.ROUGH",
             axis=alone(robot)[letter.joint - 1],
         )
-        size = Amplitude.symmetric(parameter, off, float(std[k]), _QUANTILE)
-        yield Cause(effect, 1.0, (size,), 0.0)
+        size = EffectSize.symmetric(parameter, off, float(std[k]))
+        yield FoundCause(effect, 1.0, (size,), 0.0)
 
 
-def _off(one: Cause) -> Off:
+def _off(one: FoundCause) -> TableCause:
     """The same as what the unloaded positions call for, which then explains them."""
     size = one.amplitudes[0]
     values = np.array([size.value]), np.array([size.std])
-    return Off(one.effect, *values, one.p_value, one.probability, (), ())
+    return TableCause(one.effect, *values, one.p_value, one.probability, (), ())
 
 
 # --- causes of the catalogue ----------------------------------------------------------------------
 
 
-def _listed(one: Listed, robot: Robot) -> Cause:
+def _in_catalogue(one: Listed, robot: Robot) -> Effect | None:
+    """The effect of this name, place and form; where there is no such form, of the first one."""
+    if one.form in _NOUNS:
+        return None
+    named = [e for e in catalogue(robot) if (e.name, e.where) == _key(one)[:2]]
+    return next((e for e in named if e.form == one.form), next(iter(named), None))
+
+
+def _listed(one: Listed, robot: Robot) -> FoundCause:
     """A cause that the catalogue has, with its parameters as positions show them."""
     noun = _NOUNS.get(one.form) or _NOUNS.get(one.name) or one.name.replace("_", " ")
-    known = (e for e in catalogue(robot) if (e.name, e.where, e.form) == _key(one))
-    by_name = (e for e in catalogue(robot) if (e.name, e.where) == _key(one)[:2])
-    there = None if one.form in _NOUNS else next(known, None) or next(by_name, None)
-    effect = there or Effect(
+    effect = _in_catalogue(one, robot) or Effect(
         name=one.name,
         where=one.where,
         noun=noun,
@@ -118,15 +127,14 @@ def _listed(one: Listed, robot: Robot) -> Cause:
     )
     typical = {p.name: p.typical for p in effect.parameters}
     amplitudes = tuple(
-        Amplitude.symmetric(
+        EffectSize.symmetric(
             Parameter(p.name, p.unit, typical.get(p.name, max(abs(p.value), p.std))),
             p.value,
             p.std,
-            _QUANTILE,
         )
         for p in one.amounts
     )
-    return Cause(effect, 1.0, amplitudes, one.p, gain=_gain(one.gain))
+    return FoundCause(effect, 1.0, amplitudes, one.p, gain=_gain(one.gain))
 
 
 def _key(one: Listed) -> tuple[str, int | str | None, str]:
@@ -143,22 +151,22 @@ _NOUNS = {
 """What positions alone know, as a noun, by its form or name."""
 
 
-def _gain(one: Worth) -> Gain:
+def _gain(one: Worth) -> CrossValidation:
     before, after = np.array([one.before]), np.array([one.after])
-    return Gain(before, after, one.reduction, one.ci95, (), "positions")
+    return CrossValidation(before, after, one.reduction, one.ci95, (), "positions")
 
 
 # --- laws -----------------------------------------------------------------------------------------
 
 
-def _cause(law: NamedLaw, robot: Robot) -> Cause:
+def _cause(law: NamedLaw, robot: Robot) -> FoundCause:
     """A law of a joint, as a cause that no catalogue has."""
     slides = bool(robot.prismatic[law.joint - 1])
     unit = "m" if slides else "rad"
     parameter = Parameter("amplitude", unit, START[slides])
-    height = Amplitude.symmetric(parameter, law.amplitude, law.std, _QUANTILE)
+    height = EffectSize.symmetric(parameter, law.amplitude, law.std)
     effect = _effect(law, robot, parameter)
-    return Cause(effect, 1.0, (height,), law.p, gain=_gain(law.gain), height=height)
+    return FoundCause(effect, 1.0, (height,), law.p, gain=_gain(law.gain), height=height)
 
 
 def _effect(law: NamedLaw, robot: Robot, parameter: Parameter) -> Effect:

@@ -16,9 +16,9 @@ import numpy as np
 from pipeline.diagnosis.bounds import bounds
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import drift
-from pipeline.diagnosis.facts import Diagnosis
+from pipeline.diagnosis.facts import Diagnosed
 from pipeline.faults.base_reading import astray
-from pipeline.faults.screen import Beside, Screened, files_of, singles_of
+from pipeline.faults.screen import Screened, TestBase, files_of, singles_of
 from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.room import room_of
 from pipeline.reduction.bring import Reduced, Step, bring
@@ -34,6 +34,7 @@ from pipeline.system.linearised import linearise
 from pipeline.system.shape import Shape, shape, tails
 
 _SEED = 20261103
+"""Of its draws: another one moves numbers within what they say of their scatter."""
 
 _ROUNDS = 6
 """Moves of the mistakes at most [1]; where ends follow each other in a circle they are as good, and
@@ -54,7 +55,7 @@ class Settled:
     screened: Screened
     right: Fitted
     where: Where
-    diagnosis: Diagnosis
+    diagnosis: Diagnosed
 
 
 def settle(case: Case, reduced: Reduced, given: Fitted, step: Step) -> Settled:
@@ -114,7 +115,7 @@ def _screened(files: Screened, end: Settled) -> Screened:
     nothing = not end.screened.findings and not end.screened.doubted
     if nothing and cell is not richer:
         return end.screened
-    return singles_of(files, None, Beside(cell, start, family))
+    return singles_of(files, None, TestBase(cell, start, family))
 
 
 def _tails(files: Screened, end: Settled) -> Family | None:
@@ -132,7 +133,7 @@ def _tails(files: Screened, end: Settled) -> Family | None:
     return found.of(right.used)
 
 
-def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosis:
+def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosed:
     """What the model gets wrong; every diagnosis draws alike."""
     rng = np.random.default_rng(_SEED)
     cell, data = right.case.cell, right.data
@@ -172,7 +173,7 @@ def _weighed(end: Settled, step: Step) -> Settled:
     return replace(end, right=right, diagnosis=_diagnosed(right, where, step))
 
 
-def _noise_likely(right: Fitted, said: Diagnosis) -> bool:
+def _noise_likely(right: Fitted, said: Diagnosed) -> bool:
     """Whether there rather is other noise than not, whatever the machine does.
 
     Beside all that a machine could do, which leaves little to see it in; where no cause was found,
@@ -181,7 +182,7 @@ def _noise_likely(right: Fitted, said: Diagnosis) -> bool:
     return right.shape.likely or _beside(right, said, loose=True).likely
 
 
-def _beside(right: Fitted, said: Diagnosis, loose: bool = False) -> Shape:
+def _beside(right: Fitted, said: Diagnosed, loose: bool = False) -> Shape:
     """The shape of the noise beside the accepted model; `loose` as of `shape`."""
     seen = replace(said.seen, data=right.shape.off(said.seen.data))
     return shape(seen, said.seen.model.accepted, loose)

@@ -5,14 +5,14 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.diagnosis.blindspots import smallest_visible
-from pipeline.diagnosis.facts import Clue, Misfit
+from pipeline.diagnosis.facts import Misfit, SuspectStatistics
 from pipeline.diagnosis.identify import Found, by_label
 from pipeline.system.beside import padded
 from pipeline.system.evidence import ROUNDING
 from pipeline.system.whitened import Whitened
 
 
-def clues(found: Found) -> tuple[Clue, ...]:
+def clues(found: Found) -> tuple[SuspectStatistics, ...]:
     """Each suspect added to the joint springs alone, in its likeliest form."""
     view, now, p = found.first, found.scores, found.scores.p()
     seen = smallest_visible(view, view.base, found.threshold.p)
@@ -23,7 +23,7 @@ def clues(found: Found) -> tuple[Clue, ...]:
         i = max(forms, key=lambda i: now.log_evidence[i])
         size = float(np.min(seen[forms]))
         told = (float(p[i]), float(now.log_evidence[i]), float(absorbed[i]), size)
-        out.append(Clue(view.suspects[i], *told))
+        out.append(SuspectStatistics(view.suspects[i], *told))
     return tuple(out)
 
 

@@ -6,7 +6,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline import tables
-from pipeline.diagnosis.facts import Diagnosis
+from pipeline.diagnosis.facts import Diagnosed
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.robot.configuration import torque
 from pipeline.reduction.measured import Measured
@@ -15,7 +15,7 @@ from pipeline.system.system import Estimate, System
 _AXES = np.array(["x", "y", "z"], dtype=object)
 
 
-def clues_table(diagnosis: Diagnosis) -> pd.DataFrame:
+def clues_table(diagnosis: Diagnosed) -> pd.DataFrame:
     """Table DIAGNOSIS."""
     named = {cause.effect.label for cause in diagnosis.causes}
     rows = [
@@ -36,7 +36,7 @@ def clues_table(diagnosis: Diagnosis) -> pd.DataFrame:
     return pd.DataFrame(rows, columns=tables.DIAGNOSIS.names)
 
 
-def apart_table(diagnosis: Diagnosis) -> pd.DataFrame:
+def apart_table(diagnosis: Diagnosed) -> pd.DataFrame:
     """Table SEPARABILITY."""
     labels = np.array(diagnosis.apart_labels, dtype=object)
     n = len(labels)
@@ -51,7 +51,7 @@ def apart_table(diagnosis: Diagnosis) -> pd.DataFrame:
 
 
 def examined_table(
-    diagnosis: Diagnosis, cell: Cell, data: Measured, system: System, estimate: Estimate
+    diagnosis: Diagnosed, cell: Cell, data: Measured, system: System, estimate: Estimate
 ) -> pd.DataFrame:
     """Table `tables.examined`.
 

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.base.errors import InputError
-from pipeline.diagnosis.facts import Cause, Determining, Gain, Proposal
-from pipeline.diagnosis.identify import Case, Found
+from pipeline.diagnosis.facts import CrossValidation, Determining, FoundCause, Proposal
+from pipeline.diagnosis.identify import Found, SearchCase
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.nextpose import Candidates, Question, candidates, determine, propose
 from pipeline.diagnosis.verdict import CERTAIN
@@ -21,10 +21,10 @@ _MOST = 4
 
 
 def next_poses(
-    case: Case,
+    case: SearchCase,
     found: Found,
-    causes: Sequence[Cause],
-    worth: Gain | None,
+    causes: Sequence[FoundCause],
+    worth: CrossValidation | None,
     known: Twins,
     rng: np.random.Generator,
 ) -> tuple[Proposal, ...]:
@@ -34,13 +34,15 @@ def next_poses(
     return () if among is None else tuple(propose(found.wide, questions, among))
 
 
-def determining(case: Case, found: Found, rng: np.random.Generator) -> tuple[Determining, ...]:
+def determining(
+    case: SearchCase, found: Found, rng: np.random.Generator
+) -> tuple[Determining, ...]:
     """For each joint the pose that would determine it best; nothing where no pose is reachable."""
     among = _reachable(case, rng)
     return () if among is None else determine(found.wide, among)
 
 
-def _reachable(case: Case, rng: np.random.Generator) -> Candidates | None:
+def _reachable(case: SearchCase, rng: np.random.Generator) -> Candidates | None:
     """Poses to choose from; None where the cell leaves none."""
     try:
         among = candidates(case, rng)
@@ -50,7 +52,7 @@ def _reachable(case: Case, rng: np.random.Generator) -> Candidates | None:
 
 
 def _open(
-    found: Found, causes: Sequence[Cause], worth: Gain | None, known: Twins
+    found: Found, causes: Sequence[FoundCause], worth: CrossValidation | None, known: Twins
 ) -> list[Question]:
     """For each accepted cause that is not certain, what it must still be separated from.
 
@@ -76,7 +78,7 @@ def _others(found: Found, mine: int) -> tuple[int, ...]:
 
 
 def _standing_there(
-    found: Found, place: int, cause: Cause, known: Twins
+    found: Found, place: int, cause: FoundCause, known: Twins
 ) -> dict[int | None, float]:
     """Who could act in one place, with the odds of each; one alone where that is certain."""
     one = (cause.effect.label, *known.of(cause.effect.label))

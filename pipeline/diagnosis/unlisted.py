@@ -16,6 +16,7 @@ odds that hold all that was tried, and predict poses that were left out.
 from __future__ import annotations
 
 from collections import Counter
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from itertools import chain
 
@@ -24,7 +25,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.bootstrap import interval
-from pipeline.diagnosis.identify import WORTH, Case, Found, extends, given, search
+from pipeline.diagnosis.identify import WORTH, Found, SearchCase, extends, given, search
 from pipeline.diagnosis.verdict import CERTAIN
 from pipeline.machine.cell import load
 from pipeline.machine.effect import Effect
@@ -55,7 +56,7 @@ _SEED = 20261123
 """Of draws of its own, so that campaigns without such laws draw what they drew."""
 
 
-def beyond(case: Case, found: Found, start: Array) -> tuple[Case, Found]:
+def beyond(case: SearchCase, found: Found, start: Array) -> tuple[SearchCase, Found]:
     """The case and what is found in it, with laws that nobody listed among the suspects.
 
     Whether the catalogue explains the data is asked of the laws, too: what its own tests do not
@@ -79,8 +80,8 @@ def beyond(case: Case, found: Found, start: Array) -> tuple[Case, Found]:
 
 
 def _extended(
-    case: Case, found: Found, start: Array, rng: np.random.Generator
-) -> tuple[Case, Found]:
+    case: SearchCase, found: Found, start: Array, rng: np.random.Generator
+) -> tuple[SearchCase, Found]:
     """With further shapes of the accepted laws among the suspects, where they are found.
 
     They are sought beside these laws alone: what else was accepted may be what a law lacks.
@@ -93,7 +94,7 @@ def _extended(
     return _searched(case, found, mine, tuple(chain(*every)), start, rng)
 
 
-def _every(case: Case, found: Found) -> tuple[Effect, ...]:
+def _every(case: SearchCase, found: Found) -> tuple[Effect, ...]:
     """All laws, with the odds of what has no name shared among them."""
     model, robot = found.first.model, case.cell.robot
     loaded = load(model.cell, case.data.pulls, model.values)
@@ -101,13 +102,13 @@ def _every(case: Case, found: Found) -> tuple[Effect, ...]:
 
 
 def _searched(
-    case: Case,
+    case: SearchCase,
     found: Found,
     beside: tuple[int, ...],
     every: tuple[Effect, ...],
     start: Array,
     rng: np.random.Generator,
-) -> tuple[Case, Found]:
+) -> tuple[SearchCase, Found]:
     """With laws among the suspects, where one is accepted and carries over to other poses."""
     laws = _likely(case, found, beside, every, rng)
     if not laws:
@@ -152,13 +153,13 @@ def _gain(
     return interval(before[tests], after[tests], pose, rng)[1][0]
 
 
-def _named(case: Case, found: Found) -> set[tuple[str, str]]:
+def _named(case: SearchCase, found: Found) -> set[tuple[str, str]]:
     effects = [case.suspects[i] for i in found.accepted]
     return {(one.label, one.form) for one in effects if one.law is not None}
 
 
 def _likely(
-    case: Case,
+    case: SearchCase,
     found: Found,
     beside: tuple[int, ...],
     laws: tuple[Effect, ...],
@@ -191,18 +192,24 @@ def _likely(
     able &= chance < alarms.LAW
     if not able.any():
         return {}
-    best = evidence[able].max()
-    out: dict[Effect, float] = {}
-    for i in np.argsort(-evidence, kind="stable"):
-        of = Counter(one.label for one in out)
-        room = 0 < of[laws[i].label] < _FORMS or (laws[i].label not in of and len(of) < _MOST)
-        if able[i] and evidence[i] > best - _WITHIN and room:
-            out[unlisted.worded(case.cell.robot, laws[i])] = float(chance[i])
-    return out
+    able &= evidence > evidence[able].max() - _WITHIN
+    ranked = [int(i) for i in np.argsort(-evidence, kind="stable") if able[i]]
+    robot = case.cell.robot
+    return {unlisted.worded(robot, laws[i]): float(chance[i]) for i in _with_room(laws, ranked)}
+
+
+def _with_room(laws: Sequence[Effect], ranked: Sequence[int]) -> Iterator[int]:
+    """Of some laws, the likeliest first, so many places and so many forms of each."""
+    of: Counter[str] = Counter()
+    for i in ranked:
+        label = laws[i].label
+        if 0 < of[label] < _FORMS or (label not in of and len(of) < _MOST):
+            of[label] += 1
+            yield i
 
 
 def _view(
-    case: Case, found: Found, accepted: tuple[int, ...], laws: tuple[Effect, ...]
+    case: SearchCase, found: Found, accepted: tuple[int, ...], laws: tuple[Effect, ...]
 ) -> Whitened:
     """The campaign beside some causes, with every law as a suspect behind them.
 
@@ -252,7 +259,7 @@ def _likelihood(drop: Array, rank: Array | Ints, now: Scores) -> Array:
     return np.asarray(-0.5 * now.dof * np.log1p(-share) - 0.5 * rank * np.log(now.dof))
 
 
-def _carries(case: Case, found: Found, rng: np.random.Generator) -> bool:
+def _carries(case: SearchCase, found: Found, rng: np.random.Generator) -> bool:
     """Whether every accepted law makes left-out poses better, estimated without each of them.
 
     At 95 %, poses drawn with replacement, beside all else that is accepted; all of them, or those
@@ -262,7 +269,7 @@ def _carries(case: Case, found: Found, rng: np.random.Generator) -> bool:
     return all(_carried(case, found, law, rng) for law in laws)
 
 
-def _carried(case: Case, found: Found, law: int, rng: np.random.Generator) -> bool:
+def _carried(case: SearchCase, found: Found, law: int, rng: np.random.Generator) -> bool:
     """The same of one law."""
     rest, taught = _without(case, found, law), _taught(case, found, law)
     if _gain(found.plain, rest, rng) > 0:
@@ -270,7 +277,7 @@ def _carried(case: Case, found: Found, law: int, rng: np.random.Generator) -> bo
     return not taught.all() and _gain(found.plain, rest, rng, taught) > 0
 
 
-def _taught(case: Case, found: Found, law: int) -> Bools:
+def _taught(case: SearchCase, found: Found, law: int) -> Bools:
     """Readings of poses at which a law is taught also without them, shape (m,).
 
     Beyond the others' range it states nothing but that it is uncertain (`unlisted.beyond`): an
@@ -289,7 +296,7 @@ def _taught(case: Case, found: Found, law: int) -> Bools:
     return inside
 
 
-def _without(case: Case, found: Found, law: int) -> Ints:
+def _without(case: SearchCase, found: Found, law: int) -> Ints:
     """Columns of all that is accepted but a law; but its last shape, where it extends another."""
     view, one = found.plain, case.suspects[law]
     rest = view.columns([i for i in found.accepted if i != law])

@@ -16,7 +16,13 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array
 from pipeline.base.bootstrap import interval
 from pipeline.base.linear import rms
-from pipeline.diagnosis.facts import NOTHING, Gain, Named, Off, Standing
+from pipeline.diagnosis.facts import (
+    NOTHING,
+    CrossValidation,
+    PossibleCause,
+    TableCause,
+    UnloadedFacts,
+)
 from pipeline.geometry import remastered
 from pipeline.geometry.roughness import (
     Cells,
@@ -29,7 +35,7 @@ from pipeline.geometry.roughness import (
     unrefined,
 )
 from pipeline.geometry.scatter import START
-from pipeline.geometry.unloaded import USUAL, Rows, Unloaded, off, unloaded
+from pipeline.geometry.unloaded import USUAL, PoseRows, Unloaded, off, unloaded
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, Geometry, Observation
 from pipeline.machine.effects import base_rotation, joint_offset, table
@@ -45,8 +51,10 @@ _MISFIT = 1e-6
 """Below this p the readings' noise alone does not explain where the reflectors stand."""
 
 _MOST = 4
+"""Causes that are named in one table at most."""
 
 _SEED = 20261123
+"""Of its draws: another one moves numbers within what they say of their scatter."""
 
 _WIDE = 0.1
 """Standard deviation of what is off, [m] and [rad]; masses, ten times their usual size."""
@@ -68,7 +76,7 @@ class _Suspect(Suspect):
     tries: int = 1
 
 
-def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]) -> Standing:
+def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]) -> UnloadedFacts:
     """Estimate the table from the unloaded positions, and find what is far off in it.
 
     Args:
@@ -90,7 +98,7 @@ def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]
         search = search.with_changes(effects).done().with_changes(effects).done()
     found, zeros = search.found, search.zeros
     missed = left_out(table_only, rows), left_out(found, search.rows)
-    return Standing(
+    return UnloadedFacts(
         miss_m=rms((rows.y - rows.D @ table_only.mean)[rows.place]),
         left_m=off(zeros, found.mean),
         visible=dict.fromkeys(_unseen(effects, asked), np.inf) | _visible(found, asked),
@@ -139,7 +147,7 @@ def _unseen(effects: Sequence[Effect], asked: Sequence[_Suspect]) -> set[str]:
     return {one.label for one in effects if one.shows_unloaded} - {one.label for one in asked}
 
 
-def _fits(zeros: Unloaded, rows: Rows, plain: Cells) -> bool:
+def _fits(zeros: Unloaded, rows: PoseRows, plain: Cells) -> bool:
     """Whether place, stated turn, tool and the readings' scatter explain where they stand."""
     left = rows.y - rows.D @ plain.mean
     chi2 = float(np.sum(np.einsum("pij,pj->pi", linear.whitening(rows.N), left) ** 2))
@@ -161,7 +169,7 @@ class _Search:
     zeros: Unloaded
     asked: tuple[_Suspect, ...]
     x: Array
-    rows: Rows
+    rows: PoseRows
     found: Cells
 
     def done(self) -> _Search:
@@ -288,7 +296,7 @@ def _least(found: Cells, one: _Suspect) -> float:
     return BEYOND * _rest(found, one) / typical
 
 
-def _off(search: _Search, number: int) -> Off:
+def _off(search: _Search, number: int) -> TableCause:
     """One cause with its size and what else could stand in its place."""
     zeros, one = search.zeros, search.free[number]
     rest = tuple(other for other in search.free if other is not one)
@@ -297,19 +305,20 @@ def _off(search: _Search, number: int) -> Off:
     others = [other for other in search.asked if other not in rest]
     odds = special.softmax([beside.evidence(other) for other in others])
     twins = [other for other in others if other is not one and same(zeros, sums, one, other)]
+    mine = [i for i, other in enumerate(others) if other is one or other in twins]
     order = np.argsort(-np.round(odds, 9), kind="stable")
     at, units = list(one.columns), _units(one)
     cov = search.found.covariance[np.ix_(at, at)] * units[:, None] * units
-    return Off(
+    return TableCause(
         effect=one.effect,
         value=search.found.mean[at] * units,
         std=np.sqrt(np.diag(cov)),
         p_value=search.p_value(one),
-        probability=float(sum(odds[i] for i, o in enumerate(others) if o is one or o in twins)),
+        probability=float(sum(odds[i] for i in mine)),
         rivals=tuple(
-            Named(others[i].effect, float(odds[i]))
+            PossibleCause(others[i].effect, float(odds[i]))
             for i in order
-            if odds[i] > alarms.GEOMETRY and others[i] is not one and others[i] not in twins
+            if odds[i] > alarms.GEOMETRY and i not in mine
         ),
         twins=tuple(other.effect for other in twins),
     )
@@ -322,13 +331,13 @@ def _units(one: _Suspect) -> Array:
     return np.array([parameter.typical for parameter in one.effect.parameters])
 
 
-def _gain(missed: tuple[Array, Array], zeros: Unloaded, found: Cells) -> Gain:
+def _gain(missed: tuple[Array, Array], zeros: Unloaded, found: Cells) -> CrossValidation:
     """What the corrected table is worth at poses that were left out, against the table as it is."""
     before, after = (part.ravel() for part in missed)
     rng = np.random.default_rng(_SEED)
     reduction, ci95 = interval(before, after, np.repeat(zeros.read, 3), rng)
     chosen = (tuple(one.label for one in found.free),) * zeros.poses
-    return Gain(before, after, reduction, ci95, chosen, "unloaded positions")
+    return CrossValidation(before, after, reduction, ci95, chosen, "unloaded positions")
 
 
 def as_stiff(cell: Cell, estimate: Estimate) -> Cell:
@@ -341,7 +350,7 @@ def as_stiff(cell: Cell, estimate: Estimate) -> Cell:
     return replace(cell, robot=replace(cell.robot, joints=joints))
 
 
-def corrected(cell: Cell, data: Measured, found: Standing) -> tuple[Cell, Measured]:
+def corrected(cell: Cell, data: Measured, found: UnloadedFacts) -> tuple[Cell, Measured]:
     """The cell with its table, and the measurements with the robot where it was found to be.
 
     What was read in F_b is turned back by the turn of F_b that was found, loads with it.

@@ -10,7 +10,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import combinations
 
-from pipeline.diagnosis.facts import Cause, Facts
+from pipeline.diagnosis.facts import Facts, FoundCause
 from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.machine.effect import same_element
 from pipeline.system import alarms
@@ -24,7 +24,7 @@ _UNKNOWN = 0.5
 
 
 @dataclass(frozen=True)
-class Row:
+class VerdictRow:
     """One row of the table.
 
     Attributes:
@@ -55,7 +55,7 @@ def _gain_uncertain(facts: Facts) -> bool:
     return facts.gain is not None and facts.gain.ci95[0] <= 0
 
 
-def certain(cause: Cause) -> bool:
+def certain(cause: FoundCause) -> bool:
     """Whether a cause is identified rather than one of several that fit alike."""
     return not cause.twins and cause.probability >= CERTAIN
 
@@ -68,81 +68,89 @@ def two_laws(facts: Facts) -> int | str | None:
     return None
 
 
-_DATA = (Row(Finding.MISTAKE, Verdict.BAD_DATA, lambda f: bool(f.mistakes)),)
+_DATA = (VerdictRow(Finding.MISTAKE, Verdict.BAD_DATA, lambda f: bool(f.mistakes)),)
 
 _BASE = (
-    Row(
+    VerdictRow(
         Finding.TRACKER_MOVED_OR_KNOCKED,
         Verdict.AMBIGUOUS,
         lambda f: f.drift is not None and f.drift.undecided,
     ),
-    Row(Finding.TRACKER_MOVED, Verdict.EXPLAINED, lambda f: f.drift is not None),
+    VerdictRow(Finding.TRACKER_MOVED, Verdict.EXPLAINED, lambda f: f.drift is not None),
 )
 
 _UNLOADED = (
-    Row(
+    VerdictRow(
         Finding.STANDS_ELSEWHERE_OR_RIVAL,
         Verdict.AMBIGUOUS,
         lambda f: any(one.probability < CERTAIN for one in f.moved),
     ),
-    Row(Finding.STANDS_ELSEWHERE, Verdict.EXPLAINED, lambda f: bool(f.moved)),
-    Row(
+    VerdictRow(Finding.STANDS_ELSEWHERE, Verdict.EXPLAINED, lambda f: bool(f.moved)),
+    VerdictRow(
         Finding.TABLES_DISAGREE,
         Verdict.UNEXPLAINED,
-        lambda f: f.agreement is not None and f.unloaded.corrects,
+        lambda f: f.agreement is not None and f.agreement.table_p < alarms.GEOMETRY,
     ),
-    Row(Finding.ROUGH_TABLE, Verdict.ADEQUATE, lambda f: f.unloaded.corrects),
+    VerdictRow(
+        Finding.ROUGH_TABLE,
+        Verdict.ADEQUATE,
+        lambda f: f.unloaded.corrects and f.agreement is None,
+    ),
 )
 
 _DISPLACEMENTS = (
-    Row(Finding.GEOMETRY_REFUTED, Verdict.UNEXPLAINED, lambda f: f.unloaded.refuted),
-    Row(Finding.REFLECTORS_LOOSE, Verdict.UNEXPLAINED, lambda f: f.loose_p < alarms.LOOSE),
-    Row(Finding.NO_CAUSE_FITS, Verdict.UNEXPLAINED, lambda f: f.detected and not f.causes),
-    Row(Finding.PREDICTS_WORSE, Verdict.UNEXPLAINED, lambda f: f.detected and _worse(f)),
-    Row(Finding.UNCONFIRMED, Verdict.UNEXPLAINED, lambda f: f.detected and not f.helps),
-    Row(Finding.REMAINDER, Verdict.UNEXPLAINED, lambda f: f.detected and not f.explains),
-    Row(
+    VerdictRow(Finding.GEOMETRY_REFUTED, Verdict.UNEXPLAINED, lambda f: f.unloaded.refuted),
+    VerdictRow(Finding.REFLECTORS_LOOSE, Verdict.UNEXPLAINED, lambda f: f.loose_p < alarms.LOOSE),
+    VerdictRow(Finding.NO_CAUSE_FITS, Verdict.UNEXPLAINED, lambda f: f.detected and not f.causes),
+    VerdictRow(Finding.PREDICTS_WORSE, Verdict.UNEXPLAINED, lambda f: f.detected and _worse(f)),
+    VerdictRow(Finding.UNCONFIRMED, Verdict.UNEXPLAINED, lambda f: f.detected and not f.helps),
+    VerdictRow(Finding.REMAINDER, Verdict.UNEXPLAINED, lambda f: f.detected and not f.explains),
+    VerdictRow(
         Finding.OUTSIDE_CATALOGUE,
         Verdict.UNEXPLAINED,
         lambda f: f.detected and outside_likelier(f),
     ),
-    Row(Finding.GAIN_UNCERTAIN, Verdict.AMBIGUOUS, lambda f: f.detected and _gain_uncertain(f)),
-    Row(Finding.TWO_LAWS, Verdict.AMBIGUOUS, lambda f: two_laws(f) is not None),
-    Row(Finding.RIVALS, Verdict.AMBIGUOUS, lambda f: not all(map(certain, f.causes))),
-    Row(
+    VerdictRow(
+        Finding.GAIN_UNCERTAIN, Verdict.AMBIGUOUS, lambda f: f.detected and _gain_uncertain(f)
+    ),
+    VerdictRow(Finding.TWO_LAWS, Verdict.AMBIGUOUS, lambda f: two_laws(f) is not None),
+    VerdictRow(Finding.RIVALS, Verdict.AMBIGUOUS, lambda f: not all(map(certain, f.causes))),
+    VerdictRow(
         Finding.OUTSIDE_CATALOGUE_POSSIBLE,
         Verdict.AMBIGUOUS,
         lambda f: f.detected and _outside(f) > 1 - CERTAIN,
     ),
-    Row(Finding.SCALE_SCATTERS, Verdict.AMBIGUOUS, lambda f: bool(f.causes) and f.scale_ratio > 1),
-    Row(
+    VerdictRow(
+        Finding.SCALE_SCATTERS, Verdict.AMBIGUOUS, lambda f: bool(f.causes) and f.scale_ratio > 1
+    ),
+    VerdictRow(
         Finding.BEYOND_CERTIFICATE,
         Verdict.UNEXPLAINED,
         lambda f: not f.detected and not f.scatter and f.beyond_certificate,
     ),
-    Row(Finding.OFF_THE_TABLE, Verdict.UNEXPLAINED, lambda f: f.unloaded.useless),
-    Row(Finding.MISFIT, Verdict.UNEXPLAINED, lambda f: f.misfit_p < alarms.MISFIT),
-    Row(Finding.CAUSE_IDENTIFIED, Verdict.EXPLAINED, lambda f: f.detected),
-    Row(Finding.SCATTER, Verdict.EXPLAINED, lambda f: bool(f.scatter)),
-    Row(
+    VerdictRow(Finding.OFF_THE_TABLE, Verdict.UNEXPLAINED, lambda f: f.unloaded.useless),
+    VerdictRow(Finding.MISFIT, Verdict.UNEXPLAINED, lambda f: f.misfit_p < alarms.MISFIT),
+    VerdictRow(Finding.CAUSE_IDENTIFIED, Verdict.EXPLAINED, lambda f: f.detected),
+    VerdictRow(Finding.SCATTER, Verdict.EXPLAINED, lambda f: bool(f.scatter)),
+    VerdictRow(
         Finding.BEYOND_A_TRACKER,
         Verdict.UNEXPLAINED,
         lambda f: f.beyond_a_tracker and not f.moved and f.drift is None,
     ),
-    Row(Finding.NOTHING, Verdict.ADEQUATE, lambda _: True),
+    VerdictRow(Finding.NOTHING, Verdict.ADEQUATE, lambda _: True),
 )
 
 _BOUNDS = (
-    Row(Finding.NOTHING_DETERMINED, Verdict.UNEXPLAINED, lambda f: not f.bounds.determined),
-    Row(Finding.PREDICTS_NOTHING, Verdict.UNEXPLAINED, lambda f: not f.bounds.predicts),
-    Row(Finding.BEYOND_NOISE, Verdict.UNEXPLAINED, lambda f: f.bounds.faulty),
-    Row(Finding.SCATTERED, Verdict.UNEXPLAINED, lambda f: f.bounds.scattered),
+    VerdictRow(Finding.NOTHING_DETERMINED, Verdict.UNEXPLAINED, lambda f: not f.bounds.determined),
+    VerdictRow(Finding.PREDICTS_NOTHING, Verdict.UNEXPLAINED, lambda f: not f.bounds.predicts),
+    VerdictRow(Finding.BEYOND_NOISE, Verdict.UNEXPLAINED, lambda f: f.bounds.faulty),
+    VerdictRow(Finding.SCATTERED, Verdict.UNEXPLAINED, lambda f: f.bounds.scattered),
 )
 """What green means, whatever causes were found: a model that predicts, beside a noise that can
 be."""
 
 _TOGETHER = (
-    Row(
+    VerdictRow(
         Finding.SPRINGS_DISAGREE,
         Verdict.UNEXPLAINED,
         lambda f: f.agreement is not None and f.agreement.p < alarms.MISFIT,
@@ -153,13 +161,13 @@ TABLE = (_DATA, _BASE, _UNLOADED, _DISPLACEMENTS, _BOUNDS, _TOGETHER)
 """Rows by subject, in the order in which their sentences are read."""
 
 
-def findings(facts: Facts) -> tuple[Row, ...]:
+def findings(facts: Facts) -> tuple[VerdictRow, ...]:
     """The first row of each subject that holds; of the displacements there always is one."""
     first = (next((row for row in rows if row.holds(facts)), None) for rows in TABLE)
     return tuple(row for row in first if row is not None)
 
 
-def of_both(facts: Facts) -> tuple[Row, ...]:
+def of_both(facts: Facts) -> tuple[VerdictRow, ...]:
     """The same, and what absolute positions in the same campaign show."""
     beside = () if facts.positions is None else findings(facts.positions)
     return tuple(dict.fromkeys((*findings(facts), *beside)))

@@ -21,6 +21,7 @@ _STOOD_S = 5.0
 _AWAY = np.deg2rad(0.02)
 """What a standing axis moves at most [rad]; encoders show less, the smallest motion more."""
 _AWAY_MM = 0.2
+"""The same of a rail [mm]."""
 _FEWEST = 50
 """Rows of a recording; a log has one for each pose or pull."""
 _LARGEST = 2_000_000

@@ -35,6 +35,7 @@ _NAMED = re.compile(r"(?P<stem>[A-Za-z_]*?)_*(?P<number>\d+)")
 _POSES = ("pose", "p", "pos", "point", "pt", "jpos", "j")
 """How points are called that are poses, where others are numbered, too."""
 _ARM = 6
+"""Axes of the arm in a `jointtarget`; the further six are external."""
 
 
 class _Point(NamedTuple):

@@ -13,7 +13,7 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.base.shown import in_xml
 from pipeline.machine.robot import Joint
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 
 BASE, FLANGE = "F_b", "F_flange"
 """What base and flange frame are called in every file."""
@@ -73,7 +73,7 @@ class Body:
     inertia: float
 
 
-def springs(handed: Model) -> list[Spring]:
+def springs(handed: IdentifiedModel) -> list[Spring]:
     """One for each joint, from base to flange."""
     found = []
     for j, joint in enumerate(handed.robot.joints):
@@ -92,12 +92,12 @@ def body(spring: Spring) -> Body:
     return Body(_STAND_IN, np.zeros(3), own)
 
 
-def causes(handed: Model) -> list[str]:
+def causes(handed: IdentifiedModel) -> list[str]:
     """Labels of everything that was identified beside the springs, each once."""
     return list(dict.fromkeys(e.label for h in handed.hypotheses for e in h.beside_springs))
 
 
-def left_out(handed: Model) -> Iterator[str]:
+def left_out(handed: IdentifiedModel) -> Iterator[str]:
     """What of the identified model a spring at each joint cannot carry, in words."""
     yield "covariance of the stiffnesses"
     yield from causes(handed)
@@ -106,7 +106,7 @@ def left_out(handed: Model) -> Iterator[str]:
         yield f"hypotheses with the weights {shares}: the springs are their average"
 
 
-def comment(handed: Model, lines: Sequence[str]) -> str:
+def comment(handed: IdentifiedModel, lines: Sequence[str]) -> str:
     """The comment at the top: where it comes from, how it is used, and what it does not hold."""
     told = [
         f"Robot {handed.robot.name} of campaign {handed.campaign} ({handed.verdict}); m, rad, N.",

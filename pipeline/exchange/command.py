@@ -54,16 +54,21 @@ def robot(
     if output is not None:
         _refuse(output)
     text, found = made(file, base, flange, payload)
-    if output is None:
-        typer.echo(text, nl=False)
-    else:
-        files.write(output, text.encode())
-        typer.echo(output)
+    _given(text, output)
     typer.secho(
         f"Largest difference from the URDF by Pinocchio at {found.configurations} configurations: "
         f"{found.position_m:.1e} m, {found.angle_rad:.1e} rad.",
         err=True,
     )
+
+
+def _given(text: str, output: Path | None) -> None:
+    """The text on stdout, or in a file whose name is."""
+    if output is None:
+        typer.echo(text, nl=False)
+    else:
+        files.write(output, text.encode())
+        typer.echo(output)
 
 
 def _refuse(output: Path) -> None:

@@ -11,14 +11,16 @@ from pipeline.exchange import workbook
 from pipeline.exchange.to_mjcf import mjcf
 from pipeline.exchange.to_sdf import sdf
 from pipeline.exchange.to_urdf import urdf
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 
 
-def files(answer: Answer, shown: Mapping[str, pd.DataFrame], handed: Model) -> dict[str, bytes]:
+def files(
+    answer: Answer, shown: Mapping[str, pd.DataFrame], handed: IdentifiedModel
+) -> dict[str, bytes]:
     """The springs for simulators, and the answer for a spreadsheet."""
     return {**simulators(handed), **workbook.files(answer, shown)}
 
 
-def simulators(handed: Model) -> dict[str, bytes]:
+def simulators(handed: IdentifiedModel) -> dict[str, bytes]:
     """The springs of a model as simulators have them."""
     return {"model.urdf": urdf(handed), "model.xml": mjcf(handed), "model.sdf": sdf(handed)}

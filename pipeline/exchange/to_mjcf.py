@@ -20,7 +20,7 @@ from pipeline.exchange._xml import (
     rpy,
     springs,
 )
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 
 _USE = (
     "Every joint is a spring about its commanded value. For a pose q [m, rad], before a step:",
@@ -30,7 +30,7 @@ _USE = (
 )
 
 
-def mjcf(handed: Model) -> bytes:
+def mjcf(handed: IdentifiedModel) -> bytes:
     """The robot as MJCF: bodies, one joint each with its stiffness, a site for each point.
 
     With the joint values q_0 as reference, MuJoCo's springs pull by k (q_0 - q): in equilibrium
@@ -52,7 +52,7 @@ def mjcf(handed: Model) -> bytes:
     return document(root)
 
 
-def _custom(handed: Model, found: list[Spring]) -> ET.Element:
+def _custom(handed: IdentifiedModel, found: list[Spring]) -> ET.Element:
     """What MuJoCo passes on to who asks: uncertainties, and what a spring cannot carry."""
     custom = ET.Element("custom")
     said = {"campaign": handed.campaign, "verdict": handed.verdict}

@@ -18,7 +18,7 @@ from pipeline.exchange._xml import (
     shift,
     springs,
 )
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 
 _USE = (
     "Every joint is a spring about its commanded value: for a pose q [m, rad], write the values of",
@@ -27,7 +27,7 @@ _USE = (
 )
 
 
-def sdf(handed: Model) -> bytes:
+def sdf(handed: IdentifiedModel) -> bytes:
     """The robot as SDFormat 1.9: links, one joint each with its spring, a frame for each point."""
     robot, found = handed.robot, springs(handed)
     root = ET.Element("sdf", version="1.9")

@@ -7,13 +7,13 @@ import xml.etree.ElementTree as ET
 from pipeline.base.arrays import Array
 from pipeline.base.shown import in_xml
 from pipeline.exchange._xml import BASE, FLANGE, causes, document, row, rpy, shift
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 
 _FAR = 1e6
 """Stands for infinity in a URDF [m], [rad], [N], [N m], [m/s] or [rad/s]."""
 
 
-def urdf(handed: Model) -> bytes:
+def urdf(handed: IdentifiedModel) -> bytes:
     """The robot as URDF; every joint carries its stiffness in an <elasticity> of its own.
 
     URDF has no word for the stiffness of a joint and its readers pass over words they do not know.

@@ -16,7 +16,7 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
-from pipeline.answer.contract import Answer, Cause, Deflection
+from pipeline.answer.contract import Answer, Cause, TargetDeflection
 from pipeline.answer.nouns import noun
 from pipeline.answer.words import ABOUT
 from pipeline.base.shown import printable
@@ -219,7 +219,7 @@ def _rivals(cause: Cause) -> str | None:
     return ", ".join(said) or None
 
 
-def _std_mm(axis: int) -> Callable[[Deflection], float | None]:
+def _std_mm(axis: int) -> Callable[[TargetDeflection], float | None]:
     return lambda one: one.std_mm[axis]
 
 

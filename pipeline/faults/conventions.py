@@ -68,7 +68,7 @@ _DH_SAYS = {
 
 
 @dataclass(frozen=True)
-class Hypothesis:
+class SupposedMistake:
     """One mistake that may have been made.
 
     Attributes:
@@ -113,7 +113,7 @@ def _search(
     return []
 
 
-def _pairs(singles: Sequence[Hypothesis]) -> list[tuple[Hypothesis, ...]]:
+def _pairs(singles: Sequence[SupposedMistake]) -> list[tuple[SupposedMistake, ...]]:
     """Two mistakes at once, each in another place."""
     data = [h for h in singles if not h.single]
     return [p for p in itertools.combinations(data, 2) if p[0].where != p[1].where]
@@ -121,7 +121,7 @@ def _pairs(singles: Sequence[Hypothesis]) -> list[tuple[Hypothesis, ...]]:
 
 def _after(
     case: Case,
-    chosen: Sequence[Hypothesis],
+    chosen: Sequence[SupposedMistake],
     how: Callable[[Case], float | None],
     most: float,
 ) -> float:
@@ -146,7 +146,7 @@ def _apart(case: Case) -> float:
     return min(float(np.sqrt(each.var(ddof=0).sum(axis=1).mean())) for each in both)
 
 
-def _finding(case: Case, h: Hypothesis, before: float, after: float) -> Mistake:
+def _finding(case: Case, h: SupposedMistake, before: float, after: float) -> Mistake:
     return Mistake(
         name=h.name,
         where=h.where,
@@ -239,23 +239,23 @@ def _moved_onto(seen: Array, expected: Array) -> Array:
 # --- what may have gone wrong ---------------------------------------------------------------------
 
 
-def hypotheses(case: Case) -> Iterator[Hypothesis]:
+def hypotheses(case: Case) -> Iterator[SupposedMistake]:
     """Every mistake that is tested."""
     for factor, (unit, says) in UNITS.items():
-        yield Hypothesis("unit_mixup", unit, f"in the tracker export {says}", scaled(factor))
+        yield SupposedMistake("unit_mixup", unit, f"in the tracker export {says}", scaled(factor))
     for ending, unit, factor, says in LOGGED:
         columns = [column for column in case.joint_columns if column.endswith(ending)]
         if columns:
             says = f"in the joint log {says}"
-            yield Hypothesis("unit_mixup", unit, says, partial(_logged, columns, factor))
-    yield Hypothesis(
+            yield SupposedMistake("unit_mixup", unit, says, partial(_logged, columns, factor))
+    yield SupposedMistake(
         "sign_or_convention",
         "left_handed",
         "the tracker's frame is left-handed",
         _mirrored,
     )
     if case.robot.controller_matrix.shape[1] == case.robot.n:
-        yield Hypothesis(
+        yield SupposedMistake(
             "sign_or_convention",
             "controller_axes",
             "the joint log holds the controller's axes under the names of the joints",
@@ -264,23 +264,23 @@ def hypotheses(case: Case) -> Iterator[Hypothesis]:
     yield from _columns(case)
     for where, says, robot in _robots(case.robot):
         correct = partial(replace, robot=robot)
-        yield Hypothesis("sign_or_convention", where, says, correct, single=True)
+        yield SupposedMistake("sign_or_convention", where, says, correct, single=True)
     yield from _names(case)
 
 
-def _columns(case: Case) -> Iterator[Hypothesis]:
+def _columns(case: Case) -> Iterator[SupposedMistake]:
     """A column of the joint log that is wrong among others that are right."""
     for column, joint in zip(case.joint_columns, case.robot.joints, strict=True):
         for ending, unit, factor, says in _LOGGED_ALONE if len(case.joint_columns) > 1 else ():
             if column.endswith(ending):
-                yield Hypothesis(
+                yield SupposedMistake(
                     "unit_mixup",
                     f"{joint.name}_{unit}",
                     f"in the joint log {joint.name} {says}",
                     partial(_logged, [column], factor),
                     single=True,
                 )
-        yield Hypothesis(
+        yield SupposedMistake(
             "sign_or_convention",
             f"{joint.name}_reversed",
             f"in the joint log {joint.name} has the opposite sign",
@@ -290,7 +290,7 @@ def _columns(case: Case) -> Iterator[Hypothesis]:
     for one, other in itertools.combinations(case.joint_columns, 2):
         if one.rpartition("_")[2] == other.rpartition("_")[2]:
             names = [column.rpartition("_")[0] for column in (one, other)]
-            yield Hypothesis(
+            yield SupposedMistake(
                 "exchanged",
                 f"{'/'.join(names)} columns",
                 f"in the joint log {' and '.join(names)} stand in each other's column",
@@ -299,11 +299,11 @@ def _columns(case: Case) -> Iterator[Hypothesis]:
             )
 
 
-def _names(case: Case) -> Iterator[Hypothesis]:
+def _names(case: Case) -> Iterator[SupposedMistake]:
     """Names that stand for each other in the whole campaign."""
     for names in itertools.permutations(case.settings.measured):
         if list(names) != case.settings.measured:
-            yield Hypothesis(
+            yield SupposedMistake(
                 "label_swap",
                 "all groups",
                 f"the targets {', '.join(case.settings.measured)} carry the names of "

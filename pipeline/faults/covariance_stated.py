@@ -11,7 +11,7 @@ what is read is right (Markov). It is named where the scatter then is the stated
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass, replace
 from functools import partial
 
@@ -29,7 +29,7 @@ from pipeline.system import alarms
 from pipeline.system.assemble import TRACKED
 from pipeline.system.contrasts import pure_error
 from pipeline.system.noise import TOLERATED
-from pipeline.system.restricted import Blocks, lowest
+from pipeline.system.restricted import PaddedRows, lowest
 from pipeline.system.whiten import whitener
 
 _FEWEST = 30
@@ -106,6 +106,16 @@ def _units() -> list[_Statement]:
     return out
 
 
+def _as_stated(
+    asked: Screening, own: Bools, tried: Iterable[_Statement]
+) -> Iterator[tuple[_Scatter, _Statement]]:
+    """Ways to state them with which the readings scatter as stated, alike along all axes."""
+    for one in tried:
+        then = _scatter(replace(asked, case=one.correct(own, asked.case), known=None))
+        if then is not None and then.alike and abs(np.log(then.scale)) < np.log(one.within):
+            yield then, one
+
+
 def misstated(asked: Screening) -> list[Mistake]:
     """How the covariances are stated, where it is not as they are read."""
     case = asked.case
@@ -119,11 +129,7 @@ def misstated(asked: Screening) -> list[Mistake]:
     tried = frames if _elongated(case, own) else []
     if abs(np.log(seen.scale)) > np.log(_USUAL):
         tried += [one for one in units if _near(one, case, own, seen.scale)]
-    found = []
-    for one in tried:
-        then = _scatter(replace(asked, case=one.correct(own, case), known=None))
-        if then is not None and then.alike and abs(np.log(then.scale)) < np.log(one.within):
-            found.append((then, one))
+    found = [*_as_stated(asked, own, tried)]
     if not found:
         return []
     then, best = min(found, key=lambda one: one[0].loss)
@@ -168,7 +174,7 @@ def _scatter(asked: Screening) -> _Scatter | None:
     pure = pure_error(asked.system, left, asked.reduced.data, asked.zeros, asked.cell)
     if len(pure.rows) < _FEWEST:
         return None
-    blocks = Blocks.of(pure, pure.B, [TRACKED])
+    blocks = PaddedRows.of(pure, pure.B, [TRACKED])
     t = lowest(blocks.of_scales(np.array([True])), np.array([blocks.rough]))
     w = np.abs(whitener(pure.errors, pure.rows.pose).by_pose(pure.c))
     part = np.array([0.1, 0.5, 0.9])

@@ -50,7 +50,7 @@ _STAND = ["pose", "repeat", "state"]
 
 
 @dataclass(frozen=True, eq=False)
-class _Laid(Locked):
+class _LaidGroups(Locked):
     """Groups of readings of the effector on the robot's table.
 
     Attributes:
@@ -134,7 +134,7 @@ def elsewhere(case: Case) -> frozenset[str]:
 # --- where the groups are -------------------------------------------------------------------------
 
 
-def _lay(case: Case) -> _Laid | None:
+def _lay(case: Case) -> _LaidGroups | None:
     """The groups on the table, brought there by the base reflectors or by themselves."""
     rows = case.readings
     known = rows["target"].isin(case.settings.measured) & rows["pose"].isin(case.joints["pose"])
@@ -149,7 +149,7 @@ def _lay(case: Case) -> _Laid | None:
     return best if best is not None and _median(best) < GROSS_M else None
 
 
-def _median(laid: _Laid) -> float:
+def _median(laid: _LaidGroups) -> float:
     """How far half of the groups are at most from the poses that they fit best [m]."""
     return float(np.median(np.sqrt(laid.off.min(axis=1))))
 
@@ -160,7 +160,9 @@ def _by_table(case: Case) -> tuple[Array, Array] | None:
     return None if at is None else (at[0].T, -at[0].T @ at[1])
 
 
-def _laid(case: Case, rows: pd.DataFrame, poses: Ints, R: Array, t: Array, free: bool) -> _Laid:
+def _laid(
+    case: Case, rows: pd.DataFrame, poses: Ints, R: Array, t: Array, free: bool
+) -> _LaidGroups:
     """`free`: laid on the table anew, each time by those that fit."""
     group, names = pd.factorize(rows["group"].astype(str))
     first = rows.groupby(group)[["pose", "repeat", "state"]].first()
@@ -173,7 +175,7 @@ def _laid(case: Case, rows: pd.DataFrame, poses: Ints, R: Array, t: Array, free:
         off = np.stack([_square(placed, table[k]) for k in range(len(poses))], axis=1)
         R, t = _moved(seen, table, off)
     placed = seen @ R.T + t
-    return _Laid(
+    return _LaidGroups(
         name=np.array(names, dtype=object),
         pose=np.searchsorted(poses, first["pose"].to_numpy(int)),
         loaded=(first["state"] == "loaded").to_numpy(bool),
@@ -202,7 +204,7 @@ def _moved(seen: Array, table: Array, off: Array) -> tuple[Array, Array]:
 # --- rows of the joint log ------------------------------------------------------------------------
 
 
-def _rows(case: Case, laid: _Laid) -> Iterator[Mistake]:
+def _rows(case: Case, laid: _LaidGroups) -> Iterator[Mistake]:
     """A row stands for another pose where all that was read there says so, pulls and zeros."""
     count = len(laid.poses)
     cost, away = np.zeros((2, count, count))  # of each row in each pose
@@ -248,7 +250,7 @@ def _renumbered(case: Case, true: dict[int, int], lost: int | None) -> Case:
 # --- groups ---------------------------------------------------------------------------------------
 
 
-def _groups(case: Case, laid: _Laid) -> Iterator[Mistake]:
+def _groups(case: Case, laid: _LaidGroups) -> Iterator[Mistake]:
     """Groups that are where the table has another pose."""
     away = np.flatnonzero(laid.own > (STANDS_OUT * laid.usual) ** 2)
     unlike = laid.loaded[away][:, None] != laid.loaded[away]
@@ -264,7 +266,7 @@ def _groups(case: Case, laid: _Laid) -> Iterator[Mistake]:
 
 
 def _of_groups(
-    case: Case, laid: _Laid, away: Ints, several: Sequence[Ring], cost: Array
+    case: Case, laid: _LaidGroups, away: Ints, several: Sequence[Ring], cost: Array
 ) -> Mistake:
     """Several exchanges between the same poses, as of all their pulls, are one."""
     names = laid.name[away]
@@ -286,7 +288,7 @@ def _of_groups(
     )
 
 
-def _chain_too(case: Case, laid: _Laid, true: dict[str, str]) -> bool:
+def _chain_too(case: Case, laid: _LaidGroups, true: dict[str, str]) -> bool:
     """Whether the ends of the chain are where the groups belong that they are in, not where named.
 
     Their distance from the load point says so, against that of all other pulls.

@@ -57,7 +57,7 @@ _ROUNDS = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Moved(Locked):
+class PullMoves(Locked):
     """What every pull moved, and what one newton along it moves.
 
     Attributes:
@@ -77,7 +77,7 @@ class Moved(Locked):
     noise: float
 
     @classmethod
-    def of(cls, asked: Screening) -> Moved:
+    def of(cls, asked: Screening) -> PullMoves:
         """All pulls but payloads, which have no reading of a scale."""
         data, cell = asked.reduced.data, asked.case.cell
         size = np.linalg.norm(data.pulls.force, axis=1)
@@ -116,7 +116,7 @@ class Moved(Locked):
             x = new
         return np.asarray(new)
 
-    def only(self, which: Bools) -> Moved:
+    def only(self, which: Bools) -> PullMoves:
         """Some of the pulls."""
         some = {name: getattr(self, name)[which] for name in ("pull", "y", "G", "force", "std")}
         return replace(self, **some)
@@ -129,7 +129,7 @@ class Moved(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class _Fit(Locked):
+class _OrderFit(Locked):
     """Compliances beside an order of the forces.
 
     Attributes:
@@ -159,7 +159,7 @@ def exchanged_pulls(asked: Screening) -> list[Mistake]:
     """Unloaded groups and pulls of a pose that stand for each other, else rows of the loads."""
     if asked.case.settings.displacements is not None or asked.reduced.data.poses:
         return []
-    moved = Moved.of(asked)
+    moved = PullMoves.of(asked)
     if not FEWEST <= len(moved.force) <= MOST:
         return []
     given = _fit(moved, np.arange(len(moved.force)))
@@ -169,13 +169,13 @@ def exchanged_pulls(asked: Screening) -> list[Mistake]:
     return _states(asked, moved) or _loads(asked, moved, given, least)
 
 
-def _fit(moved: Moved, order: Ints) -> _Fit:
+def _fit(moved: PullMoves, order: Ints) -> _OrderFit:
     """The pulls with logged force `order[i]` in pull i."""
     x = moved.solved(moved.force[order])
     return _beside(moved, x, order)
 
 
-def _beside(moved: Moved, x: Array, order: Ints) -> _Fit:
+def _beside(moved: PullMoves, x: Array, order: Ints) -> _OrderFit:
     due, own = moved.due(x)
     force = moved.force[order]
     part = np.abs(due / force - 1)
@@ -183,10 +183,10 @@ def _beside(moved: Moved, x: Array, order: Ints) -> _Fit:
     var = own**2 + moved.std**2 + (model * force) ** 2
     cost = (moved.force[:, None] - due) ** 2 / var * _straight(moved, x, due)
     left = float(np.mean(np.minimum(part, 1.0)))
-    return _Fit(x, cost, model, left)
+    return _OrderFit(x, cost, model, left)
 
 
-def _straight(moved: Moved, x: Array, due: Array) -> Bools:
+def _straight(moved: PullMoves, x: Array, due: Array) -> Bools:
     """Pulls that moved as some force moves them: a bad reading tells of no force, shape (m,)."""
     off = moved.y - due[:, None] * (moved.G @ x)
     square, whole = (np.mean(each**2, axis=1) for each in (off, moved.y))
@@ -199,7 +199,7 @@ def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
 
     Nothing where there are too few pulls, or too many, to say so.
     """
-    moved = Moved.of(asked)
+    moved = PullMoves.of(asked)
     if not FEWEST <= len(moved.force) <= MOST:
         return {}
     of = asked.reduced.data.pulls
@@ -212,11 +212,11 @@ def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
 # --- rows of the loads ----------------------------------------------------------------------------
 
 
-def _loads(asked: Screening, moved: Moved, given: _Fit, least: float) -> list[Mistake]:
+def _loads(asked: Screening, moved: PullMoves, given: _OrderFit, least: float) -> list[Mistake]:
     """Rows that stand for each other, if that leaves all of them where they belong."""
     row = rows_of(asked.case, asked.reduced.data, moved)
 
-    def left(one: tuple[_Fit, list[Ring]]) -> int:
+    def left(one: tuple[_OrderFit, list[Ring]]) -> int:
         """Pulls that no row fits then, those apart that have none any more."""
         wrong = np.diag(one[0].cost[_order(one[1], len(moved.force))]) > least
         return int(wrong.sum() - sum(wrong[ring.members[0]] for ring in one[1] if ring.ended))
@@ -229,8 +229,8 @@ def _loads(asked: Screening, moved: Moved, given: _Fit, least: float) -> list[Mi
 
 
 def _orders(
-    moved: Moved, given: _Fit, least: float, row: Ints
-) -> Iterator[tuple[_Fit, list[Ring]]]:
+    moved: PullMoves, given: _OrderFit, least: float, row: Ints
+) -> Iterator[tuple[_OrderFit, list[Ring]]]:
     """What may have happened to the column of forces, the simplest first, where it fits."""
     count = len(moved.force)
     few = rings(given.cost, least, least)
@@ -258,7 +258,7 @@ def _order(found: Sequence[Ring], count: int) -> Ints:
     return order
 
 
-def _all_fit(moved: Moved, found: Sequence[Ring], least: float) -> bool:
+def _all_fit(moved: PullMoves, found: Sequence[Ring], least: float) -> bool:
     """Whether all that is moved fits where it is put, beside what most pulls agree on then."""
     order = _order(found, len(moved.force))
     fit = _fit(moved, order)
@@ -268,7 +268,7 @@ def _all_fit(moved: Moved, found: Sequence[Ring], least: float) -> bool:
     return bool((after <= least).all() and (before - after).mean() > least) and _usual(fit)
 
 
-def _usual(fit: _Fit) -> bool:
+def _usual(fit: _OrderFit) -> bool:
     """Whether the pulls fit as pulls do that have their own forces."""
     return fit.model < SPREAD
 
@@ -278,7 +278,7 @@ SPREAD = 0.1
 [1]: friction, clearance and a tooth that turns are below."""
 
 
-def _sorted(moved: Moved, least: float) -> tuple[_Fit, list[Ring]] | None:
+def _sorted(moved: PullMoves, least: float) -> tuple[_OrderFit, list[Ring]] | None:
     """A column in any order, from stiffnesses as they typically are."""
     count = len(moved.force)
     x = np.ones(moved.G.shape[2])
@@ -296,19 +296,19 @@ def _sorted(moved: Moved, least: float) -> tuple[_Fit, list[Ring]] | None:
     return (_fit(moved, _order(found, count)), found) if fine else None
 
 
-def _both(fit: _Fit, ring: Ring, least: float) -> bool:
+def _both(fit: _OrderFit, ring: Ring, least: float) -> bool:
     """Whether each of two is wrong where it stands: else one number is, and it was mistyped."""
     own = fit.cost[list(ring.members), list(ring.members)]
     return len(own) > 2 or bool((own > least).all())
 
 
-def _changes(moved: Moved, ring: Ring) -> bool:
+def _changes(moved: PullMoves, ring: Ring) -> bool:
     """Whether the exchange matters."""
     here, there = np.array(ring.moves).T
     return bool((np.abs(moved.force[here] / moved.force[there] - 1) > _MATTERS).any())
 
 
-def rows_of(case: Case, data: Measured, moved: Moved) -> Ints:
+def rows_of(case: Case, data: Measured, moved: PullMoves) -> Ints:
     """Row of the loads of each pull, shape (m,)."""
     key = pd.MultiIndex.from_frame(case.loads[["pose", "repeat"]])
     pulls = data.pulls
@@ -316,7 +316,7 @@ def rows_of(case: Case, data: Measured, moved: Moved) -> Ints:
     return np.asarray(key.get_indexer(mine), dtype=np.int64)
 
 
-def _of_loads(asked: Screening, moved: Moved, fit: _Fit, ring: Ring, row: Ints) -> Mistake:
+def _of_loads(asked: Screening, moved: PullMoves, fit: _OrderFit, ring: Ring, row: Ints) -> Mistake:
     case, pulls = asked.case, asked.reduced.data.pulls
     rows = case.loads.iloc[row[list(ring.members)]]
     file = str(rows["file"].iloc[0])
@@ -393,7 +393,7 @@ def _reloaded(
 # --- unloaded groups and pulls of a pose ----------------------------------------------------------
 
 
-def _states(asked: Screening, moved: Moved) -> list[Mistake]:
+def _states(asked: Screening, moved: PullMoves) -> list[Mistake]:
     """Poses in which an unloaded group and a pull have each other's readings of the effector.
 
     Against the compliances of all other poses: with its own, a pose of few would have its way.
@@ -419,10 +419,14 @@ def _states(asked: Screening, moved: Moved) -> list[Mistake]:
     return found
 
 
-def _in_pose(
-    case: Case, here: pd.DataFrame, pulls: dict[int, Array], noise: float, model: float
-) -> Iterator[tuple[Ring, list[str], float, float]]:
-    """Rings of the states of a pose with an unloaded one among them, and misfits before, after."""
+def _whole_states(
+    case: Case, here: pd.DataFrame, pulls: dict[int, Array]
+) -> tuple[Array, Array, Bools, list[str]] | None:
+    """States of a pose that were read whole; None where not both kinds are there.
+
+    Returns:
+        Places (s, 3 t) [m], what each pull moves them by, which have none, and their groups.
+    """
     measured = case.settings.measured
     at = here.pivot(index="group", columns="target", values=XYZ)
     at = at.reorder_levels([1, 0], axis=1).reindex(
@@ -430,27 +434,43 @@ def _in_pose(
     )
     first = here.drop_duplicates("group").set_index("group").loc[at.index]
     zero = (first["state"] == "unloaded").to_numpy()
-    keys = first["repeat"].astype(int).tolist()
-    known = np.array([z or key in pulls for z, key in zip(zero, keys, strict=True)])
-    known &= at.notna().all(axis=1).to_numpy()
+    repeat = first["repeat"].astype(int).to_numpy()
+    known = (zero | np.isin(repeat, [*pulls])) & at.notna().all(axis=1).to_numpy()
     if known.sum() < 2 or not zero[known].any() or zero[known].all():
-        return
-    Y, zero = at.to_numpy(float)[known], zero[known]
-    keys = [key for key, k in zip(keys, known, strict=True) if k]
-    due = np.array(
-        [np.zeros(Y.shape[1]) if z else pulls[k] for z, k in zip(zero, keys, strict=True)]
-    )
-    names = [str(name) for name in at.index[known]]
-    usual = noise**2 + model**2 * np.mean(due**2, axis=1)  # of each place
+        return None
+    Y, zero, repeat = at.to_numpy(float)[known], zero[known], repeat[known]
+    nothing = np.zeros(Y.shape[1])
+    due = [nothing if z else pulls[int(k)] for z, k in zip(zero, repeat, strict=True)]
+    return Y, np.array(due), zero, [str(name) for name in at.index[known]]
 
-    def misfit(j: int, k: int) -> Array:
-        """Of all contents in all places where content j is in place k."""
-        square = np.mean((Y[:, None] - (Y[j] - due[k]) - due) ** 2, axis=2)
-        return np.asarray(square / (usual + usual[k]))
 
+def _cheapest(Y: Array, due: Array, zero: Bools, usual: Array) -> Array:
+    """Misfit of every content in every place [1], where one content is taken to be in its place.
+
+    Args:
+        Y: Places as read [m], shape (s, 3 t).
+        due: What the pull of each state moves them by [m], shape (s, 3 t).
+        zero: States without a pull, shape (s,).
+        usual: Variance of each place [m^2], shape (s,).
+    """
     some = int(np.flatnonzero(zero)[0])
-    costs = [misfit(j, k) for j in range(len(Y)) for k in {j, some}]
-    best = min(costs, key=_total)
+    costs = []
+    for j in range(len(Y)):
+        for k in {j, some}:  # all contents in all places where content j is in place k
+            square = np.mean((Y[:, None] - (Y[j] - due[k]) - due) ** 2, axis=2)
+            costs.append(np.asarray(square / (usual + usual[k])))
+    return min(costs, key=_total)
+
+
+def _in_pose(
+    case: Case, here: pd.DataFrame, pulls: dict[int, Array], noise: float, model: float
+) -> Iterator[tuple[Ring, list[str], float, float]]:
+    """Rings of the states of a pose with an unloaded one among them, and misfits before, after."""
+    states = _whole_states(case, here, pulls)
+    if states is None:
+        return
+    Y, due, zero, names = states
+    best = _cheapest(Y, due, zero, noise**2 + model**2 * np.mean(due**2, axis=1))
     for ring in rings(best, _APART**2, _APART**2):
         kinds = zero[list(ring.members)]
         if kinds.any() and not kinds.all() and not ring.ended:

@@ -45,7 +45,7 @@ PART, MOST = 4, 12
 
 
 @dataclass(frozen=True, eq=False)
-class _Stand(Locked):
+class _TableStand(Locked):
     """Readings of measured targets and where the table puts them.
 
     Attributes:
@@ -120,14 +120,14 @@ def wrong_rows(case: Case) -> list[Mistake]:
     return []
 
 
-def _read(case: Case) -> _Stand:
+def _read(case: Case) -> _TableStand:
     rows = case.readings
     known = rows["target"].isin(case.settings.measured) & rows["pose"].isin(case.joints["pose"])
     rows = rows[known & rows["pose"].isin(unloaded(case)["pose"])]
     poses, at = np.unique(rows["pose"].to_numpy(int), return_inverse=True)
     target = np.array([case.settings.measured.index(name) for name in rows["target"]], int)
     frames = configure(case.robot, case.q(poses))
-    return _Stand(
+    return _TableStand(
         seen=rows[XYZ].to_numpy(float),
         pose=at,
         target=target,
@@ -139,7 +139,7 @@ def _read(case: Case) -> _Stand:
     )
 
 
-def _laid(read: _Stand, out: Sequence[int]) -> _Laid:
+def _laid(read: _TableStand, out: Sequence[int]) -> _Laid:
     """The table fitted to the unloaded readings of all poses but some (Gauss-Newton)."""
     used = read.zero & ~np.isin(read.pose, out)
     targets = int(read.target.max()) + 1
@@ -170,7 +170,7 @@ def _base(X: Array, away: Array, here: Bools) -> Base:
     return Base.of(X[here].reshape(-1, X.shape[2]), away[here].ravel())
 
 
-def _linear(read: _Stand, R: Array, t: Array, off: Array) -> tuple[Array, Array, Array]:
+def _linear(read: _TableStand, R: Array, t: Array, off: Array) -> tuple[Array, Array, Array]:
     """Where the readings should be, what moves them (n, 3, 6 + 3 targets), how far they are."""
     at = (read.table + np.einsum("nij,nj->ni", read.axes, off[read.target])) @ R.T + t
     X = np.zeros((len(at), 3, 6 + off.size))
@@ -183,7 +183,7 @@ def _linear(read: _Stand, R: Array, t: Array, off: Array) -> tuple[Array, Array,
     return at, X, read.seen - at
 
 
-def _knocked(case: Case, read: _Stand, wrong: Sequence[int]) -> bool:
+def _knocked(case: Case, read: _TableStand, wrong: Sequence[int]) -> bool:
     """Whether the tracker may have been moved before these poses: the base reflectors show it.
 
     Only where they are the last that were read.
@@ -197,7 +197,7 @@ def _knocked(case: Case, read: _Stand, wrong: Sequence[int]) -> bool:
     return set(np.argsort(begun)[-len(wrong) :].tolist()) == set(wrong)
 
 
-def _whole(read: _Stand, laid: _Laid, k: int) -> bool:
+def _whole(read: _TableStand, laid: _Laid, k: int) -> bool:
     """Whether the effector as a whole is elsewhere, in every state of the pose.
 
     One reading that is off is no wrong row, nor are two names exchanged.
@@ -227,7 +227,7 @@ def _moved(seen: Array, due: Array, size: float, usual: float) -> bool:
     return left < max(size / PART, _STANDS_OUT * usual) and names > size / 2
 
 
-def _finding(case: Case, read: _Stand, laid: _Laid, k: int) -> Mistake:
+def _finding(case: Case, read: _TableStand, laid: _Laid, k: int) -> Mistake:
     row = case.joints[case.joints["pose"] == read.poses[k]].iloc[0]
     far = np.sum(laid.away**2, axis=1)[read.zero]
     of = read.pose[read.zero]

@@ -9,9 +9,9 @@ import pandas as pd
 
 from pipeline.base.quantities import plain
 from pipeline.faults.mistake import Mistake, length, outlying
-from pipeline.faults.position_rows import Rows, Sheet, in_order, laid
+from pipeline.faults.position_rows import PositionSheet, Rows, in_order, laid
 from pipeline.geometry.mistaken import TableMistake
-from pipeline.geometry.study import Bad, Study
+from pipeline.geometry.study import BadReading, Study
 
 USUAL = 1e-3
 """Part of all readings that an unattended instrument loses [1]: fewer are left out and listed, and
@@ -19,7 +19,7 @@ accuse nobody. Of 1000 rows of a published stationary series of an absolute trac
 locks; in `system.family.MISTAKES` it is the second smallest part."""
 
 
-def exchanged_beside(sheet: Sheet, found: Study) -> tuple[list[Mistake], Sheet]:
+def exchanged_beside(sheet: PositionSheet, found: Study) -> tuple[list[Mistake], PositionSheet]:
     """Rows in each other's place that stand too near each other for a table as delivered.
 
     Args:
@@ -47,7 +47,7 @@ def accused(off: list[Mistake], found: Study) -> list[Mistake]:
     return off if len(off) > USUAL * count else []
 
 
-def _row(one: Bad, rows: Rows) -> int:
+def _row(one: BadReading, rows: Rows) -> int:
     """Where the row of a reading stands in the table: its pose's first row, or one behind it."""
     mine = rows["file"] == one.file
     first = rows.loc[mine & (rows["line"] == one.line), "series"]
@@ -56,7 +56,7 @@ def _row(one: Bad, rows: Rows) -> int:
     return int(np.argmax((mine & (rows["line"] >= one.line)).to_numpy()))
 
 
-def _outlier(one: Bad, row: int, line: int) -> Mistake:
+def _outlier(one: BadReading, row: int, line: int) -> Mistake:
     at = f"{one.file}:{line}"
     place = f"pose{one.pose:02d}/{one.target}"
     return outlying(

@@ -24,9 +24,9 @@ from pipeline.faults.conventions import LOGGED, UNITS
 from pipeline.faults.exchanged import told
 from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.geometry.begin import begin
-from pipeline.geometry.mechanism import Mechanism, Weights, placed
+from pipeline.geometry.mechanism import ArmWeights, Mechanism, placed
 from pipeline.geometry.positioned import by_pose, weights_of
-from pipeline.geometry.readings import Readings
+from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.robot import Robot, configure
 from pipeline.readers.known import BETTER, GROSS_M
 from pipeline.readers.positions import AXES
@@ -58,7 +58,7 @@ _RARE = 0.05
 
 
 @dataclass(frozen=True, eq=False)
-class Sheet:
+class PositionSheet:
     """A table of positions with what it is held against.
 
     Attributes:
@@ -78,7 +78,7 @@ class Sheet:
         return np.asarray(self.rows.groupby(keys, sort=False, dropna=False).ngroup(), np.int64)
 
     @cached_property
-    def readings(self) -> Readings:
+    def readings(self) -> PositionReadings:
         """Each unit as a pose."""
         return by_pose(self.rows.assign(pose=self.unit), self.robot, self.settings)
 
@@ -111,11 +111,11 @@ class Sheet:
         weights = weights_of(self.settings, self.readings)
         return replace(laid(self.readings, mechanism or self.begun(), weights), order=order)
 
-    def of(self, correct: Correct) -> Sheet:
+    def of(self, correct: Correct) -> PositionSheet:
         """The same with rows put right."""
-        return Sheet(self.robot, self.settings, correct(self.rows))
+        return PositionSheet(self.robot, self.settings, correct(self.rows))
 
-    def without(self, mistakes: Sequence[Mistake]) -> Sheet:
+    def without(self, mistakes: Sequence[Mistake]) -> PositionSheet:
         """The same with several mistakes put right, by the labels that its rows have had so far."""
         out = self
         for one in mistakes:
@@ -191,12 +191,12 @@ def _better_half(own: Array, series: Ints) -> Ints:
     return np.flatnonzero(own <= limit[series])
 
 
-def laid(readings: Readings, mechanism: Mechanism, weights: Weights) -> Laid:
+def laid(readings: PositionReadings, mechanism: Mechanism, weights: ArmWeights) -> Laid:
     """Readings on a robot."""
     return Laid(*placed(readings, mechanism, weights))
 
 
-def position_rows(sheet: Sheet) -> tuple[list[Mistake], Sheet]:
+def position_rows(sheet: PositionSheet) -> tuple[list[Mistake], PositionSheet]:
     """What is wrong with columns, rows and names of a table of positions, and the table without.
 
     Nothing where the targets are where the robot puts them. What no single mistake explains stays.
@@ -222,7 +222,7 @@ class _Guess:
     correct: Correct
 
 
-def _units(sheet: Sheet) -> Iterator[Mistake]:
+def _units(sheet: PositionSheet) -> Iterator[Mistake]:
     before = sheet.laid().miss
     if before < GROSS_M:
         return
@@ -232,14 +232,14 @@ def _units(sheet: Sheet) -> Iterator[Mistake]:
         yield _of_column(guess, before, after, ())
 
 
-def _plainly(sheet: Sheet) -> float:
+def _plainly(sheet: PositionSheet) -> float:
     """What half of some units are off at most where no more than half can be wrong [m]."""
     some = sheet.readings.part(np.arange(0, len(sheet.readings), 1 + len(sheet.readings) // _FEW))
     weights = weights_of(sheet.settings, some)
     return laid(some, begin(sheet.robot, some, sheet.points), weights).miss
 
 
-def _guesses(sheet: Sheet) -> Iterator[_Guess]:
+def _guesses(sheet: PositionSheet) -> Iterator[_Guess]:
     yield from _coordinates()
     yield from _joints(sheet.robot)
     for a, b in combinations(sheet.robot.joints, 2):
@@ -332,12 +332,12 @@ def _logged(robot: Robot, names: Sequence[str], factor: float, rows: Rows) -> Ro
 # --- rows in each other's place -------------------------------------------------------------------
 
 
-def _order(sheet: Sheet) -> Iterator[Mistake]:
+def _order(sheet: PositionSheet) -> Iterator[Mistake]:
     """Joint values that belong to other rows."""
     yield from in_order(sheet, _by_most(sheet))
 
 
-def in_order(sheet: Sheet, seen: Laid) -> Iterator[Mistake]:
+def in_order(sheet: PositionSheet, seen: Laid) -> Iterator[Mistake]:
     """Units whose joint values belong to another one.
 
     Args:
@@ -352,7 +352,7 @@ def in_order(sheet: Sheet, seen: Laid) -> Iterator[Mistake]:
         yield _of_ring(sheet, away, ring, cost)
 
 
-def _of_ring(sheet: Sheet, away: Ints, ring: Ring, cost: Array) -> Mistake:
+def _of_ring(sheet: PositionSheet, away: Ints, ring: Ring, cost: Array) -> Mistake:
     units = [int(away[k]) for k in ring.members]
     names = [sheet.called(unit) for unit in units]
     file = str(sheet.rows["file"].iloc[int(np.argmax(sheet.unit == units[0]))])
@@ -378,7 +378,7 @@ def _moved(rows: Rows, robot: Robot, own: Sequence[pd.Index], ended: bool) -> Ro
     return out.drop(index=own[0]) if ended else out
 
 
-def _by_most(sheet: Sheet) -> Laid:
+def _by_most(sheet: PositionSheet) -> Laid:
     """The units on the robot where most of their joint values, in some order, put them."""
     given = sheet.laid()
     if given.miss < GROSS_M:
@@ -390,7 +390,7 @@ def _by_most(sheet: Sheet) -> Laid:
     return _sought(sheet) or given
 
 
-def _sought(sheet: Sheet) -> Laid | None:
+def _sought(sheet: PositionSheet) -> Laid | None:
     """The units on the robot in whatever order their joint values fit; None where none does.
 
     Frame and order by turns: the assignment of least sum for a frame, and the frame that fits it,
@@ -452,7 +452,7 @@ def _refitted(origin: Array, axes: Array, at: Array, point: Array) -> tuple[Arra
 # --- names of targets -----------------------------------------------------------------------------
 
 
-def _names(sheet: Sheet) -> Iterator[Mistake]:
+def _names(sheet: PositionSheet) -> Iterator[Mistake]:
     """Readings that carry the name of another target of their pose, mistyped or exchanged."""
     seen = sheet.laid()
     if seen.miss >= GROSS_M:
@@ -476,7 +476,7 @@ def _names(sheet: Sheet) -> Iterator[Mistake]:
 
 
 def _in_pose(
-    sheet: Sheet, mine: Ints, named: Ints, doubted: Bools, cost: Array, limit: float
+    sheet: PositionSheet, mine: Ints, named: Ints, doubted: Bools, cost: Array, limit: float
 ) -> Iterator[Mistake]:
     """Readings of one pose that fit another target, each of its own."""
     names, best = sheet.readings.targets, np.argmin(cost, axis=1)
@@ -524,7 +524,7 @@ def _called_right(rows: Rows, true: dict[int, str]) -> Rows:
 # --- from some row on -----------------------------------------------------------------------------
 
 
-def _since(sheet: Sheet) -> Iterator[Mistake]:
+def _since(sheet: PositionSheet) -> Iterator[Mistake]:
     """A unit that is another in some rows: from one on, or here and there."""
     mechanism = sheet.begun()
     seen = sheet.laid(mechanism)

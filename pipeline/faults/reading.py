@@ -55,7 +55,7 @@ _PAPER_TAIL = 4.9
 
 
 @dataclass(frozen=True, eq=False)
-class Readings(Locked):
+class TargetReadings(Locked):
     """Every reading of the measured targets, or of the effector's pose, poses ascending.
 
     Attributes:
@@ -87,7 +87,7 @@ class Shifted(Locked):
 
     stack: Stack
     white: Whitener
-    readings: Readings
+    readings: TargetReadings
     blocks: Blocks
     D: Array
 
@@ -226,11 +226,11 @@ def outliers(asked: Screening) -> list[Mistake]:
     suspects = Suspects(shifted.D, shifted.blocks)
     free = shifted.poses_free(reduced.data), shifted.pulls_free()
     least = 1.0 if system.noise_stated else _NOTHING
-    for base in (shifted.springs(system), free[0]):
-        held = shifted.held(base, suspects, least)
+    held = shifted.held(shifted.springs(system), suspects, least)
+    fits = _fits(held, suspects.beside(free[1], held.which)[0], least)
+    if not fits:
+        held = shifted.held(free[0], suspects, least)
         fits = _fits(held, suspects.beside(free[1], held.which)[0], least)
-        if fits:
-            break
     told = shifted.told(held, suspects, free, seen=not fits)
     p, size = held.p(), np.linalg.norm(held.size, axis=1)
     least_m = smallest(reduced.placed, float(np.sqrt(held.variance)))
@@ -312,17 +312,19 @@ def _zero_counts(placed: pd.DataFrame, measured: list[str]) -> dict[tuple[int, i
     return {(int(pose), int(t)): int(n) for (pose, t), n in zip(keys, number, strict=True)}
 
 
-def _readings(stack: Stack, counts: dict[tuple[int, int], int], six: bool) -> Readings:
+def _readings(stack: Stack, counts: dict[tuple[int, int], int], six: bool) -> TargetReadings:
     """The readings that the rows of a stack are made of."""
     rows = np.column_stack([stack.pose, np.where(six, 0, stack.target), stack.pull])
     there = sorted({(int(pose), int(t)) for pose, t, _ in rows})
     zeros = [(*one, -1, nth, counts[one]) for one in there for nth in range(counts.get(one, 0))]
     loaded = {(int(p), int(t), int(i), 0, counts.get((int(p), int(t)), 0)) for p, t, i in rows}
     every = [*zeros, *(one for one in loaded if one[2] >= 0)]
-    return Readings(*np.array(sorted(every), dtype=np.int64).reshape(-1, 5).T)
+    return TargetReadings(*np.array(sorted(every), dtype=np.int64).reshape(-1, 5).T)
 
 
-def _columns(stack: Stack, white: Whitener, readings: Readings, blocks: Blocks, six: bool) -> Array:
+def _columns(
+    stack: Stack, white: Whitener, readings: TargetReadings, blocks: Blocks, six: bool
+) -> Array:
     """What a unit shift of each reading does to the rows of its pose, whitened.
 
     A loaded reading moves its own row by one; zero n of N moves every loaded row of its target by
@@ -427,7 +429,7 @@ def lock_lost(found: Mistake, case: Case) -> Mistake:
     )
 
 
-def _row(case: Case, reduced: Reduced, readings: Readings, best: int) -> pd.Series:
+def _row(case: Case, reduced: Reduced, readings: TargetReadings, best: int) -> pd.Series:
     """The reading in table PLACED."""
     placed, data = reduced.placed, reduced.data
     name = case.settings.measured[readings.target[best]]

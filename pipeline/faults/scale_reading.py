@@ -159,11 +159,15 @@ def scale_outliers(
         if righted is None or not _matters(righted, scale):
             return []
         if righted.alone:
-            sure = bool((righted.p <= alarms.SCALE).all()) and righted.explained
-            sure = sure and not _by_pose(data, righted)
-            return _findings(case, data, righted) if sure else []
+            return _findings(case, data, righted) if _sure(data, righted) else []
         which.append(righted.next)
     return []
+
+
+def _sure(data: Measured, righted: _Righted) -> bool:
+    """Whether chance does not explain them, nor a pose, and they explain what is left."""
+    unlikely = bool((righted.p <= alarms.SCALE).all())
+    return unlikely and righted.explained and not _by_pose(data, righted)
 
 
 def _matters(righted: _Righted, scale: Scale) -> bool:

@@ -51,7 +51,7 @@ class Screened:
 
 
 @dataclass(frozen=True, eq=False)
-class Beside:
+class TestBase:
     """What single readings and pulls are tested beside.
 
     Attributes:
@@ -82,7 +82,7 @@ def files_of(case: Case, reduced: Reduced) -> Screened:
     return Screened(tuple(findings), case)
 
 
-def screen(case: Case, reduced: Reduced, beside: Beside | None = None) -> Screened:
+def screen(case: Case, reduced: Reduced, beside: TestBase | None = None) -> Screened:
     """Name mistakes, from those that spoil everything to those that spoil one reading.
 
     Args:
@@ -94,7 +94,9 @@ def screen(case: Case, reduced: Reduced, beside: Beside | None = None) -> Screen
     return singles_of(files, None if files.findings else reduced, beside)
 
 
-def singles_of(given: Screened, reduced: Reduced | None, beside: Beside | None = None) -> Screened:
+def singles_of(
+    given: Screened, reduced: Reduced | None, beside: TestBase | None = None
+) -> Screened:
     """Name what is wrong with single readings and pulls, those that spoil most first.
 
     Args:
@@ -103,7 +105,7 @@ def singles_of(given: Screened, reduced: Reduced | None, beside: Beside | None =
         beside: What they are tested beside; the joint springs when not given.
     """
     case, findings = given.case, list(given.findings)
-    beside = beside or Beside(case.cell, case.robot.nominal_compliance)
+    beside = beside or TestBase(case.cell, case.robot.nominal_compliance)
     asked = Screening(case, beside.cell, beside.start, reduced, beside.family)
     family, tests, doubted = beside.family, _asked(case, in_files=False), list[Mistake]()
     for _ in range(_MOST):

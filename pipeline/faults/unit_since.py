@@ -20,7 +20,7 @@ from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import LOGGED
 from pipeline.faults.exchanged import misplaced
-from pipeline.faults.exchanged_pulls import FEWEST, MOST, SPREAD, Moved, rows_of
+from pipeline.faults.exchanged_pulls import FEWEST, MOST, SPREAD, PullMoves, rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, lines_of
 from pipeline.machine.effect import PULLED
@@ -47,7 +47,7 @@ def unit_since(asked: Screening) -> list[Mistake]:
 def _forces(asked: Screening) -> list[Mistake]:
     if asked.reduced.data.poses:
         return []
-    moved, data = Moved.of(asked), asked.reduced.data
+    moved, data = PullMoves.of(asked), asked.reduced.data
     if not FEWEST <= len(moved.force) <= MOST:
         return []
     if not (data.pulls.by[moved.pull] == PULLED).all():
@@ -62,7 +62,7 @@ def _forces(asked: Screening) -> list[Mistake]:
     return [_of_forces(asked.case, rows, unit, sign)]
 
 
-def _split(moved: Moved, at: Ints) -> tuple[int, str, int] | None:
+def _split(moved: PullMoves, at: Ints) -> tuple[int, str, int] | None:
     """First pull in another unit, that unit, and 1 where its numbers were read as N."""
     N, b, square = _normal(moved, at)
     whole = np.sqrt(_left(N.sum(axis=0), b.sum(axis=0), square))
@@ -81,7 +81,7 @@ def _split(moved: Moved, at: Ints) -> tuple[int, str, int] | None:
     return _likelier(moved, at, best)
 
 
-def _normal(moved: Moved, at: Ints) -> tuple[Array, Array, float]:
+def _normal(moved: PullMoves, at: Ints) -> tuple[Array, Array, float]:
     """Normal equations of each pull in the order of the file, and its squares, all relative."""
     w = 1 / np.maximum(np.linalg.norm(moved.y, axis=1), STILL_M)
     A, y = (w * moved.force)[:, None, None] * moved.G, w[:, None] * moved.y
@@ -96,7 +96,9 @@ def _left(N: Array, b: Array, square: float) -> float:
     return max(1 - float(x @ (b / size)) / square, 0.0)
 
 
-def _likelier(moved: Moved, at: Ints, best: tuple[int, str, int]) -> tuple[int, str, int] | None:
+def _likelier(
+    moved: PullMoves, at: Ints, best: tuple[int, str, int]
+) -> tuple[int, str, int] | None:
     """The same, unless what came before is rather what is in another unit: stiffnesses tell."""
     first, unit, sign = best
     factor = np.ones(len(at))

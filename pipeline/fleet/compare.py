@@ -30,7 +30,7 @@ from pipeline.report import words
 from pipeline.report.record import Report
 from pipeline.report.render import page as as_page
 from pipeline.report.text import as_text
-from pipeline.store.campaign import Campaign, find
+from pipeline.store.campaign import CampaignFolder, find
 
 _COVARIANCES = {"recommended": "41_covariance", "joints": "41_covariance_joint_springs"}
 """Models of a campaign that can be compared, with the tables of their covariance."""
@@ -181,7 +181,7 @@ def _side(root: Path, asked: str) -> _Side:
     return _Side(asked, name, model, answer, values.stiffness, cov)
 
 
-def _covariance(campaign: Campaign, model: str, stiffness: Sequence[Stiffness]) -> Array:
+def _covariance(campaign: CampaignFolder, model: str, stiffness: Sequence[Stiffness]) -> Array:
     """Of the compliances of these joints [SI], from the table that the run kept if there is one."""
     if model not in _COVARIANCES:
         std = [joint.compliance_std for joint in stiffness]

@@ -37,12 +37,12 @@ from pipeline.report.columns import Cells, measured, number, roughly, said, tabl
 from pipeline.report.record import (
     Block,
     Column,
-    Entry,
     Figure,
+    Paragraph,
     Report,
+    ReportTable,
     Section,
-    Table,
-    Text,
+    TableEntry,
     present,
     section_of,
     unlabelled,
@@ -176,7 +176,7 @@ def _not_compared(by_robot: Mapping[str, Sequence[Answer]]) -> list[str]:
     return [f"Not compared, because no model explains their readings: {', '.join(out)}."]
 
 
-def _campaigns(answers: Sequence[Answer]) -> Table | None:
+def _campaigns(answers: Sequence[Answer]) -> ReportTable | None:
     columns: list[Cells[Answer]] = [
         (Column("Campaign"), _linked),
         said("Robot", lambda one: one.machine),
@@ -189,8 +189,8 @@ def _campaigns(answers: Sequence[Answer]) -> Table | None:
     return table_of("campaigns", "Every campaign with a result", columns, answers)
 
 
-def _linked(answer: Answer) -> Entry:
-    return Entry(answer.campaign, answer.campaign, f"{quote(answer.campaign)}/index.html")
+def _linked(answer: Answer) -> TableEntry:
+    return TableEntry(answer.campaign, answer.campaign, f"{quote(answer.campaign)}/index.html")
 
 
 def _left_out_mm(answer: Answer) -> float | None:
@@ -207,20 +207,24 @@ def _robot(
     place: int, name: str, answers: Sequence[Answer], wear: Robot | None
 ) -> Sequence[Block | None]:
     if wear is not None:
-        says = [Text(alarm(wear), "finding")] if wear.alarm else []
+        says = [Paragraph(alarm(wear), "finding")] if wear.alarm else []
         names, called = changed_of(answers, wear), _called(answers)
         says += [
-            Text(f"{called[one]} differs between campaigns of one day, for certain.", "finding")
+            Paragraph(
+                f"{called[one]} differs between campaigns of one day, for certain.", "finding"
+            )
             for one in within_a_day(answers)
         ]
         return (*says, joints_table(place, wear), _history_figure(place, name, answers, names))
     if len(answers) < 2:
-        return (Text(f"One campaign so far, {answers[0].campaign}."),)
+        return (Paragraph(f"One campaign so far, {answers[0].campaign}."),)
     if sum(map(trusted, answers)) < 2:
-        return (Text("Fewer than two campaigns whose readings a model explains: no comparison."),)
+        return (
+            Paragraph("Fewer than two campaigns whose readings a model explains: no comparison."),
+        )
     found, called = trends(answers), _called(answers)
     surely = [
-        Text(f"{called[t.name]} changed by more than chance explains.", "finding")
+        Paragraph(f"{called[t.name]} changed by more than chance explains.", "finding")
         for t in found
         if t.sure
     ]
@@ -237,7 +241,9 @@ def _called(answers: Sequence[Answer]) -> dict[str, str]:
     return {joint.name: joint.called for one in answers for joint in one.stiffness}
 
 
-def _trend_table(place: int, found: Sequence[Trend], called: Mapping[str, str]) -> Table | None:
+def _trend_table(
+    place: int, found: Sequence[Trend], called: Mapping[str, str]
+) -> ReportTable | None:
     columns: list[Cells[Trend]] = [
         said("Joint", lambda t: called[t.name]),
         number("Campaigns", lambda t: t.campaigns, str),
@@ -385,7 +391,7 @@ def _comparison_table(
     before: Sequence[Stiffness],
     found: Sequence[Change],
     called: Mapping[str, str],
-) -> Table | None:
+) -> ReportTable | None:
     factor, letter = common_prefix(change.before for change in found)
     units = {joint.name: prefixed(joint.unit, letter) for joint in before}
 

@@ -19,7 +19,7 @@ from pipeline.base.shown import printable
 from pipeline.fleet import tables as fleet
 from pipeline.fleet.sentences import alarm, told
 from pipeline.fleet.worn import Robot
-from pipeline.store.campaign import Campaign, code_version, dump, recalled, versions
+from pipeline.store.campaign import CampaignFolder, code_version, dump, recalled, versions
 
 INDEX_MANIFEST = "index.json"
 
@@ -74,7 +74,7 @@ def _left_out(why: str) -> None:
     sys.stderr.write(f"{why} Until then it is left out of the page over all campaigns.\n")
 
 
-def _tell(campaign: Campaign) -> None:
+def _tell(campaign: CampaignFolder) -> None:
     """Write a campaign's report anew, with what has changed since the previous campaigns."""
     from pipeline.report.render import render
 

@@ -8,7 +8,7 @@ from pathlib import Path
 from pipeline.base import files
 from pipeline.base.errors import UsageError
 from pipeline.fleet import pages
-from pipeline.store.campaign import Campaign
+from pipeline.store.campaign import CampaignFolder
 
 REMOVED = "removed"
 """Folder under data where measurements of removed campaigns are kept."""
@@ -28,7 +28,7 @@ def remove(root: Path, name: str) -> Path | None:
         UsageError: There is no such campaign.
         CannotWrite: The disk refuses.
     """
-    campaign = Campaign(root, root / "data" / "raw" / Path(name).name)
+    campaign = CampaignFolder(root, root / "data" / "raw" / Path(name).name)
     there = [one for one in (campaign.folder, campaign.processed, campaign.reports) if one.is_dir()]
     if not there:
         raise UsageError(f"there is no campaign {name}, neither measured nor computed")

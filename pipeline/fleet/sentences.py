@@ -12,7 +12,7 @@ from pipeline.base.quantities import MISSING, bracketed, p_value, plain, with_st
 from pipeline.fleet.worn import Joint, Robot
 from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, said, table_of
-from pipeline.report.record import Column, Entry, Table, entry
+from pipeline.report.record import Column, ReportTable, TableEntry, entry
 
 _AS_ONE = 3
 """So many joints that change alike, all there are, may be the scale."""
@@ -103,7 +103,7 @@ def robots_tables(
     places: Mapping[str, int],
     last: Mapping[str, Answer],
     changed: Mapping[str, Sequence[str]],
-) -> list[Table | None]:
+) -> list[ReportTable | None]:
     """One table for each type, those first that need something done.
 
     Args:
@@ -125,13 +125,13 @@ def _of_type(
     places: Mapping[str, int],
     last: Mapping[str, Answer],
     changed: Mapping[str, Sequence[str]],
-) -> Table | None:
+) -> ReportTable | None:
     def urgency(one: Robot) -> int:
         return _urgency(one, changed.get(one.machine, ()))
 
     columns: list[Cells[Robot]] = [
         (Column("Robot"), lambda one: _section(one, places)),
-        (Column("To do"), lambda one: Entry(_to_do(one, changed), float(urgency(one)))),
+        (Column("To do"), lambda one: TableEntry(_to_do(one, changed), float(urgency(one)))),
         said("Alarm since", lambda one: one.alarm and one.alarm.raised),
         (Column("Last campaign"), lambda one: _page(one.campaign)),
         said("Measured", lambda one: one.last.isoformat()),
@@ -150,23 +150,23 @@ def _of_type(
 
 
 def _a_joint(k: int, name: str) -> Cells[Robot]:
-    def cell(one: Robot) -> Entry:
+    def cell(one: Robot) -> TableEntry:
         joint = one.joints[k]
         text = with_std(joint.percent_a_year, joint.std) if one.followed else MISSING
         mark = " *" if joint.changed else ""
-        return Entry(f"{text}{mark}", joint.percent_a_year if one.followed else None)
+        return TableEntry(f"{text}{mark}", joint.percent_a_year if one.followed else None)
 
     return Column(f"{name} [%/year]", numeric=True), cell
 
 
-def _section(one: Robot, places: Mapping[str, int]) -> Entry:
+def _section(one: Robot, places: Mapping[str, int]) -> TableEntry:
     place = places.get(one.machine)
     link = "" if place is None else f"#robot-{place}"
-    return Entry(one.serial or one.robot, one.machine, link)
+    return TableEntry(one.serial or one.robot, one.machine, link)
 
 
-def _page(campaign: str) -> Entry:
-    return Entry(campaign, campaign, f"{quote(campaign)}/index.html")
+def _page(campaign: str) -> TableEntry:
+    return TableEntry(campaign, campaign, f"{quote(campaign)}/index.html")
 
 
 def _verdict(answer: Answer | None) -> str:
@@ -198,7 +198,7 @@ def _to_do(one: Robot, changed: Mapping[str, Sequence[str]]) -> str:
 # --- one robot -------------------------------------------------------------------------------
 
 
-def joints_table(place: int, robot: Robot) -> Table | None:
+def joints_table(place: int, robot: Robot) -> ReportTable | None:
     """Wear of each joint of one robot."""
     columns: list[Cells[Joint]] = [
         said("Joint", lambda joint: joint.called),
@@ -219,7 +219,7 @@ def joints_table(place: int, robot: Robot) -> Table | None:
     return table_of(f"wear-{place}", title, columns, robot.joints, note)
 
 
-def _interval(joint: Joint) -> Entry:
+def _interval(joint: Joint) -> TableEntry:
     if joint.low is None or joint.high is None:
         return entry(MISSING)
     return entry(f"{plain(joint.low, 2)} to {plain(joint.high, 2)}", joint.low)

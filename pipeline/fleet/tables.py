@@ -30,7 +30,7 @@ from pipeline.base import files, parquet
 from pipeline.base.errors import UsageError
 from pipeline.fleet import worn
 from pipeline.fleet.worn import column
-from pipeline.store.campaign import FLEET, MANIFEST, Campaign, code_version, dump, recalled
+from pipeline.store.campaign import FLEET, MANIFEST, CampaignFolder, code_version, dump, recalled
 
 _INDEX = "index.json"
 _F64, _STR = pa.float64(), pa.string()
@@ -226,7 +226,7 @@ def _readable(path: Path) -> bool:
     return True
 
 
-def _marks(root: Path) -> dict[str, tuple[Campaign, str]]:
+def _marks(root: Path) -> dict[str, tuple[CampaignFolder, str]]:
     """Campaigns with a result that counts, and the hashes of their manifests, by name."""
     found, processed, reports = {}, root / "data" / "processed", root / "reports"
     for name in sorted(os.listdir(processed)) if processed.is_dir() else []:
@@ -234,12 +234,12 @@ def _marks(root: Path) -> dict[str, tuple[Campaign, str]]:
             if os.path.isfile(f"{reports}/{name}/result.json"):
                 with open(f"{processed}/{name}/{MANIFEST}", "rb") as manifest:
                     mark = files.sha256(manifest.read())
-                found[name] = Campaign(root, root / "data" / "raw" / name), mark
+                found[name] = CampaignFolder(root, root / "data" / "raw" / name), mark
     return found
 
 
 def _bring_up_to_date(
-    place: Path, there: Mapping[str, tuple[Campaign, str]], scatter: float | None
+    place: Path, there: Mapping[str, tuple[CampaignFolder, str]], scatter: float | None
 ) -> None:
     known = _known(place, scatter)
     if not known:
@@ -294,7 +294,9 @@ def wear(root: Path) -> tuple[worn.Robot, ...]:
     return tuple(found)
 
 
-def _stale(known: Mapping[str, _Entry], there: Mapping[str, tuple[Campaign, str]]) -> set[str]:
+def _stale(
+    known: Mapping[str, _Entry], there: Mapping[str, tuple[CampaignFolder, str]]
+) -> set[str]:
     """Campaigns whose rows are not those of their present answer."""
     changed = {n for n, (_, mark) in there.items() if n not in known or known[n].mark != mark}
     return changed | (known.keys() - there.keys())
@@ -349,7 +351,7 @@ def _write(
         parquet.write(path, table)
 
 
-def _rows(campaign: Campaign, answer: Answer) -> dict[str, pa.Table]:
+def _rows(campaign: CampaignFolder, answer: Answer) -> dict[str, pa.Table]:
     """All rows of one campaign."""
     made = {
         "campaigns": [_campaign(answer)],
@@ -368,7 +370,7 @@ def _rows(campaign: Campaign, answer: Answer) -> dict[str, pa.Table]:
     return found | {name: _own(campaign, name) for name in _OWN}
 
 
-def _own(campaign: Campaign, name: str) -> pa.Table:
+def _own(campaign: CampaignFolder, name: str) -> pa.Table:
     """One of a campaign's own tables; empty where it has none."""
     path, promise = campaign.processed / f"{_OWN[name]}.parquet", PROMISED[name]
     if not path.is_file():
@@ -402,7 +404,7 @@ def _campaign(answer: Answer) -> dict[str, Any]:
     }
 
 
-def _covariance(campaign: Campaign) -> list[dict[str, Any]]:
+def _covariance(campaign: CampaignFolder) -> list[dict[str, Any]]:
     """Of the compliances of the recommended model, row by row; nothing where a run kept none."""
     path = campaign.processed / "41_covariance.parquet"
     if not path.is_file():

@@ -30,6 +30,7 @@ _MOST = 60
 
 _EPOCH = date(1970, 1, 1)
 _YEAR = 365.25
+"""Days."""
 
 
 def column(name: str, kind: pa.DataType, unit: str, meaning: str) -> pa.Field:

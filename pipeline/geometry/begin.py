@@ -7,7 +7,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.geometry.mechanism import Mechanism
-from pipeline.geometry.readings import Readings
+from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.letters import letters
 from pipeline.machine.robot.weight import link_moments
@@ -22,7 +22,7 @@ _ENOUGH = 400
 """Poses of a series that are enough for a first guess."""
 
 
-def begin(robot: Robot, readings: Readings, tool: dict[str, Array]) -> Mechanism:
+def begin(robot: Robot, readings: PositionReadings, tool: dict[str, Array]) -> Mechanism:
     """The table as it is, with frames and tool points that fit it.
 
     p = R (o_i + F_i l) + t is linear in R l, R and t for one series; which rotation R is nearest
@@ -64,7 +64,7 @@ def begin(robot: Robot, readings: Readings, tool: dict[str, Array]) -> Mechanism
 
 
 def _placed(
-    readings: Readings, here: Configuration, mine: Ints, points: Array
+    readings: PositionReadings, here: Configuration, mine: Ints, points: Array
 ) -> tuple[Array, Array, Array]:
     """Rotation, origin and tool points that fit one series."""
     mine = mine[:: max(1, len(mine) // _ENOUGH)]
@@ -94,7 +94,7 @@ def _rigid(a: Array, b: Array, weight: Array) -> tuple[Array, Array]:
     return R, other - R @ middle
 
 
-def _points(readings: Readings, here: Configuration, mine: Ints, points: Array) -> Array:
+def _points(readings: PositionReadings, here: Configuration, mine: Ints, points: Array) -> Array:
     """Tool points from one series, by least squares over affine frames: p = A o + B F l + t.
 
     With R free to be any matrix, o and the nine numbers F_i taken as columns make the problem
@@ -124,7 +124,7 @@ def _point(here: Configuration, mine: Ints, at: Array) -> Array:
     return point
 
 
-def _orientation(readings: Readings, here: Configuration, frames: Array, k: int) -> Array:
+def _orientation(readings: PositionReadings, here: Configuration, frames: Array, k: int) -> Array:
     """How a 6D target is turned in the flange frame: the mean over all poses (Procrustes)."""
     own = frames[readings.series][:, :3, :3]
     seen = np.isfinite(readings.at[:, k]).all(axis=1)

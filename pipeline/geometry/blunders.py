@@ -18,11 +18,11 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry.estimate import Rows, rows, solved
+from pipeline.geometry.estimate import ReadRows, rows, solved
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.leftout import distances
-from pipeline.geometry.mechanism import Linear, Weights, linearised
-from pipeline.geometry.readings import Readings
+from pipeline.geometry.mechanism import ArmWeights, Linear, linearised
+from pipeline.geometry.readings import PositionReadings
 from pipeline.system import alarms
 from pipeline.system.together import chance
 
@@ -48,7 +48,7 @@ class Off(NamedTuple):
     p: Array
 
 
-def off(found: Identified, readings: Readings, weights: Weights, held: Bools) -> Off:
+def off(found: Identified, readings: PositionReadings, weights: ArmWeights, held: Bools) -> Off:
     """What is off among readings, each asked beside those that are held to be off.
 
     In each pose the one joins that is farthest off: beside it others of the pose may be where they
@@ -86,7 +86,9 @@ class _Asked(Locked):
     dof: int
 
     @classmethod
-    def of(cls, found: Identified, readings: Readings, weights: Weights, without: Bools) -> _Asked:
+    def of(
+        cls, found: Identified, readings: PositionReadings, weights: ArmWeights, without: Bools
+    ) -> _Asked:
         at = np.where(without[..., None], np.nan, readings.at)
         readings = replace(readings, at=at)
         here = linearised(readings, found.mechanism, weights)
@@ -128,7 +130,7 @@ def _columns(W: Array, here: Linear, six: Bools) -> Array:
     return each if six.any() else each[..., :3]
 
 
-def _each(white: Rows, D: Array, found: Identified) -> tuple[Array, Ints]:
+def _each(white: ReadRows, D: Array, found: Identified) -> tuple[Array, Ints]:
     """How far the sum of squares falls by each suspect alone, and its directions, (m, t)."""
     solution = solved(white, found.mechanism, found.known)
     e = white.y - white.along(solution.x)

@@ -23,9 +23,9 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.geometry import search
 from pipeline.geometry.estimate import precision
 from pipeline.geometry.identify import Identified
-from pipeline.geometry.laws import Law
+from pipeline.geometry.laws import JointLaw
 from pipeline.geometry.mechanism import Mechanism, layout
-from pipeline.geometry.worth import NO_GAIN, Gain, Judge
+from pipeline.geometry.worth import NO_GAIN, Judge, LeftOutGain
 from pipeline.geometry.yielding import carried_by
 from pipeline.machine.effects._anatomy import arm, rail, turning
 from pipeline.machine.robot import Robot, configure
@@ -44,7 +44,7 @@ class Amount(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Cause:
+class TableLaw:
     """What the catalogue knows and the readings call for.
 
     Attributes:
@@ -62,15 +62,15 @@ class Cause:
     form: str
     amounts: tuple[Amount, ...]
     p: float = 1.0
-    gain: Gain = NO_GAIN
-    carried: Gain = NO_GAIN
+    gain: LeftOutGain = NO_GAIN
+    carried: LeftOutGain = NO_GAIN
 
 
 class Listed(NamedTuple):
     """A law of a joint that the catalogue has; without a name one that any gear may have."""
 
     name: str
-    law: Law
+    law: JointLaw
 
 
 _WAVES = (1.0, 2.0, 3.0)
@@ -96,17 +96,22 @@ def listed(robot: Robot, q: Array, tau: Array) -> tuple[Listed, ...]:
 def _listed(robot: Robot, q: Array, tau: Array) -> Iterator[Listed]:
     if rail(robot) and np.ptp(q[:, 0]) > 0:
         middle, half = float(q[:, 0].max() + q[:, 0].min()) / 2, float(np.ptp(q[:, 0])) / 2
-        yield Listed("rail_scale", Law(1, "smooth", "angle", 1, 1.0, middle, half))
+        yield Listed("rail_scale", JointLaw(1, "smooth", "angle", 1, 1.0, middle, half))
     joints = arm(robot)
     shoulder = joints[0] if joints and relative(robot) >= _BALANCED and tau.any() else None
     most = np.abs(tau).max(axis=0)
     for joint in turning(robot):
         if most[joint - 1] > _LOADED * most.max():
-            yield Listed("joint_lost_motion", Law(joint, "step", "torque", joint, 0.0))
-        for order in _WAVES:
-            name = "compensator" if joint == shoulder and order < _WAVES[-1] else ""
-            if name or order * np.ptp(q[:, joint - 1]) > np.pi:
-                yield Listed(name, Law(joint, "periodic", "angle", joint, order))
+            yield Listed("joint_lost_motion", JointLaw(joint, "step", "torque", joint, 0.0))
+        yield from _waves(joint, joint == shoulder, np.ptp(q[:, joint - 1]))
+
+
+def _waves(joint: int, shoulder: bool, span: float) -> Iterator[Listed]:
+    """Waves over the angle of a joint; those of a balanced shoulder are its compensator's."""
+    for order in _WAVES:
+        name = "compensator" if shoulder and order < _WAVES[-1] else ""
+        if name or order * span > np.pi:
+            yield Listed(name, JointLaw(joint, "periodic", "angle", joint, order))
 
 
 _LOADED = 1e-3
@@ -117,7 +122,7 @@ _LOADED = 1e-3
 
 
 class _Group(NamedTuple):
-    cause: Cause
+    cause: TableLaw
     at: Ints
 
 
@@ -133,7 +138,7 @@ def _groups(found: Identified, names: tuple[Listed, ...]) -> Iterator[_Group]:
             Amount(one.name, one.unit, float(x[k]), float(std[k]))
             for one, k in zip(effect.parameters, at, strict=True)
         )
-        yield _Group(Cause(effect.name, effect.where, effect.form, amounts), at)
+        yield _Group(TableLaw(effect.name, effect.where, effect.form, amounts), at)
     yield from _of_laws(mechanism, names, where.laws.start, x, std)
     yield from _of_bed(found)
 
@@ -154,10 +159,10 @@ def _of_laws(
     for (name, joint), at in parts.items():
         where = joint if name == "joint_lost_motion" else None
         form = "two harmonics" if name == "compensator" else ""
-        yield _Group(Cause(name, where, form, tuple(said[name, joint])), np.array(at))
+        yield _Group(TableLaw(name, where, form, tuple(said[name, joint])), np.array(at))
 
 
-def _amounts(name: str, law: Law, x: Array, std: Array) -> Iterator[Amount]:
+def _amounts(name: str, law: JointLaw, x: Array, std: Array) -> Iterator[Amount]:
     if name == "rail_scale":
         yield Amount("scale", "1", float(x[0]) / law.scale, float(std[0]) / law.scale)
     elif name == "joint_lost_motion":
@@ -193,10 +198,10 @@ def _of_bed(found: Identified) -> Iterator[_Group]:
         )
         places.append(part)
     if places:
-        yield _Group(Cause("rail_shape", None, "", tuple(amounts)), np.concatenate(places))
+        yield _Group(TableLaw("rail_shape", None, "", tuple(amounts)), np.concatenate(places))
 
 
-def weight(found: Identified) -> Cause:
+def weight(found: Identified) -> TableLaw:
     """The weight of an arm of which nobody states masses: what of it the readings show.
 
     A joint sags by its compliance times the moment of what it carries. Their product is known, M
@@ -227,7 +232,7 @@ def weight(found: Identified) -> Cause:
             amounts.append(Amount(f"M_{joint.name}", "N m", value / nominal, spread / nominal))
             apart.append(std[j] < _APART * abs(c[j]))
     form = "masses" if apart and all(apart) else "moments"
-    return Cause("gravity_sag", None, form, tuple(amounts))
+    return TableLaw("gravity_sag", None, form, tuple(amounts))
 
 
 OTHER_MASSES = "other masses"
@@ -242,7 +247,7 @@ _APART = 0.2
 
 def causes(
     found: Identified, names: tuple[Listed, ...], signs: Array, judge: Judge
-) -> tuple[Cause, ...]:
+) -> tuple[TableLaw, ...]:
     """What of the catalogue the readings call for, the largest gain first.
 
     Args:
@@ -261,7 +266,7 @@ def causes(
     return tuple(sorted(out, key=lambda one: -one.gain.reduction))
 
 
-def renewed(every: Sequence[Cause], found: Identified) -> tuple[Cause, ...]:
+def renewed(every: Sequence[TableLaw], found: Identified) -> tuple[TableLaw, ...]:
     """Causes with the sizes that another estimate of the same model has."""
     now = {(one.cause.name, one.cause.where): one.cause for one in _groups(found, ())}
     if found.mechanism.unknown:
@@ -284,7 +289,7 @@ def chances(found: Identified, groups: Sequence[Ints | slice], signs: Array) -> 
     return list(search.beyond_copies(T).tolist())
 
 
-def _physical(cause: Cause) -> bool:
+def _physical(cause: TableLaw) -> bool:
     """Springs that are negative for certain are none."""
     springs = [one for one in cause.amounts if one.name.startswith("c_")]
     return not springs or any(one.value > 0 for one in springs)

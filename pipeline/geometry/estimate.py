@@ -21,7 +21,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.curves import Curve
 from pipeline.geometry.mechanism import Linear, Mechanism, Payloads, layout
-from pipeline.geometry.scatter import Scatter
+from pipeline.geometry.scatter import PoseScatter
 from pipeline.geometry.yielding import sizes, usual
 
 ROUGH = {False: 1e-3, True: 1e-3}
@@ -100,7 +100,7 @@ def _groups(mechanism: Mechanism) -> Iterator[slice]:
 
 
 @dataclass(frozen=True, eq=False)
-class Rows(Locked):
+class ReadRows(Locked):
     """Whitened rows that were read at any pose, and the sums that every solution needs.
 
     All rows of a pose lie between the same two knots of each of c curves.
@@ -141,9 +141,9 @@ class Rows(Locked):
         D, y = self.D.reshape(-1, self.D.shape[2]), self.y.ravel()
         return np.concatenate([D.T @ y, self._sparse.T @ y])
 
-    def of(self, which: Bools) -> Rows:
+    def of(self, which: Bools) -> ReadRows:
         """The rows of some poses, (m,)."""
-        return Rows(
+        return ReadRows(
             self.D[which],
             self.K[which],
             self.at[which],
@@ -170,13 +170,13 @@ class Rows(Locked):
         return np.asarray(out)
 
 
-def rows(about: Linear, mechanism: Mechanism, scatter: Scatter) -> Rows:
+def rows(about: Linear, mechanism: Mechanism, scatter: PoseScatter) -> ReadRows:
     """Whitened rows about a mechanism."""
     W, used = scatter.whitening(about), about.used
     K, at = between_knots(mechanism.curves, about.inputs.q, W @ about.Z[:, used])
     knots = sum(curve.count for curve in mechanism.curves)
     y = np.einsum("mij,mj->mi", W, about.y[:, used])
-    here = Rows(W @ about.D[:, used], K, at, knots, y, W)
+    here = ReadRows(W @ about.D[:, used], K, at, knots, y, W)
     return replace(here, y=here.y + here.along(mechanism.at(layout(mechanism))))
 
 
@@ -200,7 +200,7 @@ def between_knots(curves: Sequence[Curve], q: Array, Z: Array) -> tuple[Array, I
 
 
 @dataclass(frozen=True, eq=False)
-class Solution(Locked):
+class Posterior(Locked):
     """What rows and priors say.
 
     Attributes:
@@ -237,7 +237,7 @@ def _inverse(curve: Curve) -> tuple[Array, float]:
 
 def solve(
     N: Array, b: Array, square: float, prior_of: tuple[Array, float], mean: Array
-) -> Solution:
+) -> Posterior:
     """The parameters from products of rows and priors.
 
     Args:
@@ -251,7 +251,7 @@ def solve(
     whole, right = _factored(N + P), b + P @ mean
     x = whole.solve(right)
     chi2 = square + mean @ P @ mean - x @ right
-    return Solution(x, whole.solve(np.eye(len(b))), float(-0.5 * (chi2 + whole.log_det - log)))
+    return Posterior(x, whole.solve(np.eye(len(b))), float(-0.5 * (chi2 + whole.log_det - log)))
 
 
 def _factored(A: Array) -> linear.Cholesky:
@@ -274,7 +274,7 @@ def values(N: Array, b: Array, P: Array, mean: Array) -> Array:
     return _factored(N + P).solve(b + P @ mean)
 
 
-def solved(rows: Rows, mechanism: Mechanism, known: Prior) -> Solution:
+def solved(rows: ReadRows, mechanism: Mechanism, known: Prior) -> Posterior:
     """The parameters from all rows; a factor that nobody knows stays where it is."""
     N, b, square = rows.N, rows.b, float(np.sum(rows.y**2))
     if mechanism.unknown:
@@ -303,7 +303,7 @@ def softened(mechanism: Mechanism, x: Array | None = None) -> Array:
     return v
 
 
-def by_a_factor(rows: Rows, mechanism: Mechanism, found: Solution) -> Solution:
+def by_a_factor(rows: ReadRows, mechanism: Mechanism, found: Posterior) -> Posterior:
     """The solution with what springs and weights of unknown masses have in common left open.
 
     Springs that are softer by a factor under masses that are lighter by it move nothing. Priors of
@@ -327,7 +327,7 @@ def padded(head: Array, size: int) -> Array:
     return out
 
 
-def rougher(known: Prior, found: Solution) -> Prior:
+def rougher(known: Prior, found: Posterior) -> Prior:
     """The prior with the roughness that the letters show; those far beyond it stand alone."""
     k = len(known.turns)
     x, var = found.x[:k], np.diag(found.cov)[:k]
@@ -367,7 +367,7 @@ _MEDIAN = 0.4549
 """Median of the square of a standard normal number."""
 
 
-def larger(mechanism: Mechanism, found: Solution) -> Mechanism:
+def larger(mechanism: Mechanism, found: Posterior) -> Mechanism:
     """The curves with the size that their knots show (MacKay's fixed point)."""
     at, out = layout(mechanism).dense, []
     for curve in mechanism.curves:
@@ -385,7 +385,7 @@ _SMALLEST = 1e-7
 """No curve is smaller [m] or [rad]: there is none."""
 
 
-def again(rows: Rows, about: Linear, found: Solution, scatter: Scatter) -> Scatter:
+def again(rows: ReadRows, about: Linear, found: Posterior, scatter: PoseScatter) -> PoseScatter:
     """The scatter that the residuals show."""
     left = rows.y - rows.along(found.x)
     products = left[:, :, None] * left[:, None, :] + rows.variance(found.cov)

@@ -12,9 +12,9 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.geometry import curves as curve
 from pipeline.geometry.estimate import (
     HELD,
+    Posterior,
     Prior,
-    Rows,
-    Solution,
+    ReadRows,
     again,
     by_a_factor,
     larger,
@@ -24,10 +24,10 @@ from pipeline.geometry.estimate import (
     rows,
     solved,
 )
-from pipeline.geometry.laws import Law
-from pipeline.geometry.mechanism import Linear, Mechanism, Weights, layout, linearised
-from pipeline.geometry.readings import Readings
-from pipeline.geometry.scatter import Scatter
+from pipeline.geometry.laws import JointLaw
+from pipeline.geometry.mechanism import ArmWeights, Linear, Mechanism, layout, linearised
+from pipeline.geometry.readings import PositionReadings
+from pipeline.geometry.scatter import PoseScatter
 from pipeline.geometry.yielding import sizes, usual, yielding
 from pipeline.machine.robot import Robot
 
@@ -36,6 +36,7 @@ _FEWEST, _SETTLED, _MOST = 3, 8, 14
 turns are a product, which takes more of them than a table that is off by milliradians."""
 
 _STRAIGHT = 0.02
+"""The same of nearly all of them, over the noise of one reading [1]."""
 _MOST_OF_THEM = 0.98
 """How far so many of the readings may stand from where the last linearisation has them, in their
 noise; where a torque is about zero, steps of its sign come and go."""
@@ -67,7 +68,7 @@ class Wanted:
 
     table: bool = True
     springs: bool = True
-    laws: tuple[Law, ...] = ()
+    laws: tuple[JointLaw, ...] = ()
     curves: tuple[tuple[int, float], ...] = ()
     yields: bool = False
     moments: bool = False
@@ -91,13 +92,13 @@ class Identified(Locked):
     """
 
     mechanism: Mechanism
-    readings: Readings
-    weights: Weights
+    readings: PositionReadings
+    weights: ArmWeights
     known: Prior
-    scatter: Scatter
+    scatter: PoseScatter
     linear: Linear
-    rows: Rows
-    solution: Solution
+    rows: ReadRows
+    solution: Posterior
     wanted: Wanted
 
     @property
@@ -114,10 +115,10 @@ class Identified(Locked):
 
 def identify(
     begun: Mechanism,
-    readings: Readings,
-    weights: Weights,
+    readings: PositionReadings,
+    weights: ArmWeights,
     wanted: Wanted,
-    scatter: Scatter,
+    scatter: PoseScatter,
     stated: tuple[float, float] = (np.nan, np.nan),
     known: Prior | None = None,
 ) -> Identified:
@@ -150,10 +151,9 @@ def identify(
         moved = mechanism.moved(found.x, layout(mechanism))
         then = linearised(readings, moved, weights)
         off = np.einsum("mij,mj->mi", whitened.W, then.y[:, then.used]) - whitened.y
-        far = np.quantile(np.abs(off + whitened.along(found.x)), _MOST_OF_THEM)
+        far = float(np.quantile(np.abs(off + whitened.along(found.x)), _MOST_OF_THEM))
         turned = np.abs(moved.compliance - mechanism.compliance) / begun.table.nominal_compliance
-        still = far < _STRAIGHT and turned.max() < _STILL
-        if turn + 1 == _MOST or (still and turn + 1 >= _FEWEST):
+        if _ends(turn + 1, far, float(turned.max())):
             break
         mechanism, here = moved, then
     if mechanism.unknown:
@@ -192,16 +192,26 @@ def _only(known: Prior, mechanism: Mechanism, wanted: Wanted) -> Prior:
     return replace(known, std=std, mean=mean)
 
 
-def _equipped(begun: Mechanism, readings: Readings, wanted: Wanted) -> Mechanism:
+def _amplitudes(begun: Mechanism, wanted: Wanted) -> Array:
+    """Of the laws that are wanted, where those of before are the first of them."""
+    count = sum(law.amplitudes for law in wanted.laws)
+    if begun.laws != wanted.laws[: len(begun.laws)]:
+        return np.zeros(count)
+    return padded(begun.amplitudes, count)
+
+
+def _ends(count: int, far: float, turned: float) -> bool:
+    """Whether so many linearisations are enough: the last one holds, or there were many."""
+    return count == _MOST or (count >= _FEWEST and far < _STRAIGHT and turned < _STILL)
+
+
+def _equipped(begun: Mechanism, readings: PositionReadings, wanted: Wanted) -> Mechanism:
     """A mechanism with what is wanted, at zero where it is new."""
     size = {one.screw: one.size for one in begun.curves}
     fresh = tuple(
         replace(one, size=size.get(one.screw, one.size))
         for one in _curves(begun.table, readings, wanted)
     )
-    amplitudes = np.zeros(sum(law.amplitudes for law in wanted.laws))
-    if begun.laws == wanted.laws[: len(begun.laws)]:
-        amplitudes = padded(begun.amplitudes, len(amplitudes))
     elements = begun.elements
     if wanted.yields != bool(elements):
         elements = yielding(begun.table) if wanted.yields else ()
@@ -217,13 +227,13 @@ def _equipped(begun: Mechanism, readings: Readings, wanted: Wanted) -> Mechanism
         compliance=compliance,
         unknown=wanted.moments,
         laws=wanted.laws,
-        amplitudes=amplitudes,
+        amplitudes=_amplitudes(begun, wanted),
         curves=fresh,
         knots=np.zeros(sum(one.count for one in fresh)),
     )
 
 
-def _curves(robot: Robot, readings: Readings, wanted: Wanted) -> Iterator[curve.Curve]:
+def _curves(robot: Robot, readings: PositionReadings, wanted: Wanted) -> Iterator[curve.Curve]:
     """Curves of joints, then those of the bed."""
     for j, length in wanted.curves:
         slides = bool(robot.prismatic[j])

@@ -47,7 +47,7 @@ class Inputs(Locked):
 
 
 @dataclass(frozen=True)
-class Law:
+class JointLaw:
     """One law of one joint.
 
     Attributes:

@@ -16,7 +16,7 @@ from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.geometry.estimate import padded, precision, values
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import frame_of
-from pipeline.geometry.readings import Readings
+from pipeline.geometry.readings import PositionReadings
 
 PARTS = 10
 """Into how many the poses are cut."""
@@ -28,12 +28,12 @@ _NOT = 1e-12
 """Standard deviation of what is not estimated."""
 
 
-def by_turns(readings: Readings, parts: int = PARTS) -> Ints:
+def by_turns(readings: PositionReadings, parts: int = PARTS) -> Ints:
     """Every tenth pose in one part, so that what lies between is predicted, (m,)."""
     return np.arange(len(readings)) % parts
 
 
-def by_space(readings: Readings, rng: np.random.Generator, parts: int = PARTS) -> Ints:
+def by_space(readings: PositionReadings, rng: np.random.Generator, parts: int = PARTS) -> Ints:
     """Parts of joint space, by k-means of joint values over their standard deviations, (m,)."""
     q = readings.q / np.maximum(readings.q.std(axis=0), 1e-9)
     middle = q[rng.choice(len(q), parts, replace=False)]

@@ -22,8 +22,8 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry.curves import Curve
-from pipeline.geometry.laws import Inputs, Law
-from pipeline.geometry.readings import Readings
+from pipeline.geometry.laws import Inputs, JointLaw
+from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.yielding import Virtual, carried_by, carried_on
 from pipeline.machine.effect import Elastic
 from pipeline.machine.robot import Configuration, Robot, configure
@@ -54,7 +54,7 @@ class Payloads(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class Weights(Locked):
+class ArmWeights(Locked):
     """What pulls at the arm: gravity, and a payload at each pose.
 
     Attributes:
@@ -72,7 +72,7 @@ class Weights(Locked):
         """Whether a payload is carried anywhere."""
         return bool(self.carried.any())
 
-    def part(self, which: Array | Ints) -> Weights:
+    def part(self, which: Array | Ints) -> ArmWeights:
         """Those of some poses."""
         return replace(self, carried=self.carried[which])
 
@@ -124,7 +124,7 @@ class Mechanism(Locked):
     unknown: bool = False
     elements: tuple[Elastic, ...] = ()
     yields: Array = field(default_factory=lambda: np.zeros(0))
-    laws: tuple[Law, ...] = ()
+    laws: tuple[JointLaw, ...] = ()
     amplitudes: Array = field(default_factory=lambda: np.zeros(0))
     curves: tuple[Curve, ...] = ()
     knots: Array = field(default_factory=lambda: np.zeros(0))
@@ -142,13 +142,13 @@ class Mechanism(Locked):
     def stand(
         self,
         q: Array,
-        weights: Weights,
+        weights: ArmWeights,
         temperature: Array,
         time: Array,
         series: Array,
         force: Array | None = None,
         tip: Array | None = None,
-    ) -> Stand:
+    ) -> PlacedRobot:
         """The robot where it really is at m poses, under its weight and a force.
 
         Args:
@@ -184,7 +184,7 @@ class Mechanism(Locked):
         at = here.points(self.tool[:, :3, 3])
         turn = np.einsum("mij,tjk->mtik", here.flange_axes, self.tool[:, :3, :3])
         at, turn = carried_on(screws, carrier, amounts, at, turn)
-        return Stand(inputs, tau, held, bent, here, yields, bed, at, turn)
+        return PlacedRobot(inputs, tau, held, bent, here, yields, bed, at, turn)
 
     def turned(self, loaded: Inputs, inputs: Inputs) -> Array:
         """How far each joint stands from its encoder [m] or [rad], shape (m, n).
@@ -217,7 +217,7 @@ class Mechanism(Locked):
         ends = np.cumsum([curve.count for curve in self.curves])[:-1]
         return np.split(self.knots, ends) if self.curves else []
 
-    def moved(self, step: Array, layout: Layout) -> Mechanism:
+    def moved(self, step: Array, layout: ParameterLayout) -> Mechanism:
         """The mechanism with parameters at `step`: table, springs and laws anew, frames moved on.
 
         Args:
@@ -245,7 +245,7 @@ class Mechanism(Locked):
             knots=step[layout.knots],
         )
 
-    def at(self, layout: Layout) -> Array:
+    def at(self, layout: ParameterLayout) -> Array:
         """Parameters about which it is linear: those of tool and frames are zero."""
         out = np.zeros(layout.size)
         out[layout.letters], out[layout.compliance] = self.values, self.compliance
@@ -270,7 +270,7 @@ def _motion(twist: Array) -> Array:
 
 
 @dataclass(frozen=True)
-class Layout:
+class ParameterLayout:
     """Where the parameters stand in their vector.
 
     Attributes:
@@ -306,7 +306,7 @@ class Layout:
         return int(self.knots.start)
 
 
-def layout(mechanism: Mechanism) -> Layout:
+def layout(mechanism: Mechanism) -> ParameterLayout:
     """Where the parameters of a mechanism stand."""
     sizes = (
         len(mechanism.values),
@@ -320,7 +320,7 @@ def layout(mechanism: Mechanism) -> Layout:
         sum(curve.count for curve in mechanism.curves),
     )
     ends = np.cumsum([0, *sizes]).tolist()
-    return Layout(*(slice(a, b) for a, b in pairwise(ends)))
+    return ParameterLayout(*(slice(a, b) for a, b in pairwise(ends)))
 
 
 @dataclass(frozen=True, eq=False)
@@ -355,7 +355,7 @@ class Linear(Locked):
         return out
 
 
-class Stand(NamedTuple):
+class PlacedRobot(NamedTuple):
     """A robot where it really is at m poses.
 
     Attributes:
@@ -381,23 +381,25 @@ class Stand(NamedTuple):
     turn: Array
 
 
-def placed(readings: Readings, mechanism: Mechanism, weights: Weights) -> tuple[Array, Array]:
+def placed(
+    readings: PositionReadings, mechanism: Mechanism, weights: ArmWeights
+) -> tuple[Array, Array]:
     """Where a mechanism has the targets and where they were read [m], F_b, both (m, t, 3)."""
     return _stand(readings, mechanism, weights).at, _seen(readings, mechanism)
 
 
-def _stand(readings: Readings, mechanism: Mechanism, weights: Weights) -> Stand:
+def _stand(readings: PositionReadings, mechanism: Mechanism, weights: ArmWeights) -> PlacedRobot:
     when = within(readings), readings.series.astype(float)
     return mechanism.stand(readings.q, weights, readings.temperature, *when)
 
 
-def _seen(readings: Readings, mechanism: Mechanism) -> Array:
+def _seen(readings: PositionReadings, mechanism: Mechanism) -> Array:
     """Readings of targets in F_b [m], (m, t, 3)."""
     own = mechanism.frames[readings.series]
     return np.einsum("mji,mtj->mti", own[:, :3, :3], readings.at - own[:, None, :3, 3])
 
 
-def linearised(readings: Readings, mechanism: Mechanism, weights: Weights) -> Linear:
+def linearised(readings: PositionReadings, mechanism: Mechanism, weights: ArmWeights) -> Linear:
     """Readings about a mechanism."""
     stand = _stand(readings, mechanism, weights)
     at, turn = stand.at, stand.turn
@@ -416,7 +418,9 @@ def linearised(readings: Readings, mechanism: Mechanism, weights: Weights) -> Li
     return Linear(y, D, Z, read, stand.inputs, at)
 
 
-def derivatives(mechanism: Mechanism, stand: Stand, weights: Weights) -> tuple[Array, Array]:
+def derivatives(
+    mechanism: Mechanism, stand: PlacedRobot, weights: ArmWeights
+) -> tuple[Array, Array]:
     """How targets move by all parameters but frames and knots, and by joints and bed.
 
     Returns:
@@ -460,7 +464,7 @@ def bed_screws(here: Configuration) -> Array:
     return np.stack([*shifts, *(rotation_about(origin, axes[:, k]) for k in range(3))], axis=1)
 
 
-def within(readings: Readings) -> Array:
+def within(readings: PositionReadings) -> Array:
     """Place of each pose in its series, from 0 to 1, (m,)."""
     out = np.zeros(len(readings))
     for series in range(len(readings.names)):

@@ -17,8 +17,8 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.geometry import leftout
 from pipeline.geometry.begin import begin
-from pipeline.geometry.mechanism import Weights, linearised
-from pipeline.geometry.readings import Readings
+from pipeline.geometry.mechanism import ArmWeights, linearised
+from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.effects._anatomy import rail, turning
 from pipeline.machine.robot import SHIPPED, Robot, load
 from pipeline.machine.robot.letters import Letter, all_letters, nominal
@@ -72,26 +72,35 @@ class _Step(NamedTuple):
     robot: Robot
 
 
-def steps(robot: Robot) -> Iterator[_Step]:
-    """Every robot that a single wrong entry would describe, of twins the likelier first."""
+def _quarters(robot: Robot) -> Iterator[_Step]:
+    """The robot with a joint, or what it is mounted by, turned by quarters of a circle."""
     joints, quarters = turning(robot), (90.0, 180.0, -90.0)
     mounts = {joints[-1]: "flange"} | ({joints[0]: "arm"} if rail(robot) else {})
     for joint in sorted(joints, key=lambda one: one not in mounts):
         name = "mounted_turned" if joint in mounts else "joint_offset"
         for degrees in quarters:
             yield _Step(name, mounts.get(joint, joint), turned(robot, joint, degrees))
-    if rail(robot):
-        for degrees in quarters:
-            there = turned(robot, joints[0], degrees, "alpha_deg")
-            yield _Step("mounted_turned", "carriage", there)
-    for joint in range(1, robot.n + 1):
-        yield _Step("sign_or_convention", joint, counted_back(robot, joint))
+    for degrees in quarters if rail(robot) else ():
+        there = turned(robot, joints[0], degrees, "alpha_deg")
+        yield _Step("mounted_turned", "carriage", there)
+
+
+def _of_others(robot: Robot) -> Iterator[_Step]:
+    """Robots that ship and differ from it in one letter."""
     for name in SHIPPED:
         other = load(name)
         if name != robot.name and alike(robot, other) and differing(robot, other):
             letter = _apart(robot, other)
             if letter is not None:
                 yield _Step(letter[0].name, letter[0].joint, other)
+
+
+def steps(robot: Robot) -> Iterator[_Step]:
+    """Every robot that a single wrong entry would describe, of twins the likelier first."""
+    yield from _quarters(robot)
+    for joint in range(1, robot.n + 1):
+        yield _Step("sign_or_convention", joint, counted_back(robot, joint))
+    yield from _of_others(robot)
     for where, there in variants(robot):
         yield _Step("sign_or_convention", where, there)
 
@@ -111,7 +120,7 @@ def _apart(robot: Robot, other: Robot) -> tuple[Letter, float, float] | None:
 
 
 def corrected(
-    robot: Robot, readings: Readings, weights: Weights, tool: dict[str, Array]
+    robot: Robot, readings: PositionReadings, weights: ArmWeights, tool: dict[str, Array]
 ) -> tuple[Robot, tuple[TableMistake, ...]]:
     """The robot with the entries that are wrong by a step put right, and what they are.
 
@@ -144,7 +153,9 @@ def _mistake(robot: Robot, step: _Step, before: float, after: float) -> TableMis
     return TableMistake(step.name, step.where, letter.key, letter.joint, said, value, before, after)
 
 
-def _off(robot: Robot, readings: Readings, weights: Weights, tool: dict[str, Array]) -> float:
+def _off(
+    robot: Robot, readings: PositionReadings, weights: ArmWeights, tool: dict[str, Array]
+) -> float:
     """Median distance of the targets from a nominal robot, tool and frames fitted [m]."""
     rows = linearised(readings, begin(robot, readings, tool), weights)
     return float(np.nanmedian(leftout.distances(rows.y, rows.read)))

@@ -10,13 +10,13 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry import curves, search
-from pipeline.geometry.causes import Cause, Listed, causes, chances
+from pipeline.geometry.causes import Listed, TableLaw, causes, chances
 from pipeline.geometry.identify import Identified, Wanted, identify, likeliest
-from pipeline.geometry.laws import Kind, Law, Variable
-from pipeline.geometry.mechanism import Mechanism, Weights, layout
-from pipeline.geometry.readings import Readings
-from pipeline.geometry.scatter import Scatter
-from pipeline.geometry.worth import NO_GAIN, Gain, Judge, Parting
+from pipeline.geometry.laws import JointLaw, Kind, Variable
+from pipeline.geometry.mechanism import ArmWeights, Mechanism, layout
+from pipeline.geometry.readings import PositionReadings
+from pipeline.geometry.scatter import PoseScatter
+from pipeline.geometry.worth import NO_GAIN, Judge, LeftOutGain, Parting
 from pipeline.machine.effects._anatomy import rail
 from pipeline.system import alarms
 
@@ -63,12 +63,12 @@ class NamedLaw(Locked):
     since: tuple[str, int] | None = None
     number: int | None = None
     p: float = 1.0
-    gain: Gain = NO_GAIN
-    carried: Gain = NO_GAIN
+    gain: LeftOutGain = NO_GAIN
+    carried: LeftOutGain = NO_GAIN
 
 
 @dataclass(frozen=True, eq=False)
-class Data:
+class LawData:
     """What is estimated from.
 
     Attributes:
@@ -78,10 +78,10 @@ class Data:
         noise: What no model holds, before any data.
     """
 
-    readings: Readings
-    weights: Weights
+    readings: PositionReadings
+    weights: ArmWeights
     stated: tuple[float, float]
-    noise: Scatter
+    noise: PoseScatter
 
     def identify(
         self, begun: Mechanism, wanted: Wanted, earlier: Identified | None = None
@@ -98,7 +98,7 @@ class Data:
         """The same model from these readings."""
         return self.identify(found.mechanism, found.wanted, found)
 
-    def without(self, bad: Bools) -> Data:
+    def without(self, bad: Bools) -> LawData:
         """All readings but some (m, t), and the poses where one is left."""
         at = np.where(bad[..., None], np.nan, self.readings.at)
         left = (~np.isnan(at[..., 0])).any(axis=1)
@@ -118,11 +118,23 @@ class Whole:
 
     found: Identified
     laws: tuple[NamedLaw, ...]
-    causes: tuple[Cause, ...]
+    causes: tuple[TableLaw, ...]
+
+
+def _candidates(base: Identified, names: Sequence[Listed]) -> list[JointLaw]:
+    """Laws that may be there beside those of the catalogue."""
+    known = {_key(one.law) for one in names}
+    bed = base.wanted.bed is not None  # what a carriage does along the rail is the bed's
+    every = search.candidates(base.linear.inputs, base.mechanism.table.prismatic)
+    return [
+        law
+        for law in every
+        if _key(law) not in known and not (bed and law.joint == 1 and _own_angle(law))
+    ]
 
 
 def with_laws(
-    data: Data,
+    data: LawData,
     base: Identified,
     names: tuple[Listed, ...],
     parts: dict[Parting, Ints],
@@ -139,11 +151,9 @@ def with_laws(
     """
     signs = search.flips(data.readings, rng, rail=rail(base.mechanism.table))
     inputs, slides = base.linear.inputs, base.mechanism.table.prismatic
-    known = {_key(one.law) for one in names}
-    bed = base.wanted.bed is not None  # what a carriage does along the rail is the bed's
-    every = [law for law in search.candidates(inputs, slides) if _key(law) not in known]
-    every = [law for law in every if not (bed and law.joint == 1 and _own_angle(law))]
+    every = _candidates(base, names)
     clues = search.clues(search.score(base, signs), inputs, every, slides.tolist())
+    bed = base.wanted.bed is not None
     clues = [clue for clue in clues if clue.law is not None or not (bed and clue.joint == 1)]
     judge = Judge(parts, rng)
     found, p = _of_own_angles(data, base, clues, judge)
@@ -155,14 +165,20 @@ def with_laws(
     return Whole(found, _named(found, p, judge), causes(found, names, signs, judge))
 
 
-def _of_own_angles(
-    data: Data, springs: Identified, clues: Sequence[search.Clue], judge: Judge
-) -> tuple[Identified, dict[_Key, float]]:
-    """Joints with curves over their own angles, or with a wave for one, and the chance of each."""
+def _bent(clues: Sequence[search.LawClue]) -> dict[int, float]:
+    """Joints that err with their own angles, and the chance of it."""
     bent: dict[int, float] = {}
     for clue in clues:
         if clue.p < alarms.LAW and (clue.law is None or _own_angle(clue.law)):
             bent[clue.joint - 1] = min(clue.p, bent.get(clue.joint - 1, 1.0))
+    return bent
+
+
+def _of_own_angles(
+    data: LawData, springs: Identified, clues: Sequence[search.LawClue], judge: Judge
+) -> tuple[Identified, dict[_Key, float]]:
+    """Joints with curves over their own angles, or with a wave for one, and the chance of each."""
+    bent = _bent(clues)
     if not bent:
         return springs, {}
     joints = sorted(bent)
@@ -181,7 +197,7 @@ def _of_own_angles(
 
 
 def _of_all_else(
-    data: Data, found: Identified, others: Sequence[Law], signs: Array, judge: Judge
+    data: LawData, found: Identified, others: Sequence[JointLaw], signs: Array, judge: Judge
 ) -> tuple[Identified, dict[_Key, float]]:
     """Further laws, one by one while the likeliest carries over, and the chance of each."""
     p: dict[_Key, float] = {}
@@ -201,7 +217,7 @@ def _of_all_else(
     return found, p
 
 
-def _better(data: Data, bent: Identified, waves: Sequence[Law], judge: Judge) -> Identified:
+def _better(data: LawData, bent: Identified, waves: Sequence[JointLaw], judge: Judge) -> Identified:
     """Waves in the place of curves, where they predict what was left out as well."""
     found = bent
     for law in waves:
@@ -216,7 +232,7 @@ def _better(data: Data, bent: Identified, waves: Sequence[Law], judge: Judge) ->
 _Key = tuple[str, int, str, int | None, float, float]
 
 
-def _key(law: Law) -> _Key:
+def _key(law: JointLaw) -> _Key:
     """Tells laws apart."""
     at = law.middle if law.once else 0.0
     return law.kind, law.joint, law.variable, law.source, law.order, at
@@ -233,11 +249,11 @@ def _of_law(mechanism: Mechanism, number: int) -> slice:
     return slice(first, first + mechanism.laws[number].amplitudes)
 
 
-def _own_angle(law: Law) -> bool:
+def _own_angle(law: JointLaw) -> bool:
     return law.variable == "angle" and law.source == law.joint
 
 
-def _one_wave(found: Identified, clues: Sequence[search.Clue], joint: int) -> Law | None:
+def _one_wave(found: Identified, clues: Sequence[search.LawClue], joint: int) -> JointLaw | None:
     """The wave that a joint's curve is, where one wave is most of it over the poses taken."""
     q = found.readings.q[:, joint]
     curve, knots = _curve(found.mechanism, joint)
@@ -315,7 +331,7 @@ def _slices(found: Identified) -> Iterator[tuple[NamedLaw, _Key, slice]]:
         at = part.stop
 
 
-def _since(law: Law, found: Identified) -> tuple[str, int]:
+def _since(law: JointLaw, found: Identified) -> tuple[str, int]:
     """Series and pose that came next after a step in time."""
     pose = int(np.argmax(law.of(found.linear.inputs) > law.middle))
     series = int(found.readings.series[pose])

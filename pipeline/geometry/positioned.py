@@ -11,13 +11,13 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.errors import InputError, listed
-from pipeline.geometry.mechanism import Payloads, Weights
-from pipeline.geometry.readings import Readings
+from pipeline.geometry.mechanism import ArmWeights, Payloads
+from pipeline.geometry.readings import PositionReadings
 from pipeline.machine.robot import Robot
 from pipeline.readers.logs import Log, joint_values
 from pipeline.readers.positions import AXES, TARGET, TURNS, positions
 from pipeline.reduction.limits import LEEWAY
-from pipeline.reduction.settings import Positions, Settings
+from pipeline.reduction.settings import PositionsSettings, Settings
 
 _ORDER = {"xyz_intrinsic": "XYZ", "xyz_extrinsic": "xyz", "zyx_intrinsic": "ZYX"}
 """How scipy writes the sequences; rx, ry, rz are the angles about x, y and z in each."""
@@ -38,8 +38,8 @@ class Positioned:
         table: Every row that was used, table POSITIONS.
     """
 
-    readings: Readings
-    weights: Weights
+    readings: PositionReadings
+    weights: ArmWeights
     rejected: pd.DataFrame
     table: pd.DataFrame
 
@@ -101,7 +101,7 @@ def usable(settings: Settings, robot: Robot, rows: pd.DataFrame, rejected: Rejec
     return Positioned(readings, weights_of(settings, readings), frame, rows)
 
 
-def weights_of(settings: Settings, readings: Readings) -> Weights:
+def weights_of(settings: Settings, readings: PositionReadings) -> ArmWeights:
     """Gravity, and the payload of each pose."""
     bodies = settings.payload.values()
     std = [(one.mass_sigma_kg, *[one.center_sigma_m] * 3) for one in bodies]
@@ -111,11 +111,11 @@ def weights_of(settings: Settings, readings: Readings) -> Weights:
         np.array([one.center_m for one in bodies], dtype=float).reshape(-1, 3),
         np.array(std, dtype=float).reshape(-1, 4),
     )
-    return Weights(settings.gravity.vector, payloads, readings.payload)
+    return ArmWeights(settings.gravity.vector, payloads, readings.payload)
 
 
 def _log(
-    settings: Settings, said: Positions, robot: Robot, raw: Mapping[str, bytes], name: str
+    settings: Settings, said: PositionsSettings, robot: Robot, raw: Mapping[str, bytes], name: str
 ) -> Log:
     if name not in raw:
         raise InputError(
@@ -126,7 +126,7 @@ def _log(
     return positions(name, raw[name], robot, said)
 
 
-def _rows(log: Log, robot: Robot, said: Positions) -> pd.DataFrame:
+def _rows(log: Log, robot: Robot, said: PositionsSettings) -> pd.DataFrame:
     """Rows of a table: series, pose, target, payload, joints, place and turn."""
     m = len(log.line)
     series = next((s for s, file in said.files.items() if file == log.file), None)
@@ -166,7 +166,7 @@ def _within_limits(rows: pd.DataFrame, robot: Robot) -> tuple[pd.DataFrame, Reje
     return rows[~bad].reset_index(drop=True), out
 
 
-def by_pose(rows: pd.DataFrame, robot: Robot, settings: Settings) -> Readings:
+def by_pose(rows: pd.DataFrame, robot: Robot, settings: Settings) -> PositionReadings:
     """Readings pose by pose; of targets that are read twice the first counts."""
     said, payloads = settings.positions, list(settings.payload)
     assert said is not None
@@ -185,7 +185,7 @@ def by_pose(rows: pd.DataFrame, robot: Robot, settings: Settings) -> Readings:
         turned = _turned(angles[known], said.rotation)
         turn[number[known], target[known]] = turned
     places = {"": 0, **{name: k for k, name in enumerate(payloads, 1)}}
-    return Readings(
+    return PositionReadings(
         series=series.astype(np.int64),
         names=names.astype(object),
         pose=head["pose"].to_numpy(np.int64),

@@ -11,7 +11,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 
 
 @dataclass(frozen=True, eq=False)
-class Readings(Locked):
+class PositionReadings(Locked):
     """Targets on the effector, read at m poses in the frame of the instrument.
 
     The frame is set anew for each series. A target is a point, or a 6D target whose orientation is
@@ -58,7 +58,7 @@ class Readings(Locked):
         both = np.stack([seen, seen & self.six], axis=2)
         return np.repeat(both, 3, axis=2).reshape(len(self), -1)
 
-    def apart(self, pose: int) -> Readings:
+    def apart(self, pose: int) -> PositionReadings:
         """The same with another series from a pose of one on, behind that of the poses before."""
         old = int(self.series[pose])
         later = (self.series == old) & (np.arange(len(self)) >= pose)
@@ -69,7 +69,7 @@ class Readings(Locked):
             names=np.insert(self.names, old + 1, name),
         )
 
-    def part(self, which: Ints | Bools) -> Readings:
+    def part(self, which: Ints | Bools) -> PositionReadings:
         """Some of the poses."""
         per_pose = ("series", "pose", "file", "line", "q", "at", "turn", "payload", "temperature")
         kept = {f.name: getattr(self, f.name)[which] for f in fields(self) if f.name in per_pose}

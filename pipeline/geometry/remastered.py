@@ -19,7 +19,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.geometry.roughness import Cells
-from pipeline.geometry.unloaded import Change, Rows, Unloaded
+from pipeline.geometry.unloaded import PoseRows, Unloaded, ZeroChange
 
 _SIDES = 3
 """Poses on either side of a change, at least [1]: two poses stand off by themselves too easily."""
@@ -34,7 +34,7 @@ def places(zeros: Unloaded) -> int:
     return max(zeros.poses - 2 * _SIDES + 1, 1)
 
 
-def changes(zeros: Unloaded, rows: Rows, found: Cells) -> tuple[Change, ...]:
+def changes(zeros: Unloaded, rows: PoseRows, found: Cells) -> tuple[ZeroChange, ...]:
     """Of each joint the likeliest change beside all that was found; none where none is seen."""
     order = _in_time(zeros)
     if len(order) < 2 * _SIDES:
@@ -44,7 +44,7 @@ def changes(zeros: Unloaded, rows: Rows, found: Cells) -> tuple[Change, ...]:
         return ()
     number = zeros.pulls.pose[np.unique(zeros.pose, return_index=True)[1]]
     return tuple(
-        Change(
+        ZeroChange(
             joint,
             tuple(sorted(number[order[: k + _SIDES]].tolist())),
             int(number[order[k + _SIDES]]),
@@ -53,7 +53,7 @@ def changes(zeros: Unloaded, rows: Rows, found: Cells) -> tuple[Change, ...]:
     )
 
 
-def _gains(rows: Rows, found: Cells, order: Ints) -> Array:
+def _gains(rows: PoseRows, found: Cells, order: Ints) -> Array:
     """Twice the log of the ratio of likelihoods of a change behind each of the poses, (p, n)."""
     sizes = np.unique(found.transmission)
     best = [np.flatnonzero(found.transmission == size) for size in sizes]
@@ -62,7 +62,7 @@ def _gains(rows: Rows, found: Cells, order: Ints) -> Array:
     return np.asarray(np.max(each, axis=0) - 2 * found.log.max())
 
 
-def _drops(rows: Rows, found: Cells, cell: int, order: Ints) -> Array:
+def _drops(rows: PoseRows, found: Cells, cell: int, order: Ints) -> Array:
     """T of a change behind each of the poses, in time, shape (p, n)."""
     W = linear.whitening(rows.cov(found.transmission[cell]))
     Z, D = W @ rows.Z, W @ rows.D

@@ -25,7 +25,7 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
-from pipeline.geometry.unloaded import Rows, Unloaded
+from pipeline.geometry.unloaded import PoseRows, Unloaded
 
 _SCALES = np.geomspace(1e-2, 10.0, 7)
 """Of lengths [mm] and angles [mrad], and of the joints' errors over what they usually are, before
@@ -72,7 +72,7 @@ class Products(Locked):
         square: y' V^-1 y + log det V, shape (t,).
     """
 
-    rows: Rows
+    rows: PoseRows
     sizes: Array
     A: Array
     b: Array
@@ -95,13 +95,13 @@ class Products(Locked):
         return self.A, self.b, self.square
 
 
-def products(rows: Rows, sizes: Array = _SCALES) -> Products:
+def products(rows: PoseRows, sizes: Array = _SCALES) -> Products:
     """Sums of some rows."""
     each = [_sums(rows, size) for size in sizes.tolist()]
     return Products(rows, sizes, *(np.stack(some) for some in zip(*each, strict=True)))
 
 
-def _sums(rows: Rows, size: float) -> tuple[Array, Array, Array]:
+def _sums(rows: PoseRows, size: float) -> tuple[Array, Array, Array]:
     W = linear.whitening(rows.cov(size))
     D = (W @ rows.D).reshape(-1, rows.D.shape[2])
     y = np.einsum("pij,pj->pi", W, rows.y).ravel()
@@ -324,7 +324,7 @@ def _estimated(
     return Cells(zeros, tuple(free), std, rough, size_of, width, x, cov, log)
 
 
-def left_out(found: Cells, rows: Rows) -> Array:
+def left_out(found: Cells, rows: PoseRows) -> Array:
     """What each pose is missed by when the rest predicts it [m], the likeliest scales, (z, 3).
 
     e_i / (1 - H_i), H_i = X_i C X_i' in whitened rows: the estimate without pose i, exactly.

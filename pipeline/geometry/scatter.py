@@ -35,7 +35,7 @@ _LEAST, _MOST = -36.0, -4.0
 
 
 @dataclass(frozen=True, eq=False)
-class Scatter(Locked):
+class PoseScatter(Locked):
     """Standard deviations.
 
     Attributes:
@@ -64,7 +64,7 @@ class Scatter(Locked):
         Z = rows.Z[:, used, : len(self.joints)]
         return linear.whitening(self.cov(Z, rows.read[:, used], used % 6 >= 3))
 
-    def better(self, rows: Linear, products: Array) -> Scatter:
+    def better(self, rows: Linear, products: Array) -> PoseScatter:
         """The scatter that makes products of residuals (m, r, r) likeliest."""
         n, m = len(self.joints), len(rows.y)
         free = np.ones(n + 2, dtype=bool)
@@ -91,13 +91,13 @@ class Scatter(Locked):
         whole = start.copy()
         whole[free] = found.x
         s = np.exp(whole / 2)
-        return Scatter(s[:n], float(s[n]), float(s[n + 1]), self.stated)
+        return PoseScatter(s[:n], float(s[n]), float(s[n + 1]), self.stated)
 
 
-def start(robot: Robot, sigma_m: float | None) -> Scatter:
+def start(robot: Robot, sigma_m: float | None) -> PoseScatter:
     """Before any data."""
     joints = np.array([START[joint.prismatic] for joint in robot.joints])
-    return Scatter(joints, sigma_m or _NOISE[0], _NOISE[1], sigma_m is not None)
+    return PoseScatter(joints, sigma_m or _NOISE[0], _NOISE[1], sigma_m is not None)
 
 
 class _Likelihood:
@@ -110,7 +110,7 @@ class _Likelihood:
 
     def __call__(self, logs: Array) -> tuple[float, Array]:
         s = np.exp(logs / 2)
-        one = Scatter(s[: self.n], float(s[self.n]), float(s[self.n + 1]))
+        one = PoseScatter(s[: self.n], float(s[self.n]), float(s[self.n + 1]))
         V = one.cov(self.Z, self.read, self.turns)
         inverse = linear.regular_inverse(V)
         inner = inverse @ self.products

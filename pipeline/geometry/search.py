@@ -22,11 +22,11 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.geometry import curves
-from pipeline.geometry.estimate import Rows
+from pipeline.geometry.estimate import ReadRows
 from pipeline.geometry.identify import Identified
-from pipeline.geometry.laws import Inputs, Law, Variable
+from pipeline.geometry.laws import Inputs, JointLaw, Variable
 from pipeline.geometry.mechanism import frame_of
-from pipeline.geometry.readings import Readings
+from pipeline.geometry.readings import PositionReadings
 from pipeline.system import alarms
 
 _ORDERS = np.arange(0.5, 130.01, 0.25)
@@ -61,7 +61,7 @@ class Score(Locked):
 
     u: Array
     w: Array
-    rows: Rows
+    rows: ReadRows
     P: Array
     Q: Array
     cov: Array
@@ -79,7 +79,7 @@ class Score(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class Moved(Locked):
+class MoveTime(Locked):
     """A time from which on the instrument stood elsewhere.
 
     Attributes:
@@ -124,7 +124,7 @@ def score(found: Identified, signs: Array, copied: Array | None = None) -> Score
     return Score(u, np.einsum("mrn,mrn->mn", Z, Z), rows, P, Q, cov, e, left, x)
 
 
-def blocks(readings: Readings) -> Ints:
+def blocks(readings: PositionReadings) -> Ints:
     """Block of each pose: neighbours in the order of measurement, of one series, (m,)."""
     place = np.zeros(len(readings), dtype=np.int64)
     for series in range(len(readings.names)):
@@ -135,7 +135,7 @@ def blocks(readings: Readings) -> Ints:
 
 
 def flips(
-    readings: Readings, rng: np.random.Generator, count: int = FLIPS, rail: bool = False
+    readings: PositionReadings, rng: np.random.Generator, count: int = FLIPS, rail: bool = False
 ) -> Array:
     """Signs of copies without a law, shape (count, m).
 
@@ -151,7 +151,7 @@ def flips(
     ])  # fmt: skip
 
 
-def stations(readings: Readings) -> Ints:
+def stations(readings: PositionReadings) -> Ints:
     """Where the carriage stood: places of the first joint more than `_APART_M` apart, (m,)."""
     along = readings.q[:, 0]
     order = np.argsort(along, kind="stable")
@@ -164,17 +164,17 @@ _APART_M = 0.02
 """A carriage that goes to a station anew comes nearer to where it stood."""
 
 
-def candidates(inputs: Inputs, prismatic: Bools) -> Iterator[Law]:
+def candidates(inputs: Inputs, prismatic: Bools) -> Iterator[JointLaw]:
     """Every law that is tried, of every joint; the curves are tried beside them."""
     n = inputs.q.shape[1]
     for joint in range(1, n + 1):
         for order in _ORDERS[_shortest(inputs.q[:, joint - 1]) > _ORDERS].tolist():
-            yield Law(joint, "periodic", "angle", joint, order)
+            yield JointLaw(joint, "periodic", "angle", joint, order)
         yield from _of_torque(inputs, joint)
         for other in range(1, n + 1):
             if other != joint and not prismatic[other - 1]:
                 for order in _COUPLED:
-                    yield Law(joint, "coupling", "angle", other, order)
+                    yield JointLaw(joint, "coupling", "angle", other, order)
         yield from _of_surroundings(inputs, joint)
         yield from steps_in_time(inputs, joint)
 
@@ -185,18 +185,18 @@ def _shortest(q: Array) -> float:
     return np.pi * (len(values) - 1) / max(float(np.ptp(values)), 1e-3)
 
 
-def steps_in_time(inputs: Inputs, joint: int) -> Iterator[Law]:
+def steps_in_time(inputs: Inputs, joint: int) -> Iterator[JointLaw]:
     """A joint that stands elsewhere from some time on: it slipped, or was referenced anew."""
     return _steps(inputs, joint, times(inputs))
 
 
-def _steps(inputs: Inputs, joint: int, poses: Iterable[int]) -> Iterator[Law]:
+def _steps(inputs: Inputs, joint: int, poses: Iterable[int]) -> Iterator[JointLaw]:
     """The same before some of the poses."""
     when = inputs.series + inputs.time
     for pose in poses:
         before, after = when[[pose - 1, pose]]
         if before < after:
-            yield Law(joint, "step", "time", None, 0.0, float(0.5 * (before + after)))
+            yield JointLaw(joint, "step", "time", None, 0.0, float(0.5 * (before + after)))
 
 
 def times(inputs: Inputs) -> list[int]:
@@ -207,29 +207,30 @@ def times(inputs: Inputs) -> list[int]:
 
 
 _TIMES = 40
+"""Poses of a series from which on the instrument may have moved: tried so many, evenly."""
 
 
-def _of_torque(inputs: Inputs, joint: int) -> Iterator[Law]:
+def _of_torque(inputs: Inputs, joint: int) -> Iterator[JointLaw]:
     tau = inputs.tau[:, joint - 1]
     scale = float(np.abs(tau).max())
     if scale > 0:
         for degree in (2.0, 3.0):
-            yield Law(joint, "smooth", "torque", joint, degree, 0.0, scale)
-        yield Law(joint, "step", "torque", joint, 0.0)
+            yield JointLaw(joint, "smooth", "torque", joint, degree, 0.0, scale)
+        yield JointLaw(joint, "step", "torque", joint, 0.0)
 
 
-def _of_surroundings(inputs: Inputs, joint: int) -> Iterator[Law]:
+def _of_surroundings(inputs: Inputs, joint: int) -> Iterator[JointLaw]:
     surroundings: tuple[tuple[Variable, Array], ...] = (
         ("temperature", inputs.temperature),
         ("time", inputs.time),
     )
     for name, v in surroundings:
         if np.isfinite(v).all() and np.ptp(v) > 0:
-            yield Law(joint, "smooth", name, None, 1.0, float(v.mean()), float(np.ptp(v)) / 2)
+            yield JointLaw(joint, "smooth", name, None, 1.0, float(v.mean()), float(np.ptp(v)) / 2)
 
 
 @dataclass(frozen=True, eq=False)
-class Clue(Locked):
+class LawClue(Locked):
     """How much a law would explain.
 
     Attributes:
@@ -239,13 +240,13 @@ class Clue(Locked):
         p: Chance of so much somewhere, in residuals without any law.
     """
 
-    law: Law | None
+    law: JointLaw | None
     joint: int
     statistic: float
     p: float
 
 
-def explained(here: Score, laws: Sequence[Law], inputs: Inputs) -> Array:
+def explained(here: Score, laws: Sequence[JointLaw], inputs: Inputs) -> Array:
     """T of laws of one joint with as many amplitudes each, for readings and copies.
 
     Returns:
@@ -271,7 +272,16 @@ _NOTHING = 1e-30
 """Of a column that is zero."""
 
 
-def moved(found: Identified, signs: Array) -> Moved | None:
+def _most_by_a_joint(here: Score, inputs: Inputs) -> float:
+    """The most that a joint explains which stands elsewhere from some time on."""
+    every = range(1, inputs.q.shape[1] + 1)
+    return max(
+        float(explained(here, list(steps_in_time(inputs, joint)), inputs)[:, 0].max())
+        for joint in every
+    )
+
+
+def moved(found: Identified, signs: Array) -> MoveTime | None:
     """Whether the instrument stood elsewhere from some pose of a series on; None where it did not.
 
     Six columns, zero before that pose, of turn and shift of the frame of its series. Joints that
@@ -293,12 +303,8 @@ def moved(found: Identified, signs: Array) -> Moved | None:
     best = int(np.argmax([one.T[0] for one in seen]))
     here = score(found, signs, seen[best].left)
     frames = np.stack([_frame_moved(found, here, pose, signs).T for pose in at])
-    joints = [
-        explained(here, list(steps_in_time(inputs, joint)), inputs)
-        for joint in range(1, inputs.q.shape[1] + 1)
-    ]
     cost = float(np.log(found.linear.read.sum()))
-    rival = max(float(T[:, 0].max()) for T in joints) - cost
+    rival = _most_by_a_joint(here, inputs) - cost
     p = _beyond(frames[:, 1:].max(axis=0), frames[best, :1]).item()
     if p >= alarms.MOVED or frames[best, 0] - 6 * cost < rival:
         return None
@@ -306,7 +312,7 @@ def moved(found: Identified, signs: Array) -> Moved | None:
     beside = [pose for pose in _near(inputs, at[best]) if inputs.series[pose - 1] == own]
     beside = [pose for pose in beside if inputs.series[pose] == own]
     none = signs[:0]
-    return Moved(max(beside, key=lambda k: float(_frame_moved(found, plain, k, none).T[0])), p)
+    return MoveTime(max(beside, key=lambda k: float(_frame_moved(found, plain, k, none).T[0])), p)
 
 
 class _FrameMoved(NamedTuple):
@@ -340,7 +346,7 @@ def _frame_moved(found: Identified, here: Score, pose: int, signs: Array) -> _Fr
     return _FrameMoved(np.asarray(np.einsum("ks,kl,ls->s", num, inverse, num)), left)
 
 
-def sharpened(here: Score, law: Law, inputs: Inputs) -> Law:
+def sharpened(here: Score, law: JointLaw, inputs: Inputs) -> JointLaw:
     """A step in time before the pose that explains most, beside that of the search."""
     if not law.once:
         return law
@@ -368,8 +374,8 @@ def curved(here: Score, joint: int, q: Array, slides: bool) -> Array:
 
 
 def clues(
-    here: Score, inputs: Inputs, laws: Sequence[Law], bent: Sequence[bool] = ()
-) -> list[Clue]:
+    here: Score, inputs: Inputs, laws: Sequence[JointLaw], bent: Sequence[bool] = ()
+) -> list[LawClue]:
     """All laws and curves, the largest share of the sum of squares first.
 
     Each T is standardised by what it reaches in the copies. p is the chance that the largest of
@@ -382,7 +388,7 @@ def clues(
         bent: For each joint whether it slides, where curves are tried too; empty where not.
     """
     kinds = sorted({(law.joint, law.amplitudes) for law in laws})
-    of: list[tuple[Law | None, int]] = []
+    of: list[tuple[JointLaw | None, int]] = []
     T: list[Array] = []
     for kind in kinds:
         mine = [law for law in laws if (law.joint, law.amplitudes) == kind]
@@ -394,7 +400,7 @@ def clues(
     each = np.concatenate(T)
     p = beyond_copies(each)
     found = [
-        Clue(law, joint, float(t), float(chance))
+        LawClue(law, joint, float(t), float(chance))
         for (law, joint), t, chance in zip(of, each[:, 0], p, strict=True)
     ]
     return sorted(found, key=lambda clue: -clue.statistic)

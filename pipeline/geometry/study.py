@@ -19,14 +19,14 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.bootstrap import interval
 from pipeline.geometry import blunders, curves, leftout, search
 from pipeline.geometry.begin import begin
-from pipeline.geometry.causes import OTHER_MASSES, Cause, Listed, listed, renewed, weight
+from pipeline.geometry.causes import OTHER_MASSES, Listed, TableLaw, listed, renewed, weight
 from pipeline.geometry.identify import Identified, Wanted, likeliest
-from pipeline.geometry.mechanism import Mechanism, Weights, linearised
+from pipeline.geometry.mechanism import ArmWeights, Mechanism, linearised
 from pipeline.geometry.mistaken import TableMistake, corrected
-from pipeline.geometry.named import Data, NamedLaw, with_laws
-from pipeline.geometry.readings import Readings
+from pipeline.geometry.named import LawData, NamedLaw, with_laws
+from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.scatter import start
-from pipeline.geometry.worth import Gain, Judge, Parting, distances, partings
+from pipeline.geometry.worth import Judge, LeftOutGain, Parting, distances, partings
 from pipeline.geometry.yielding import usual
 from pipeline.machine.effects._anatomy import rail
 from pipeline.machine.robot import Robot
@@ -43,7 +43,7 @@ _GROSS = 20.0
 """Residuals of the nominal table beyond so many medians are blunders before any estimate."""
 
 
-class Moved(NamedTuple):
+class StationMove(NamedTuple):
     """From which pose of a series on the instrument stood elsewhere, how far, and by what chance.
 
     Shift and turn are those of the robot's base in its frame.
@@ -56,7 +56,7 @@ class Moved(NamedTuple):
     p: float
 
 
-class Bad(NamedTuple):
+class BadReading(NamedTuple):
     """A reading that was left out: of which pose and target, how far off, and by what chance."""
 
     file: str
@@ -114,11 +114,11 @@ class Study(Locked):
 
     stages: tuple[Stage, ...]
     laws: tuple[NamedLaw, ...]
-    bad: tuple[Bad, ...]
-    moved: tuple[Moved, ...] = ()
-    causes: tuple[Cause, ...] = ()
+    bad: tuple[BadReading, ...]
+    moved: tuple[StationMove, ...] = ()
+    causes: tuple[TableLaw, ...] = ()
     mistakes: tuple[TableMistake, ...] = ()
-    every: Data | None = None
+    every: LawData | None = None
 
     @property
     def final(self) -> Identified:
@@ -133,8 +133,8 @@ class Study(Locked):
 
 def study(
     robot: Robot,
-    readings: Readings,
-    weights: Weights,
+    readings: PositionReadings,
+    weights: ArmWeights,
     tool: dict[str, Array],
     sigma_m: float | None,
     stated: tuple[float, float],
@@ -152,7 +152,7 @@ def study(
         rng: Draws copies and intervals.
     """
     robot, mistakes = corrected(robot, readings, weights, tool)
-    every = Data(readings, weights, stated, start(robot, sigma_m))
+    every = LawData(readings, weights, stated, start(robot, sigma_m))
     begun = begin(robot, readings, tool)
     gross = _gross(every, begun)
     data = every.without(gross)
@@ -191,9 +191,9 @@ class _Weighed(NamedTuple):
 
     found: Identified
     p: float
-    gains: tuple[Gain, Gain]
+    gains: tuple[LeftOutGain, LeftOutGain]
 
-    def cause(self, found: Identified, form: str) -> Cause:
+    def cause(self, found: Identified, form: str) -> TableLaw:
         """It as a cause, with the amounts of the whole model."""
         one = weight(found)
         near, far = self.gains
@@ -216,20 +216,22 @@ def _weigh(before: Identified, after: Identified, rng: np.random.Generator) -> _
     return _Weighed(after, p, (near, far)) if near.sure else None
 
 
-def _gain(before: Identified, after: Identified, part: Ints, rng: np.random.Generator) -> Gain:
+def _gain(
+    before: Identified, after: Identified, part: Ints, rng: np.random.Generator
+) -> LeftOutGain:
     """By what the distances of left-out targets fall."""
     off = [distances(found, part) for found in (before, after)]
     seen = np.isfinite(off[0])
     block = np.broadcast_to(search.blocks(after.readings)[:, None], seen.shape)[seen]
     one, two = (distance[seen] for distance in off)
-    return Gain(linear.rms(one), linear.rms(two), interval(one, two, block, rng)[1])
+    return LeftOutGain(linear.rms(one), linear.rms(two), interval(one, two, block, rng)[1])
 
 
-def _heavy(data: Data, robot: Robot) -> bool:
+def _heavy(data: LawData, robot: Robot) -> bool:
     return bool(weighs(robot) or data.weights.any or data.weights.gravity.any())
 
 
-def _base(data: Data, begun: Mechanism) -> tuple[Identified, tuple[Listed, ...]]:
+def _base(data: LawData, begun: Mechanism) -> tuple[Identified, tuple[Listed, ...]]:
     """Table, springs and all that the catalogue has, each as large as the readings call for."""
     robot = begun.table
     heavy = _heavy(data, robot)
@@ -248,7 +250,7 @@ def _base(data: Data, begun: Mechanism) -> tuple[Identified, tuple[Listed, ...]]
     return (found if best == middle else data.identify(found.mechanism, best, found)), names
 
 
-def _otherwise(data: Data, found: Identified, rng: np.random.Generator) -> _Weighed | None:
+def _otherwise(data: LawData, found: Identified, rng: np.random.Generator) -> _Weighed | None:
     """The estimate with links that weigh other than their file says, where that is sure."""
     other = replace(found.wanted, moments=True)
     if not weighs(found.mechanism.table) or likeliest(found, [found.wanted, other]) != other:
@@ -256,7 +258,7 @@ def _otherwise(data: Data, found: Identified, rng: np.random.Generator) -> _Weig
     return _weigh(found, data.identify(found.mechanism, other, found), rng)
 
 
-def _plain(data: Data, begun: Mechanism) -> Iterator[Identified]:
+def _plain(data: LawData, begun: Mechanism) -> Iterator[Identified]:
     """The nominal table, the table as it is, and springs beside it, for comparison."""
     robot = begun.table
     yield (first := data.identify(begun, Wanted(False, False)))
@@ -271,8 +273,8 @@ def _plain(data: Data, begun: Mechanism) -> Iterator[Identified]:
 
 
 def _apart(
-    every: Data, data: Data, found: Identified, rng: np.random.Generator
-) -> tuple[Data, Data, Identified, list[int], dict[str, float]]:
+    every: LawData, data: LawData, found: Identified, rng: np.random.Generator
+) -> tuple[LawData, LawData, Identified, list[int], dict[str, float]]:
     """All readings and some of them, with another series wherever the instrument moved.
 
     Rail, joints and time are in the estimate already and compete; a move counts only where stations
@@ -304,7 +306,7 @@ def _apart(
     return every, data, found, of, chances
 
 
-def _place(every: Readings, some: Readings, pose: int) -> int:
+def _place(every: PositionReadings, some: PositionReadings, pose: int) -> int:
     """Which of all poses one of some is."""
     same = (every.file == some.file[pose]) & (every.line == some.line[pose])
     return int(np.argmax(same))
@@ -323,7 +325,7 @@ def _framed(mechanism: Mechanism, of: Sequence[int] | Array) -> Mechanism:
     return replace(mechanism, frames=mechanism.frames[list(of)])
 
 
-def _moves(found: Identified, chances: dict[str, float]) -> Iterator[Moved]:
+def _moves(found: Identified, chances: dict[str, float]) -> Iterator[StationMove]:
     """How far the robot's base is from where the instrument saw it before."""
     readings, frames = found.readings, found.mechanism.frames
     for name, p in chances.items():
@@ -331,7 +333,7 @@ def _moves(found: Identified, chances: dict[str, float]) -> Iterator[Moved]:
         first = int(np.flatnonzero(readings.series == k)[0])
         shift = frames[k, :3, 3] - frames[k - 1, :3, 3]
         turn = Rotation.from_matrix(frames[k - 1, :3, :3].T @ frames[k, :3, :3]).magnitude()
-        yield Moved(
+        yield StationMove(
             str(readings.names[k - 1]),
             int(readings.pose[first]),
             float(np.linalg.norm(shift)),
@@ -343,7 +345,7 @@ def _moves(found: Identified, chances: dict[str, float]) -> Iterator[Moved]:
 # --- blunders -------------------------------------------------------------------------------------
 
 
-def _gross(data: Data, begun: Mechanism) -> Bools:
+def _gross(data: LawData, begun: Mechanism) -> Bools:
     """Readings that stand metres from a nominal robot whose others stand millimetres, (m, t)."""
     rows = linearised(data.readings, begun, data.weights)
     off = leftout.distances(rows.y, rows.read)
@@ -351,8 +353,8 @@ def _gross(data: Data, begun: Mechanism) -> Bools:
 
 
 def _without_blunders(
-    every: Data, data: Data, found: Identified, held: Bools
-) -> tuple[Data, Identified, blunders.Off]:
+    every: LawData, data: LawData, found: Identified, held: Bools
+) -> tuple[LawData, Identified, blunders.Off]:
     """What is left without the readings that are off, the estimate from it, and these.
 
     Args:
@@ -372,10 +374,10 @@ def _without_blunders(
     return data, found, off._replace(which=held)
 
 
-def _listed(readings: Readings, off: blunders.Off) -> Iterator[Bad]:
+def _listed(readings: PositionReadings, off: blunders.Off) -> Iterator[BadReading]:
     """Readings that are left out, with their distance from the model [m]."""
     for m, t in np.argwhere(off.which).tolist():
-        yield Bad(
+        yield BadReading(
             file=str(readings.file[m]),
             line=int(readings.line[m]),
             off_m=float(off.size_m[m, t]),

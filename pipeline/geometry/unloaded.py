@@ -50,7 +50,7 @@ HELD = 1e-8
 
 
 @dataclass(frozen=True)
-class Change:
+class ZeroChange:
     """A joint whose zero changed in mid-campaign.
 
     Attributes:
@@ -69,7 +69,7 @@ class Change:
 
 
 @dataclass(frozen=True)
-class Columns:
+class UnknownColumns:
     """Where the unknowns stand in their vector.
 
     Attributes:
@@ -137,7 +137,7 @@ class Unloaded(Locked):
     place: Array = field(default_factory=lambda: np.zeros(3))
     misshapen: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     turned: Array | None = None
-    changes: tuple[Change, ...] = ()
+    changes: tuple[ZeroChange, ...] = ()
 
     @cached_property
     def letters(self) -> tuple[Letter, ...]:
@@ -150,12 +150,12 @@ class Unloaded(Locked):
         return np.array([letter.turns for letter in self.letters], dtype=bool)
 
     @cached_property
-    def columns(self) -> Columns:
+    def columns(self) -> UnknownColumns:
         """Where the unknowns stand."""
         masses = len(self.sag.parameters) if self.sag else 0
         sizes = (3, 3, 3 * len(self.tool.points), len(self.letters), 3, masses, len(self.changes))
         ends = np.cumsum([0, *sizes]).tolist()
-        return Columns(*(slice(a, b) for a, b in pairwise(ends)))
+        return UnknownColumns(*(slice(a, b) for a, b in pairwise(ends)))
 
     @property
     def poses(self) -> int:
@@ -228,7 +228,7 @@ class Unloaded(Locked):
         """Turn of F_b against the base reflectors [rad], shape (3,)."""
         return np.asarray(self.rotation @ x[self.columns.turn] + x[self.columns.loose])
 
-    def about(self, x: Array) -> Rows:
+    def about(self, x: Array) -> PoseRows:
         """The readings linearised about some unknowns, absolute: y = D x where all is explained."""
         robot, pulls = self.where_it_is(x)
         here, where, z = configure(robot, pulls.q), self.columns, np.arange(len(self.target))
@@ -283,7 +283,7 @@ class Unloaded(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class Rows(Locked):
+class PoseRows(Locked):
     """Readings pose by pose; rows of a pose that has fewer than others are zero.
 
     Attributes:
@@ -313,7 +313,7 @@ class Rows(Locked):
         return np.asarray(self.N + ZS @ np.swapaxes(ZS, 1, 2))
 
 
-def _by_pose(zeros: Unloaded, y: Array, D: Array, Z: Array) -> Rows:
+def _by_pose(zeros: Unloaded, y: Array, D: Array, Z: Array) -> PoseRows:
     pose = zeros.read
     first = np.searchsorted(np.sort(pose), pose)
     order = np.argsort(pose, kind="stable")
@@ -329,7 +329,7 @@ def _by_pose(zeros: Unloaded, y: Array, D: Array, Z: Array) -> Rows:
 
     N = np.tile(np.eye(3 * most), (p, 1, 1))
     N[place[0][:, :, None], place[1][:, :, None], place[1][:, None, :]] = zeros.errors
-    return Rows(rows(y), rows(D), rows(Z), N, place, zeros.robot.prismatic)
+    return PoseRows(rows(y), rows(D), rows(Z), N, place, zeros.robot.prismatic)
 
 
 def unloaded(

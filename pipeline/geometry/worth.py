@@ -13,7 +13,7 @@ from pipeline.base.bootstrap import interval
 from pipeline.geometry import leftout, search
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import frame_of
-from pipeline.geometry.readings import Readings
+from pipeline.geometry.readings import PositionReadings
 
 
 class Parting(StrEnum):
@@ -26,7 +26,7 @@ class Parting(StrEnum):
 
 
 @dataclass(frozen=True, eq=False)
-class Gain(Locked):
+class LeftOutGain(Locked):
     """Error of left-out positions with and without something.
 
     Attributes:
@@ -50,11 +50,13 @@ class Gain(Locked):
         return self.ci95[0] > 0
 
 
-NO_GAIN = Gain(0.0, 0.0, (0.0, 0.0))
+NO_GAIN = LeftOutGain(0.0, 0.0, (0.0, 0.0))
 """Of what was not asked about."""
 
 
-def partings(readings: Readings, rng: np.random.Generator, rail: bool) -> dict[Parting, Ints]:
+def partings(
+    readings: PositionReadings, rng: np.random.Generator, rail: bool
+) -> dict[Parting, Ints]:
     """Which poses are left out together, (m,) each; stations and series where there are several."""
     out = {
         Parting.BETWEEN: leftout.by_turns(readings),
@@ -98,7 +100,9 @@ class Judge:
         there = (Parting.SERIES, Parting.STATION) if not once else (Parting.STATION,)
         return next((one for one in there if one in self._parts), Parting.SPACE)
 
-    def gains(self, found: Identified, part: slice | Ints, once: bool = False) -> tuple[Gain, Gain]:
+    def gains(
+        self, found: Identified, part: slice | Ints, once: bool = False
+    ) -> tuple[LeftOutGain, LeftOutGain]:
         """At left-out neighbours in time, and at left-out series or parts of joint space.
 
         Args:
@@ -128,7 +132,7 @@ class Judge:
         block = np.broadcast_to(search.blocks(one.readings)[:, None], seen.shape)[seen]
         return interval(errors[0][seen], errors[1][seen], block, self._rng)[1]
 
-    def _gain(self, found: Identified, parting: Parting, without: slice | Ints) -> Gain:
+    def _gain(self, found: Identified, parting: Parting, without: slice | Ints) -> LeftOutGain:
         if self._made[0] is not found:
             self._made = found, {}
         known, part = self._made[1], self._parts[parting]
@@ -138,4 +142,4 @@ class Judge:
         seen = np.tile(np.arange(6) < 3, with_it.shape[1] // 6) & found.readings.read
         block = np.broadcast_to(search.blocks(found.readings)[:, None], seen.shape)[seen]
         _, ci95 = interval(bare[seen], with_it[seen], block, self._rng)
-        return Gain(linear.rms(bare[seen]), linear.rms(with_it[seen]), ci95)
+        return LeftOutGain(linear.rms(bare[seen]), linear.rms(with_it[seen]), ci95)

@@ -141,6 +141,7 @@ def usual(robot: Robot) -> tuple[Array, Array]:
 
 
 _ARM = 5.0
+"""Mass of an arm over its rated payload [1]: of robots that machine, an estimate."""
 _SHARE = np.array([0.3, 0.28, 0.3, 0.05, 0.04, 0.03, 0.01])
 _PAYLOAD_KG = 200.0
 """Where a robot file does not say: the middle of robots that machine."""

@@ -20,7 +20,7 @@ from pipeline.base.shown import printable, typed
 from pipeline.base.toml import quoted
 from pipeline.machine.instrument import sheet
 from pipeline.machine.robot import Robot, load
-from pipeline.store.campaign import Campaign, unfit
+from pipeline.store.campaign import CampaignFolder, unfit
 
 if TYPE_CHECKING:  # it brings the readers
     from pipeline.intake.files import Proposal
@@ -321,7 +321,7 @@ def there(root: Path, folder: Path) -> dict[str, bytes]:
     """
     if not folder.is_dir():
         return {}
-    campaign, found = Campaign(root, folder), {}
+    campaign, found = CampaignFolder(root, folder), {}
     for path in sorted(folder.iterdir()):
         if path.is_file() and not path.name.startswith("."):
             try:

@@ -21,7 +21,7 @@ from pipeline.intake.question import Proposal
 from pipeline.readers import Export, Hints, opened_as_text, read
 from pipeline.readers._names import rounds
 from pipeline.readers._text import until
-from pipeline.readers.known import BETTER, GROSS_M, Body
+from pipeline.readers.known import BETTER, GROSS_M, ReflectorSet
 
 _LOOKED_AT = 1000
 """Lines that tell: some hundred rounds of base reflectors, or thirty poses with their pulls."""
@@ -48,7 +48,7 @@ class _Way:
 
 
 def settled(
-    name: str, data: bytes, hints: Hints, bodies: Sequence[Body]
+    name: str, data: bytes, hints: Hints, bodies: Sequence[ReflectorSet]
 ) -> tuple[Hints, tuple[str, ...]]:
     """What [tracker] says with all that known reflectors settle, and by what, in sentences.
 
@@ -74,7 +74,7 @@ def settled(
     return ways[0].hints[len(out)], tuple(out)
 
 
-def _judged(name: str, data: bytes, hints: Hints, bodies: Sequence[Body]) -> list[_Way]:
+def _judged(name: str, data: bytes, hints: Hints, bodies: Sequence[ReflectorSet]) -> list[_Way]:
     """Every answer to all questions with how far reflectors are off then.
 
     None where nothing is asked, and where one of the answers leaves nothing that is known.
@@ -112,7 +112,7 @@ def _asked(name: str, data: bytes, hints: Hints) -> bool:
     return False
 
 
-def _ways(way: _Way, name: str, data: bytes, bodies: Sequence[Body]) -> Iterator[_Way]:
+def _ways(way: _Way, name: str, data: bytes, bodies: Sequence[ReflectorSet]) -> Iterator[_Way]:
     """Every answer to every question that is open after some are answered."""
     try:
         found = proposal(name, data, way.hints[-1])
@@ -139,7 +139,7 @@ def _said(hints: Hints, found: Proposal | None) -> Hints:
     return found.hints.model_copy(update=dict.fromkeys(opened))
 
 
-def _off(export: Export, bodies: Sequence[Body]) -> float:
+def _off(export: Export, bodies: Sequence[ReflectorSet]) -> float:
     """How far reflectors read together are off, moved rigidly: of the worst body the median [m]."""
     if export.target is None or not len(export.line):
         return np.nan

@@ -12,7 +12,7 @@ from typing import Any
 from pipeline.app.outcome import Outcome, failed, sentences
 from pipeline.base import files
 from pipeline.base.errors import InputError, PipelineError
-from pipeline.store.campaign import Campaign
+from pipeline.store.campaign import CampaignFolder
 
 
 def inspect(
@@ -46,7 +46,7 @@ def inspect(
         none = InputError("there is no such file", "correct the path", file=str(path))
         begins = partial(refuse_other_programs, path.name)
         data = files.read(path, path.name, largest(path.name), none, begins)
-        folder = Campaign(path.parent, path.parent)
+        folder = CampaignFolder(path.parent, path.parent)
         if not (csv or mapping or any(said.values())):
             if log := _log(path, data, folder):
                 return log
@@ -67,7 +67,7 @@ def inspect(
     )
 
 
-def _log(path: Path, data: bytes, folder: Campaign) -> Outcome | None:
+def _log(path: Path, data: bytes, folder: CampaignFolder) -> Outcome | None:
     """What a file is that is a log beside the exports, None where it is none."""
     from pipeline.intake.blank import log_lines
     from pipeline.intake.which_logs import propose_logs
@@ -100,7 +100,7 @@ Ask = Callable[[Any], Mapping[str, Any]]
 """What [tracker] says in answer to the question of a `readers.offer.Offer`."""
 
 
-def _hints(folder: Campaign, said: Mapping[str, Any], mapping: Path | None) -> Any:
+def _hints(folder: CampaignFolder, said: Mapping[str, Any], mapping: Path | None) -> Any:
     """What campaign.toml, a mapping to try and the command line say, the last before the first.
 
     And the reflectors whose places campaign.toml has; while it is still to be filled in, none.

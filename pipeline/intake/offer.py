@@ -9,6 +9,7 @@ from typing import Any
 import pyarrow as pa
 
 from pipeline.base.errors import InputError, at
+from pipeline.base.quantities import MM
 from pipeline.base.shown import in_toml
 from pipeline.intake.proposal import propose
 from pipeline.intake.question import Answer, Column, Proposal, Question
@@ -18,7 +19,6 @@ from pipeline.readers._coordinates import AXES, SENSES, USUAL_UNITS, ZEROS
 
 _FIRST = 5
 """Rows of a preview."""
-_MM = 1000.0
 _MAY_BE: dict[str, tuple[str, ...]] = {
     "unit": USUAL_UNITS,
     "coordinates": tuple(AXES),
@@ -170,7 +170,7 @@ def first_rows(export: Export) -> tuple[Mapping[str, Any], ...]:
     }
     words = {key: [None] * n if column is None else column[:n].to_pylist()
              for key, column in names.items()}  # fmt: skip
-    xyz = [[float(x) for x in row] for row in (export.position[:n] * _MM).round(6)]
+    xyz = [[float(x) for x in row] for row in (export.position[:n] * MM).round(6)]
     return tuple(
         {"group": words["group"][k], "target": words["target"][k]}
         | dict(zip(("x_mm", "y_mm", "z_mm"), xyz[k], strict=True))

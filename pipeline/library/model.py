@@ -17,7 +17,7 @@ from pipeline.prediction import compensate as offsets
 from pipeline.prediction import compliance, standing
 from pipeline.prediction.compensate import Compensation
 from pipeline.prediction.compliance import CartesianStiffness
-from pipeline.prediction.model import Model as Identified
+from pipeline.prediction.model import IdentifiedModel as Identified
 from pipeline.prediction.standing import Standing
 
 

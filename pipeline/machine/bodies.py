@@ -17,7 +17,7 @@ TRACKER, REFLECTOR = "tracker", "reflector"
 _THICK = 0.04
 """Radius of a link of which no shape is known, over the length of the arm."""
 
-_SHORT_M = 1e-3
+SHORT_M = 1e-3
 """Origins of joint frames nearer than this have nothing between them."""
 
 
@@ -66,7 +66,7 @@ def _straight(robot: Robot, here: Configuration) -> tuple[Bodies, Bodies, Bodies
         first = origin[:, :1]
     lines = np.stack([np.concatenate([first, origin[:, :-1]], axis=1), origin], axis=2)
     length = np.linalg.norm(lines[:, :, 1] - lines[:, :, 0], axis=-1).max(axis=0)
-    there = length > _SHORT_M
+    there = length > SHORT_M
     names = np.array([*(joint.name for joint in robot.joints), "flange"], dtype=object)
     thick = np.full(int(there.sum()), _THICK * length.sum())
     arm = Bodies(ARM, names[there], lines[:, there], thick)

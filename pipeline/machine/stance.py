@@ -31,11 +31,12 @@ _KNOWN = 1e-9
 """Part of the largest variance, each error in its own standard uncertainty, that is rounding."""
 
 _ROUNDS = 20
+"""Of weighing anew; three are enough."""
 _LEAST = 0.01
 """An arm that is a hundred times lighter or heavier than usual is none."""
 
 
-class Common(NamedTuple):
+class CommonSoftness(NamedTuple):
     """A factor between springs by pulls and by weight, what it leaves, and of how many."""
 
     factor: float
@@ -58,7 +59,8 @@ class Stance(Locked):
         yields: Their parameters, one after the other, shape (e,).
         cov: C, of springs, elements, letters of the table and points, (n + e + k + 3 t) squared.
         unloaded: Joint values of the controller (m, n) -> how far the joints are from them (m, n)
-            and the points from where the corrected table then has them [m], F_b, (m, t, 3).
+            and the points from where the corrected table then has them [m], F_b, (m, t, 3); where
+            no pull reads one of the points, all that were read.
         factor: Variance of the factor by which all springs may be softer under masses lighter by
             it, which moves nothing; 0 where the robot file states the masses [1].
         moments: Mass [kg] and first moment in its frame [kg m] of each link, shape (n, 4).
@@ -106,7 +108,7 @@ class Stance(Locked):
         one = self.common(value, cov, known) if self.factor else None
         return 1.0 if one is None else one.factor
 
-    def common(self, value: Array, cov: Array, known: Bools) -> Common | None:
+    def common(self, value: Array, cov: Array, known: Bools) -> CommonSoftness | None:
         """By how much all springs by the pulls are softer; None where no joint tells it.
 
         s for which (c - s c0)' (V + s^2 V0)^-1 (c - s c0) is smallest, V0 as of `apart`. Args as
@@ -121,7 +123,9 @@ class Stance(Locked):
             P = linear.inverse(cov[both] + s**2 * self.apart[both])
             s = max(float(own @ P @ value[mine]) / float(own @ P @ own), _LEAST)
         left = value[mine] - s * own
-        return Common(s, float(own @ P @ own) ** -0.5, float(left @ P @ left), len(mine) - 1)
+        return CommonSoftness(
+            s, float(own @ P @ own) ** -0.5, float(left @ P @ left), len(mine) - 1
+        )
 
     def softer(self, factor: float) -> Stance:
         """The same of an arm that is lighter by a factor, which the positions cannot tell."""
@@ -169,11 +173,8 @@ class Stance(Locked):
 
         Args:
             q: Joint values [m] or [rad], shape (m, n).
-            names: Of one point each, shape (m,); one that was not read moves as the others' mean,
-                and NaN says that none was.
+            names: Of one point each, shape (m,); one that was not read moves as the others' mean.
         """
-        if not self.points:
-            return np.full((len(q), 3), np.nan)
         off = self.unloaded(q)[1]
         out = off.mean(axis=1)
         for k, name in enumerate(self.points):

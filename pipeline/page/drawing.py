@@ -127,6 +127,19 @@ _COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#e69f00", "#
 """Told apart with every kind of colour vision (Okabe and Ito), and by their names at the end."""
 
 
+def _known(
+    told: Mapping[int, Mapping[str, Any]], most: int
+) -> dict[str, list[tuple[float, float]]]:
+    """Points of the curve of each axis, of what is told by the number of poses."""
+    known: dict[str, list[tuple[float, float]]] = {}
+    for poses, one in sorted(told.items()):
+        for joint in one["stiffness"]:
+            if (share := joint["relative_std"]) is not None:
+                point = (_across(poses, most), _up(100 * share))
+                known.setdefault(str(joint["axis"]), []).append(point)
+    return known
+
+
 def curves(updates: Sequence[Mapping[str, Any]]) -> str:
     """Relative standard uncertainty of each stiffness over the poses measured, as SVG.
 
@@ -137,12 +150,7 @@ def curves(updates: Sequence[Mapping[str, Any]]) -> str:
     if not told:
         return ""
     most = max(max(told), 2)
-    known: dict[str, list[tuple[float, float]]] = {}
-    for poses, one in sorted(told.items()):
-        for joint in one["stiffness"]:
-            if (share := joint["relative_std"]) is not None:
-                point = (_across(poses, most), _up(100 * share))
-                known.setdefault(str(joint["axis"]), []).append(point)
+    known = _known(told, most)
     out = [f'<svg viewBox="0 0 {_WIDE} {_HIGH}" role="img" aria-label="Uncertainty over poses">']
     for line in _PER_CENT:
         y = _up(line)

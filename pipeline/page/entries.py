@@ -83,7 +83,7 @@ def entries(text: str) -> list[Entry]:
         if number <= skip:
             continue
         if head := _TABLE.match(line):
-            table = ".".join(one.strip('"') for one in head.groups()[1:] if one)
+            table = _called(head)
         elif entry := _LINE.match(line):
             one = _entry(number, table, entry)
             if one is None:
@@ -91,10 +91,19 @@ def entries(text: str) -> list[Entry]:
             skip = number + (_length(lines[number - 1 :]) - 1 if one.value is not None else 0)
             found.append(replace(one, whole=skip <= number))
         elif found and (more := _MORE.match(line)) and _follows(found[-1], number, lines):
-            last = found[-1]
-            words = (*last.words, *_WORD.findall(more[1]))
-            found[-1] = replace(last, about=f"{last.about} {more[1]}".strip(), words=words)
+            found[-1] = _with_more(found[-1], more[1])
     return found
+
+
+def _called(head: re.Match[str]) -> str:
+    """The name of a table."""
+    return ".".join(one.strip('"') for one in head.groups()[1:] if one)
+
+
+def _with_more(last: Entry, more: str) -> Entry:
+    """An entry whose remark goes on in the next line."""
+    words = (*last.words, *_WORD.findall(more))
+    return replace(last, about=f"{last.about} {more}".strip(), words=words)
 
 
 def _entry(number: int, table: str, found: re.Match[str]) -> Entry | None:
@@ -158,14 +167,15 @@ def filled(text: str, line: int, said: str) -> str:
     end = old[len(old.rstrip("\r\n")) :]
     _, key, rest = _LINE.match(old.rstrip("\r\n")).groups()  # type: ignore[union-attr]
     about = _parted(rest)[1]
+    remark = f"   # {about}" if about else ""
     if said and not _is_toml(said):
         raise UsageError(f"what is typed for {one.key} would not be valid TOML: {said[:80]}")
     if said:
-        lines[line - 1] = f"{key} = {said}{f'   # {about}' if about else ''}{end}"
+        lines[line - 1] = f"{key} = {said}{remark}{end}"
         _uncover(lines, line)
     else:
         needed = " ?" if one.needed or one.place else ""
-        lines[line - 1] = f"# {key} ={needed}{f'   # {about}' if about else ''}{end}"
+        lines[line - 1] = f"# {key} ={needed}{remark}{end}"
     return sound("".join(lines))
 
 
@@ -254,6 +264,12 @@ def value(typed: str, words: Sequence[str] = (), key: str = "") -> str:
         return in_toml(plain)
 
 
+def _said_anew(new: str, place: tuple[str, str], value: str) -> str:
+    """A campaign.toml with a value in the place of an entry, where it has one that stands whole."""
+    there = next((one for one in entries(new) if (one.table, one.key) == place), None)
+    return filled(new, there.line, value) if there is not None and there.whole else new
+
+
 def carried_over(old: str, new: str) -> str:
     """A new campaign.toml with what an old one says wherever both can say it.
 
@@ -262,9 +278,8 @@ def carried_over(old: str, new: str) -> str:
     """
     said = {(one.table, one.key): one for one in entries(old) if one.value is not None}
     for place, mine in said.items():
-        there = next((one for one in entries(new) if (one.table, one.key) == place), None)
-        if mine.whole and there is not None and there.whole and place not in _OF_FILES:
-            new = filled(new, there.line, str(mine.value))
+        if mine.whole and place not in _OF_FILES:
+            new = _said_anew(new, place, str(mine.value))
     now = {(one.table, one.key) for one in entries(new) if one.value is not None}
     lost = [one for place, one in said.items() if place not in now or not one.whole]
     return f"{new.rstrip()}\n\n{_set_aside(old, lost)}" if lost else new

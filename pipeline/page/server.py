@@ -172,15 +172,14 @@ class State:
 
     def reached(self, desk: Desk) -> dict[str, str]:
         """What each stage waits for; empty where it is done."""
-        text = desk.text()
-        left = [one.key for one in entries.entries(text) if one.needed] if text else []
-        run = self.runs.of.get(desk.name)
+        text, run, done = desk.text(), self.runs.of.get(desk.name), self.done(desk)
+        setup = _left(text) if text else "files"
         return {
             "files": "" if text else "drop the files of the campaign",
-            "setup": ("" if not left else f"{len(left)} open") if text else "files",
-            "check": "" if self.passed(desk) else ("check" if text and not left else "setup"),
-            "run": "running" if run and run.said is None else "" if self.done(desk) else "check",
-            "answer": "" if self.done(desk) else "run",
+            "setup": setup,
+            "check": "" if self.passed(desk) else "setup" if setup else "check",
+            "run": "running" if run and run.said is None else "" if done else "check",
+            "answer": "" if done else "run",
         }
 
     def answer(self, desk: Desk) -> dict[str, Any] | None:
@@ -665,3 +664,9 @@ def serve(root: Path, port: int, say: Callable[[str], object], opened: bool) -> 
 
         webbrowser.open(address)
     uvicorn.Server(config).run()
+
+
+def _left(text: str) -> str:
+    """What is still open in a campaign.toml."""
+    left = sum(one.needed for one in entries.entries(text))
+    return f"{left} open" if left else ""

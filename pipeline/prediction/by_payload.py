@@ -6,6 +6,7 @@ import numpy as np
 
 from pipeline.base.arrays import Bools
 from pipeline.base.linear import rms
+from pipeline.prediction.model import NOTHING_M
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Settings
 from pipeline.reduction.weights import PULL
@@ -47,10 +48,6 @@ def _held_out(system: System, mine: Bools) -> float | None:
     found = solve(system.part(~mine), np.zeros(len(system.parameters)))
     B = system.B[mine]
     dark = np.isinf(np.diag(found.cov))
-    if (np.abs(B * system.typical)[:, dark].max(initial=0.0)) > _NOTHING_M:
+    if (np.abs(B * system.typical)[:, dark].max(initial=0.0)) > NOTHING_M:
         return None
     return rms(system.c[mine] - B @ found.value)
-
-
-_NOTHING_M = 1e-9
-"""A parameter that moves a row less than this at its typical size does not act there [m]."""

@@ -13,7 +13,7 @@ from pipeline.base.quantities import plain
 from pipeline.machine.robot import Robot, configure, rating
 from pipeline.machine.robot.configuration import velocity
 from pipeline.prediction.each_way import Ways, along, each_way
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 
 ARM_M = 0.3
 """Turning the tool by an angle counts as moving a point this far from it [m]."""
@@ -140,7 +140,7 @@ def beside_pulls(force_n: Array, pulled: tuple[float, float] | None) -> list[str
 
 
 def compensate(
-    model: Model,
+    model: IdentifiedModel,
     path: Path,
     tip: Array | None = None,
     held: Bools | None = None,

@@ -11,7 +11,7 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.machine.cell import load
 from pipeline.machine.effect import Elastic, Loaded, Pulls
 from pipeline.machine.robot.configuration import torque, velocity
-from pipeline.prediction.model import Hypothesis, Model
+from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 
 _KILO = 1e3
 """A wrench of kN and kN m: what moves a point by less than a nanometre under it is nothing."""
@@ -48,7 +48,7 @@ class CartesianStiffness(Locked):
 
 
 def cartesian_stiffness(
-    model: Model, q: Array, force: Array, point: Array | None = None
+    model: IdentifiedModel, q: Array, force: Array, point: Array | None = None
 ) -> CartesianStiffness:
     """C = sum_v s_v D_vw s_w' over the virtual joints v, w of all that yields, and its inverse.
 
@@ -80,7 +80,7 @@ def cartesian_stiffness(
     )
 
 
-def _tangent(one: Hypothesis, pulls: Pulls, points: Array | None) -> Array:
+def _tangent(one: ModelHypothesis, pulls: Pulls, points: Array | None) -> Array:
     """Derivative of the entries of C by each parameter, shape (m, 36, k)."""
     cell = one.at(points)
     loaded = load(cell, pulls, one.value)

@@ -11,7 +11,7 @@ from pipeline.base.arrays import Array
 from pipeline.base.quantities import common_prefix, prefixed, scaled, with_std
 from pipeline.machine import sides
 from pipeline.machine.robot import axes
-from pipeline.prediction.model import Hypothesis, Model
+from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 
 
 @dataclass(frozen=True)
@@ -64,7 +64,7 @@ def _points(count: int) -> str:
     return f"{count} point{'' if count == 1 else 's'}"
 
 
-def each_way(model: Model, q: Array, force: Array) -> tuple[Ways, ...]:
+def each_way(model: IdentifiedModel, q: Array, force: Array) -> tuple[Ways, ...]:
     """Joints of a model that have two stiffnesses, at the points of a path.
 
     Args:
@@ -72,7 +72,7 @@ def each_way(model: Model, q: Array, force: Array) -> tuple[Ways, ...]:
         q: Joint values [m] or [rad], shape (m, n).
         force: Force on the robot [N], F_b, shape (m, 3).
     """
-    best: dict[int, Hypothesis] = {}
+    best: dict[int, ModelHypothesis] = {}
     weight: dict[int, float] = {}
     for one in sorted(model.hypotheses, key=lambda one: one.weight):
         for joint in sides.columns(model.robot.n, one.more):
@@ -93,7 +93,9 @@ def along(parts: Sequence[tuple[Ways, ...]]) -> tuple[Ways, ...]:
     )
 
 
-def _ways(model: Model, one: Hypothesis, joint: int, weight: float, q: Array, force: Array) -> Ways:
+def _ways(
+    model: IdentifiedModel, one: ModelHypothesis, joint: int, weight: float, q: Array, force: Array
+) -> Ways:
     """Both compliances c + dc and c - dc of a joint, and which side holds where."""
     column = sides.columns(model.robot.n, one.more)[joint]
     robot = model.robot

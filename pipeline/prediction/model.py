@@ -30,7 +30,7 @@ from pipeline.system.whiten import whitener
 
 
 @dataclass(frozen=True, eq=False)
-class Deflection(Locked):
+class PointDeflection(Locked):
     """How points of the tool deflect.
 
     Attributes:
@@ -49,7 +49,7 @@ class Deflection(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class Hypothesis(Locked):
+class ModelHypothesis(Locked):
     """One set of causes that may be true, with the springs estimated together with them.
 
     Attributes:
@@ -91,17 +91,17 @@ class Hypothesis(Locked):
         names = np.array([str(k) for k in range(len(seen))], dtype=object)
         return replace(self.cell, tool=Tool(seen[0], names, seen))
 
-    def moved(self, cell: Cell, pulls: Pulls) -> Deflection:
+    def moved(self, cell: Cell, pulls: Pulls) -> PointDeflection:
         """Every target of its cell, or of one with another tool, under every pull, m t of them."""
         displacement = forward(cell, pulls, self.value).displacement.reshape(-1, 3)
         A = jacobian(replace(cell, equilibrium="undeformed"), pulls, self.value)
-        return Deflection(displacement, self.through(A.reshape(-1, 3, len(self.value))))
+        return PointDeflection(displacement, self.through(A.reshape(-1, 3, len(self.value))))
 
     def through(self, A: Array) -> Array:
         """Covariance A C A' of displacements A x [m], A (m, j, k), shape (m, j, j).
 
         What is determined of the parameters carries over even where they are not: variances are
-        infinite only where `free` moves a displacement by more than `_NOTHING_M`.
+        infinite only where `free` moves a displacement by more than `NOTHING_M`.
         """
         known = np.isfinite(self.std)
         cov = self.cov.copy()
@@ -114,13 +114,13 @@ class Hypothesis(Locked):
             cov[~known], cov[:, ~known] = 0.0, 0.0
             free = np.diag(typical)[:, ~known]
         found = A @ cov @ np.swapaxes(A, 1, 2)
-        m, axis = np.nonzero(np.abs(A @ free).max(axis=-1, initial=0.0) > _NOTHING_M)
+        m, axis = np.nonzero(np.abs(A @ free).max(axis=-1, initial=0.0) > NOTHING_M)
         found[m, axis, axis] = np.inf
         return np.asarray(found)
 
 
 @dataclass(frozen=True, eq=False)
-class Model(Locked):
+class IdentifiedModel(Locked):
     """An identified robot: what acts in the machine, with values and covariance.
 
     Where it is uncertain which causes are true, every prediction is the average over the
@@ -145,14 +145,14 @@ class Model(Locked):
     campaign: str
     verdict: str
     recommended: Mapping[str, str]
-    hypotheses: tuple[Hypothesis, ...]
+    hypotheses: tuple[ModelHypothesis, ...]
     stated: Bools | None = None
     held_out_m: float | None = None
     pulled_n: tuple[float, float] | None = None
     at_pose: tuple[Array, Array] | None = None
 
     @staticmethod
-    def load(path: Path | str) -> Model:
+    def load(path: Path | str) -> IdentifiedModel:
         """The model in a model.toml.
 
         Raises:
@@ -192,7 +192,7 @@ class Model(Locked):
         weights = [one.weight for one in self.hypotheses]
         return average(weights, np.stack(values), np.stack(covs))
 
-    def _springs(self, one: Hypothesis) -> tuple[Array, Array]:
+    def _springs(self, one: ModelHypothesis) -> tuple[Array, Array]:
         """The same by one hypothesis."""
         T = np.eye(len(one.value))[: self.robot.n]
         if self.at_pose is not None:
@@ -216,7 +216,7 @@ class Model(Locked):
         """Standard uncertainty of `value`, shape (n,)."""
         return np.sqrt(np.diag(self.cov))
 
-    def predict(self, q: Array, force: Array, point: Array | None = None) -> Deflection:
+    def predict(self, q: Array, force: Array, point: Array | None = None) -> PointDeflection:
         """What a force does to the point of the tool where it acts.
 
         Args:
@@ -229,7 +229,7 @@ class Model(Locked):
         points = None if point is None else np.atleast_2d(np.asarray(point, float))
         return self._mixed([one.moved(one.at(points), pulls) for one in self.hypotheses])
 
-    def _mixed(self, moved: Sequence[Deflection]) -> Deflection:
+    def _mixed(self, moved: Sequence[PointDeflection]) -> PointDeflection:
         """The mixture of what the hypotheses say."""
         mean = self._mean([each.displacement for each in moved])
         cov = np.zeros_like(moved[0].cov)
@@ -237,7 +237,7 @@ class Model(Locked):
             off = each.displacement - mean
             if one.weight > 0:  # what has no weight says nothing, however little it knows
                 cov += one.weight * (each.cov + off[:, :, None] * off[:, None, :])
-        return Deflection(mean, cov)
+        return PointDeflection(mean, cov)
 
     def _mean(self, arrays: Sequence[Array]) -> Array:
         weights = [one.weight for one in self.hypotheses]
@@ -259,7 +259,7 @@ class Model(Locked):
         found = self._with_left_out([one.cell for one in self.hypotheses], Pulls.at(q, force))
         return found.displacement, found.std
 
-    def at_load_point(self, q: Array, force: Array) -> Deflection:
+    def at_load_point(self, q: Array, force: Array) -> PointDeflection:
         """The same of the load point alone, where the force acts, under many pulls.
 
         Args:
@@ -268,7 +268,7 @@ class Model(Locked):
         """
         return self._with_left_out([one.at() for one in self.hypotheses], Pulls.at(q, force))
 
-    def _with_left_out(self, cells: Sequence[Cell], pulls: Pulls) -> Deflection:
+    def _with_left_out(self, cells: Sequence[Cell], pulls: Pulls) -> PointDeflection:
         """Deflections of the targets of cells; what undeformed geometry leaves out is an error."""
         moved = []
         for one, cell in zip(self.hypotheses, cells, strict=True):
@@ -293,7 +293,7 @@ class Model(Locked):
         return Prediction(*(self._mean([getattr(one, name) for one in each]) for name in names))
 
 
-_NOTHING_M = 1e-9
+NOTHING_M = 1e-9
 """What moves a point less than this at its typical size does not act there."""
 
 
@@ -303,7 +303,7 @@ def part(
     estimate: Estimate,
     system: System | None = None,
     ratio: float = 1.0,
-) -> Hypothesis:
+) -> ModelHypothesis:
     """What is handed over of an estimate: the machine without the measurement.
 
     Args:
@@ -317,7 +317,7 @@ def part(
     effects = tuple(effect for effect in cell.effects if not _measurement(effect))
     tool = replace(cell.tool, six=False)  # how it was measured is no part of the machine
     return _with_beyond(
-        Hypothesis(
+        ModelHypothesis(
             weight,
             replace(cell, tool=tool, effects=effects),
             estimate.value[mine],
@@ -327,7 +327,7 @@ def part(
     )
 
 
-def _with_beyond(one: Hypothesis) -> Hypothesis:
+def _with_beyond(one: ModelHypothesis) -> ModelHypothesis:
     """With what laws may be where they were not taught: zero, as uncertain as they are large."""
     for effect, values in one.cell.split(one.value):
         if effect.law is not None:
@@ -368,7 +368,7 @@ def _measurement(effect: Effect) -> bool:
     return any(isinstance(facet, Wrench | Observation | Noise) for facet in effect.facets)
 
 
-def dumps(handed: Model) -> str:
+def dumps(handed: IdentifiedModel) -> str:
     """model.toml: values, uncertainty, covariance, tool and robot, SI throughout."""
     robot, tool = handed.robot, handed.tool
     springs = _parameters(paper_cell(robot, tool).parameters, handed)
@@ -392,7 +392,7 @@ def dumps(handed: Model) -> str:
     return HEAD + toml.dumps(content | {"robot": toml.loads(robot.text, robot.name)})
 
 
-def _at_pose(handed: Model) -> dict[str, Any]:
+def _at_pose(handed: IdentifiedModel) -> dict[str, Any]:
     """The test pose, where a stiffness is that of its side."""
     if handed.at_pose is None or not any(
         sides.columns(handed.robot.n, one.more) for one in handed.hypotheses
@@ -402,7 +402,7 @@ def _at_pose(handed: Model) -> dict[str, Any]:
     return {"test_pose": {"q": q.tolist(), "force_n": force.tolist()}}
 
 
-def _hypothesis(one: Hypothesis) -> dict[str, Any]:
+def _hypothesis(one: ModelHypothesis) -> dict[str, Any]:
     told: dict[str, Any] = {}
     if one.free is not None and one.within is not None:
         told = {"undetermined": one.free.T.tolist(), "variance_within": one.within.tolist()}
@@ -418,7 +418,9 @@ def _hypothesis(one: Hypothesis) -> dict[str, Any]:
 _STIFFNESS = ("stiffness", "stiffness_std", "stiffness_unit")
 
 
-def _parameters(names: Sequence[Parameter], found: Model | Hypothesis) -> list[dict[str, Any]]:
+def _parameters(
+    names: Sequence[Parameter], found: IdentifiedModel | ModelHypothesis
+) -> list[dict[str, Any]]:
     return [
         {"name": p.name, "unit": p.unit, "value": x, "std": s}
         for p, x, s in zip(names, found.value.tolist(), found.std.tolist(), strict=True)
@@ -469,7 +471,7 @@ class _File(Numbers):
     robot: dict[str, Any]
 
 
-def parse(text: str, file: str = "model.toml") -> Model:
+def parse(text: str, file: str = "model.toml") -> IdentifiedModel:
     """A model from the text of model.toml.
 
     Raises:
@@ -482,7 +484,7 @@ def parse(text: str, file: str = "model.toml") -> Model:
         raise InputError(f"is no model ({'.'.join(path)}: {said})", _ANEW, file=file) from problem
     robot = parse_robot(toml.dumps(content.robot), file)
     springs = paper_cell(robot, Tool.of(content.tool))
-    return Model(
+    return IdentifiedModel(
         content.campaign,
         content.verdict,
         content.recommended,
@@ -507,7 +509,7 @@ _LARGEST = 2**26
 _ANEW = "write it anew with `pipeline run`"
 
 
-def _read(one: _Hypothesis, springs: Cell, file: str) -> Hypothesis:
+def _read(one: _Hypothesis, springs: Cell, file: str) -> ModelHypothesis:
     cell = replace(springs, equilibrium=one.equilibrium)
     cell = cell.with_effects(*(_named(cell.robot, *words, file) for words in one.effects))
     value, cov = np.array([entry.value for entry in one.parameter]), np.array(one.covariance)
@@ -522,7 +524,7 @@ def _read(one: _Hypothesis, springs: Cell, file: str) -> Hypothesis:
             f"undetermined and variance_within are not of {len(value)} parameters", _ANEW, file=file
         )
     free, within = (None if each is None else np.array(each, float).T for each in told)
-    return Hypothesis(one.weight, cell, value, cov, free, within)
+    return ModelHypothesis(one.weight, cell, value, cov, free, within)
 
 
 def _fit(free: list[list[float]] | None, within: list[float] | None, k: int) -> bool:

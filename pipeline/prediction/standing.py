@@ -14,11 +14,11 @@ from pipeline.base.errors import InputError
 from pipeline.geometry.curves import Curve
 from pipeline.geometry.estimate import between_knots
 from pipeline.geometry.identify import Identified
-from pipeline.geometry.laws import Inputs, Law
+from pipeline.geometry.laws import Inputs, JointLaw
 from pipeline.geometry.mechanism import (
+    ArmWeights,
     Mechanism,
     Payloads,
-    Weights,
     by_frame,
     derivatives,
     frame_of,
@@ -68,9 +68,9 @@ class Standing(Locked):
         """Names of the payloads that campaign.toml knows."""
         return self.bodies.names
 
-    def weights(self, payload: Ints) -> Weights:
+    def weights(self, payload: Ints) -> ArmWeights:
         """What pulls, with the payload of each pose: 0 for none, k + 1 for `payloads[k]`."""
-        return Weights(self.gravity, self.bodies, payload)
+        return ArmWeights(self.gravity, self.bodies, payload)
 
     def nominal(self) -> Standing:
         """The table as delivered, with its nominal stiffnesses; tool as found."""
@@ -105,7 +105,7 @@ class Standing(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class Predicted(Locked):
+class PredictedTargets(Locked):
     """Where targets are.
 
     Attributes:
@@ -126,7 +126,7 @@ class Predicted(Locked):
 
 def predict(
     model: Standing, q: Array, force: Array, payload: Ints, temperature: Array
-) -> Predicted:
+) -> PredictedTargets:
     """Where the targets are at joint values, with the uncertainty of the true position.
 
     F_b is where the instrument saw it: a shift of the whole robot against its base, of which no
@@ -145,7 +145,7 @@ def predict(
     for start in range(0, len(q), _ROWS):
         rows = slice(start, start + _ROWS)
         parts.append(_predict(model, q[rows], force[rows], payload[rows], temperature[rows]))
-    return Predicted(*(np.concatenate(part) for part in zip(*parts, strict=True)))
+    return PredictedTargets(*(np.concatenate(part) for part in zip(*parts, strict=True)))
 
 
 def _predict(
@@ -183,7 +183,7 @@ def _spread(cov: Array, D: Array, K: Array, knots: Ints) -> Array:
     return np.asarray(out)
 
 
-def _unknown(law: Law, mechanism: Mechanism, inputs: Inputs) -> Array:
+def _unknown(law: JointLaw, mechanism: Mechanism, inputs: Inputs) -> Array:
     """Variance of a law where its variable is not known, or beyond where it was taught, (m,)."""
     v = (law.of(inputs) - law.middle) / law.scale
     if law.periodic or law.kind == "step":
@@ -269,7 +269,7 @@ def _loaded(kept: dict[str, Any]) -> Standing:
         table=table,
         unknown=said["unknown"],
         elements=yielding(table) if said["yields"] else (),
-        laws=tuple(Law(**one) for one in said["laws"]),
+        laws=tuple(JointLaw(**one) for one in said["laws"]),
         curves=tuple(Curve(**one) for one in said["curves"]),
         **{name: kept[name] for name in _ARRAYS},
     )

@@ -18,8 +18,8 @@ from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import Robot
 from pipeline.prediction.compensate import Path
 from pipeline.prediction.decision import Decision, decide
-from pipeline.prediction.model import Hypothesis, Model
-from pipeline.reduction.settings import Tolerance
+from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
+from pipeline.reduction.settings import ToleranceSettings
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,7 +45,7 @@ class Shown:
 
 
 @dataclass(frozen=True, eq=False)
-class Tip(Locked):
+class TipDeflection(Locked):
     """Deflection of the load point, pull by pull.
 
     Attributes:
@@ -65,7 +65,7 @@ class Tip(Locked):
         return [decide(size, std, tolerance_m) for size, std in both]
 
 
-def tip(model: Model, q: Array, force: Array, shown: Shown) -> Tip:
+def tip(model: IdentifiedModel, q: Array, force: Array, shown: Shown) -> TipDeflection:
     """How far the load point deflects, and how well that is known.
 
     u is the larger of what the model states along the deflection, (n' C n)^1/2 with n = d/|d|, and
@@ -84,10 +84,12 @@ def tip(model: Model, q: Array, force: Array, shown: Shown) -> Tip:
     cov = np.where(lost[:, None, None], 0.0, found.cov)
     stated = np.sqrt(np.einsum("mi,mij,mj->m", along, cov, along))
     std = np.where(lost, np.inf, np.maximum(stated, shown.floor(np.atleast_2d(force))))
-    return Tip(found.displacement, size, std)
+    return TipDeflection(found.displacement, size, std)
 
 
-def table(model: Model, path: Path, found: Tip, tolerance_m: float) -> pd.DataFrame:
+def table(
+    model: IdentifiedModel, path: Path, found: TipDeflection, tolerance_m: float
+) -> pd.DataFrame:
     """Table PATH: each point of a path with its deflection and what is decided of it."""
     at = model.positions(path.q, path.force, model.tool.load_point[None]).unloaded[:, 0]
     return pd.DataFrame(
@@ -105,7 +107,7 @@ def table(model: Model, path: Path, found: Tip, tolerance_m: float) -> pd.DataFr
 
 
 @dataclass(frozen=True)
-class Stretch:
+class PathStretch:
     """Points of a path, one after the other, of which the same is decided: rows of table PATH."""
 
     decision: Decision
@@ -113,15 +115,15 @@ class Stretch:
     last: int
 
 
-def stretches(decision: Strings) -> Iterator[Stretch]:
+def stretches(decision: Strings) -> Iterator[PathStretch]:
     """The stretches of a path in their order, from the decision of each of its points."""
     starts = [k for k in range(len(decision)) if not k or decision[k] != decision[k - 1]]
     for first, after in zip(starts, [*starts[1:], len(decision)], strict=True):
-        yield Stretch(Decision(decision[first]), first, after - 1)
+        yield PathStretch(Decision(decision[first]), first, after - 1)
 
 
 @dataclass(frozen=True, eq=False)
-class Judged:
+class JudgedTolerance:
     """What is predicted where the user asked for it.
 
     Attributes:
@@ -129,13 +131,18 @@ class Judged:
         path: Table PATH; None without a path.
     """
 
-    at: Tip
+    at: TipDeflection
     path: pd.DataFrame | None
 
 
 def judge(
-    model: Model, q: Array, force: Array, shown: Shown, path: Path | None, tolerance_m: float
-) -> Judged:
+    model: IdentifiedModel,
+    q: Array,
+    force: Array,
+    shown: Shown,
+    path: Path | None,
+    tolerance_m: float,
+) -> JudgedTolerance:
     """Deflections of the load point at a pose and along a path, held against a tolerance.
 
     Args:
@@ -148,20 +155,20 @@ def judge(
     """
     here = tip(model, q[None], force[None], shown)
     if path is None:
-        return Judged(here, None)
+        return JudgedTolerance(here, None)
     along = tip(model, path.q, path.force, shown)
-    return Judged(here, table(model, path, along, tolerance_m))
+    return JudgedTolerance(here, table(model, path, along, tolerance_m))
 
 
-def nominal(robot: Robot, tool: Tool) -> Model:
+def nominal(robot: Robot, tool: Tool) -> IdentifiedModel:
     """The robot with the stiffnesses of its file: enough to know where it stands."""
     cell, compliance = paper_cell(robot, tool), robot.nominal_compliance
-    own = Hypothesis(1.0, cell, compliance, np.zeros((robot.n, robot.n)))
-    return Model("", "", {}, (own,))
+    own = ModelHypothesis(1.0, cell, compliance, np.zeros((robot.n, robot.n)))
+    return IdentifiedModel("", "", {}, (own,))
 
 
 def asked(
-    tolerance: Tolerance | None, files: Mapping[str, bytes], robot: Robot, tool: Tool
+    tolerance: ToleranceSettings | None, files: Mapping[str, bytes], robot: Robot, tool: Tool
 ) -> Path | None:
     """The path that campaign.toml names, None without one.
 

@@ -14,7 +14,7 @@ from pipeline.machine.bodies import links
 from pipeline.machine.cell import Cell, jacobian, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Configuration, Robot, configure
-from pipeline.prediction.model import Hypothesis
+from pipeline.prediction.model import ModelHypothesis
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.tables import ARM, WORKSPACE, frame
 
@@ -27,7 +27,9 @@ _FORCE_N = 1000.0
 UP = np.array([0.0, 0.0, 1.0])
 
 
-def workspace(hypotheses: Sequence[Hypothesis], test: Where, steps: int = _STEPS) -> pd.DataFrame:
+def workspace(
+    hypotheses: Sequence[ModelHypothesis], test: Where, steps: int = _STEPS
+) -> pd.DataFrame:
     """Deflection of the load point per newton in the worst direction, over the arm's plane.
 
     Shoulder and elbow, the first two neighbouring joints with parallel axes, go through their
@@ -121,7 +123,7 @@ def arm_in_plane(cell: Cell, test: Where) -> pd.DataFrame:
     return table.assign(joint=carried, radius_m=[*arm.radius, 0.35 * thick])
 
 
-def _softest(hypotheses: Sequence[Hypothesis], q: Array) -> tuple[Array, Array, Array]:
+def _softest(hypotheses: Sequence[ModelHypothesis], q: Array) -> tuple[Array, Array, Array]:
     """Largest deflection per newton (m,), its standard uncertainty (m,), direction (m, 3)."""
     m = len(q)
     force = np.tile(_FORCE_N * np.eye(3), (m, 1))

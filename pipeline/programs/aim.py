@@ -11,7 +11,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError, UsageError, listed
 from pipeline.machine.robot import Robot, axes
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 from pipeline.programs.inverse import Arm
 from pipeline.programs.notation import Notation
 from pipeline.programs.program import Program, Target
@@ -75,7 +75,7 @@ class Refused(InputError):
 
 
 def aim(
-    model: Model,
+    model: IdentifiedModel,
     notation: Notation,
     targets: Sequence[Target],
     setting: Setting,
@@ -105,7 +105,7 @@ class _Aiming:
     """Where the robot stands while one target after the other is looked for."""
 
     def __init__(
-        self, model: Model, notation: Notation, setting: Setting, program: Program | None
+        self, model: IdentifiedModel, notation: Notation, setting: Setting, program: Program | None
     ) -> None:
         robot = model.robot
         self.notation, self.setting, self.program = notation, setting, program

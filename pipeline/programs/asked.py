@@ -12,8 +12,8 @@ from scipy.spatial.transform import Rotation
 from pipeline.base.arrays import Array, Bools, Ints, Strings
 from pipeline.base.errors import InputError, listed
 from pipeline.machine.robot import Robot, configure
-from pipeline.prediction.model import Model
-from pipeline.prediction.standing import Predicted
+from pipeline.prediction.model import IdentifiedModel
+from pipeline.prediction.standing import PredictedTargets
 from pipeline.readers import positions
 from pipeline.readers.logs import FORCE, joint_values
 
@@ -51,7 +51,7 @@ def asked(
     )
 
 
-def under_pulls(model: Model, q: Array, force: Array) -> Predicted:
+def under_pulls(model: IdentifiedModel, q: Array, force: Array) -> PredictedTargets:
     """Where targets are under a force at the load point, by the model of a campaign of pulls.
 
     The uncertainty is that of the deflection: where the robot stands unloaded is taken from the
@@ -69,10 +69,10 @@ def under_pulls(model: Model, q: Array, force: Array) -> Predicted:
     axis = np.arange(3)
     cov[..., axis, axis] = std**2
     turn = np.repeat(here.flange_axes[:, None], len(points), axis=1)
-    return Predicted(here.points(points) + moved, turn, cov)
+    return PredictedTargets(here.points(points) + moved, turn, cov)
 
 
-def as_csv(targets: Strings, six: Bools, found: Predicted) -> str:
+def as_csv(targets: Strings, six: Bools, found: PredictedTargets) -> str:
     """`row,target,x_m,y_m,z_m,std_x_m,...` with orientation where a target has one."""
     m, t = found.at.shape[:2]
     std = found.std.reshape(m * t, 6)

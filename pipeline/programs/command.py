@@ -159,6 +159,11 @@ def _one(
     return remarks
 
 
+def _may_take(output: Path, programs: Path) -> bool:
+    """Whether a folder is new, or another one than that of the programs."""
+    return not output.exists() or (output.is_dir() and not output.samefile(programs))
+
+
 def _folder(root: Path, campaign: str, path: Path, output: Path | None, given: Given) -> None:
     """Correct every program of a folder into another one, each with its picture.
 
@@ -167,24 +172,13 @@ def _folder(root: Path, campaign: str, path: Path, output: Path | None, given: G
     """
     from pipeline.programs import dialect
 
-    if output is None or (output.exists() and (not output.is_dir() or output.samefile(path))):
+    if output is None or not _may_take(output, path):
         raise UsageError("a folder of programs is corrected into another one: give --output FOLDER")
     programs = [one for one in sorted(path.iterdir()) if one.is_file() and dialect(one.name)]
     if not programs:
         raise UsageError(f"{path} has no robot program: .src, .dat, .mod, .ls or .script")
-    refused, nothing = [], "contains no motion to a target with coordinates"
-    for one in programs:
-        try:
-            shown = output / f"{one.name}.svg"
-            for line in _one(root, campaign, one, output / one.name, given, shown):
-                _tell(f"{one.name}: {line}")
-        except InputError as problem:
-            if problem.thing == nothing and beside(one):  # its other file has the targets
-                _tell(f"{one.name} {nothing}: copied as it is.")
-                files.write(output / one.name, files.read(one, one.name, LARGEST))
-                continue
-            refused.append(one.name)
-            _tell(str(problem))
+    done = [_within(root, campaign, one, output, given) for one in programs]
+    refused = [one.name for one, written in zip(programs, done, strict=True) if not written]
     if refused:
         thing = f"{len(refused)} of {len(programs)} programs are not corrected: {listed(refused)}"
         raise InputError(thing, "correct them as the lines above say, or use --partial")
@@ -201,3 +195,21 @@ def _put(data: bytes, output: Path | None) -> None:
     else:
         files.write(output, data)
         typer.echo(output)
+
+
+_NOTHING = "contains no motion to a target with coordinates"
+
+
+def _within(root: Path, campaign: str, one: Path, output: Path, given: Given) -> bool:
+    """Correct one program into a folder; whether it is written."""
+    try:
+        shown = output / f"{one.name}.svg"
+        for line in _one(root, campaign, one, output / one.name, given, shown):
+            _tell(f"{one.name}: {line}")
+    except InputError as problem:
+        if problem.thing != _NOTHING or not beside(one):
+            _tell(str(problem))
+            return False
+        _tell(f"{one.name} {_NOTHING}: copied as it is.")  # its other file has the targets
+        files.write(output / one.name, files.read(one, one.name, LARGEST))
+    return True

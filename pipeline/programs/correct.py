@@ -12,7 +12,7 @@ from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import Robot, axes, configure
 from pipeline.prediction.compensate import Compensation, Path, compensate
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 from pipeline.programs.aim import Aimed, Refused, Setting, aim, beyond, wrong
 from pipeline.programs.forces import Forces, tips_of
 from pipeline.programs.joint_path import in_base
@@ -46,7 +46,11 @@ class Corrected(Locked):
 
 
 def correct(
-    model: Model, program: Program, setting: Setting, force: Array | Forces, partial: bool = False
+    model: IdentifiedModel,
+    program: Program,
+    setting: Setting,
+    force: Array | Forces,
+    partial: bool = False,
 ) -> Corrected:
     """The same program for the loaded robot, whole or not at all.
 
@@ -114,7 +118,7 @@ def _stretched(target: Target, left: float) -> InputError:
 
 
 def corrected(
-    model: Model,
+    model: IdentifiedModel,
     notation: Notation,
     targets: Sequence[Target],
     aimed: Aimed,
@@ -143,7 +147,9 @@ def corrected(
     return found, _moved(model.robot, notation, targets, aimed, found)
 
 
-def _held(model: Model, targets: Sequence[Target], aimed: Aimed, force: Array) -> Compensation:
+def _held(
+    model: IdentifiedModel, targets: Sequence[Target], aimed: Aimed, force: Array
+) -> Compensation:
     """Offsets that leave the sliding joints where they are; forces (m, 3) in F_b."""
     tips, which = np.unique(aimed.tip, axis=0, return_inverse=True)
     which = which.ravel()

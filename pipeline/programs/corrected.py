@@ -18,7 +18,7 @@ from pipeline.programs.program import FINE_M
 
 if TYPE_CHECKING:
     from pipeline.base.arrays import Array
-    from pipeline.prediction.model import Model
+    from pipeline.prediction.model import IdentifiedModel
     from pipeline.programs import Program
     from pipeline.programs.aim import Setting
     from pipeline.programs.correct import Corrected
@@ -236,13 +236,13 @@ def _kept(root: Path, name: str) -> Path:
     return campaigns.find(root, name).reports / "model.toml"
 
 
-def _model(root: Path, name: str) -> Model:
-    from pipeline.prediction.model import Model
+def _model(root: Path, name: str) -> IdentifiedModel:
+    from pipeline.prediction.model import IdentifiedModel
 
     kept = _kept(root, name)
     if not kept.is_file():
         raise UsageError(f"{name} has no model yet: run `pipeline run {typed(name)}` first")
-    return Model.load(kept)
+    return IdentifiedModel.load(kept)
 
 
 def _content(path: Path) -> bytes:
@@ -262,7 +262,7 @@ def beside(path: Path) -> Path | None:
     return next((one for one in both if one.is_file()), None)
 
 
-def _misfit(model: Model) -> list[str]:
+def _misfit(model: IdentifiedModel) -> list[str]:
     """A warning where the campaign's model does not hold for its own readings."""
     from pipeline.answer.contract import Reason
 
@@ -274,7 +274,9 @@ def _misfit(model: Model) -> list[str]:
     ]
 
 
-def _joints(model: Model, path: Path, data: bytes, given: Given) -> tuple[bytes, list[str]]:
+def _joints(
+    model: IdentifiedModel, path: Path, data: bytes, given: Given
+) -> tuple[bytes, list[str]]:
     """Offsets of a path of joint values."""
     import numpy as np
 
@@ -294,7 +296,7 @@ def _joints(model: Model, path: Path, data: bytes, given: Given) -> tuple[bytes,
 
 
 def _poses(
-    model: Model, path: Path, data: bytes, given: Given, letters: Form
+    model: IdentifiedModel, path: Path, data: bytes, given: Given, letters: Form
 ) -> tuple[bytes, list[str]]:
     """Corrected coordinates and offsets of a path of poses."""
     from pipeline.programs import cartesian
@@ -340,7 +342,9 @@ def listed_lines(lines: list[str]) -> list[str]:
     return lines if more <= 1 else [*lines[:_SHOWN], f"... and {more} lines more of this kind."]
 
 
-def _setting(given: Given, notation: Notation, model: Model, path: bool = False) -> Setting:
+def _setting(
+    given: Given, notation: Notation, model: IdentifiedModel, path: bool = False
+) -> Setting:
     """Options in SI.
 
     Args:

@@ -24,6 +24,7 @@ from pipeline.base.errors import InputError, listed
 from pipeline.base.strict import LEAST_FORCE
 from pipeline.machine.robot import Robot, configure
 from pipeline.programs.aim import Aimed
+from pipeline.programs.joint_path import FORCES
 from pipeline.programs.program import NUMBER, Target
 from pipeline.readers import logs
 
@@ -171,6 +172,18 @@ def _sections(file: str, text: str) -> list[Section]:
     ]
 
 
+def _cut(said: str) -> tuple[float, float] | None:
+    """Tangential and axial force of a cut [N]; None where its words do not make one."""
+    pairs = dict(re.findall(rf"(\w+)\s*=\s*({NUMBER})", said.lower()))
+    if not {*_WORDS[:3]} <= {*pairs} <= {*_WORDS}:
+        return None
+    kc, depth, feed = (float(pairs[one]) for one in _WORDS[:3])
+    force = kc * depth * feed
+    if min(kc, depth, feed) <= 0 or force < LEAST_FORCE:
+        return None
+    return force, force * float(pairs.get("axial", 0))
+
+
 def _section(file: str, line: int, word: str, said: str) -> Section:
     """One remark.
 
@@ -178,12 +191,8 @@ def _section(file: str, line: int, word: str, said: str) -> Section:
         InputError: It says something else.
     """
     if word == "CUT":
-        pairs = dict(re.findall(rf"(\w+)\s*=\s*({NUMBER})", said.lower()))
-        if {*pairs} <= {*_WORDS} and {*_WORDS[:3]} <= {*pairs}:
-            kc, depth, feed = (float(pairs[one]) for one in _WORDS[:3])
-            force = kc * depth * feed
-            if min(kc, depth, feed) > 0 and force >= LEAST_FORCE:
-                return Section(line, np.zeros(3), (force, force * float(pairs.get("axial", 0))))
+        if (force := _cut(said)) is not None:
+            return Section(line, np.zeros(3), force)
     elif said.strip().upper() == "OFF":
         return Section(line, np.zeros(3))
     elif len(numbers := re.findall(NUMBER, said)) == 3 and not re.sub(NUMBER, "", said).strip(
@@ -191,6 +200,9 @@ def _section(file: str, line: int, word: str, said: str) -> Section:
     ):
         return Section(line, np.array([float(one) for one in numbers]))
     raise InputError(f'"{word} {said}" is no force', _MEANT, file=file, line=line)
+
+
+_LINE, _TARGET = logs.Quantity("line", {}), logs.Quantity("target", {}, "name")
 
 
 def tabled(name: str, data: bytes, targets: Sequence[Target]) -> Forces:
@@ -205,21 +217,20 @@ def tabled(name: str, data: bytes, targets: Sequence[Target]) -> Forces:
         InputError: A row cannot be read, or names no target.
     """
     by_line = "line" in logs.columns(name, data)
-    key = logs.Quantity("line", {}) if by_line else logs.Quantity("target", {}, "name")
-    forces = [logs.Quantity(one, logs.FORCE) for one in ("fx", "fy", "fz")]
-    log = logs.once(logs.table(name, data, [key, *forces]), [key.stem])
+    key = _LINE if by_line else _TARGET
+    log = logs.once(logs.table(name, data, [key, *FORCES]), [key.stem])
     for file, line, reason in log.rejected:
         raise InputError(reason, "correct the row", file=file, line=line)
-    said = [str(int(one)) if by_line else _plain(one)
-            for one in (log.number if by_line else log.word)[key.stem]]  # fmt: skip
-    rows = np.column_stack([log.number[one.stem] for one in forces])
-    each = {one: Section(int(line), force)
-            for one, line, force in zip(said, log.line, rows, strict=True)}  # fmt: skip
-    names = [str(one.line) if by_line else _plain(one.name) for one in targets]
-    for one, section in each.items():
-        if one not in names:
-            thing = f'the program has no target {"in line " if by_line else ""}"{one}"'
-            raise InputError(thing, "correct the row", file=name, line=section.line)
+    if by_line:
+        said, names = map(str, log.number["line"].astype(int)), [str(one.line) for one in targets]
+    else:
+        said, names = map(_plain, log.word["target"]), [_plain(one.name) for one in targets]
+    rows = np.column_stack([log.number[one.stem] for one in FORCES])
+    each = dict(zip(said, map(Section, log.line.tolist(), rows), strict=True))
+    where = "in line " if by_line else ""
+    if strange := [one for one in each if one not in names]:
+        thing = f'the program has no target {where}"{strange[0]}"'
+        raise InputError(thing, "correct the row", file=name, line=each[strange[0]].line)
     return Forces(tuple(each.get(one, NONE) for one in names))
 
 

@@ -6,12 +6,12 @@ import numpy as np
 
 from pipeline.machine.robot import rating
 from pipeline.prediction.compensate import Path
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 from pipeline.programs import cartesian, joint_path
 from pipeline.programs.aim import Setting, aim
 
 
-def read(name: str, data: bytes, model: Model) -> Path:
+def read(name: str, data: bytes, model: IdentifiedModel) -> Path:
     """A path with forces as `pipeline compensate` reads it; poses are those of the load point.
 
     Args:

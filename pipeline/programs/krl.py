@@ -259,6 +259,12 @@ def _define(found: _Krl, source: Source) -> None:
                 _declare(found, source, start, assigned, depth > 0)
 
 
+def _enclose(found: _Krl, source: Source, kind: str, key: str, aggregate: _Aggregate) -> None:
+    """What has numbers and is no point; the mass that hangs on the flange moves none."""
+    if kind != "load" and not key.startswith("load_data"):
+        found.enclose(key, source, aggregate.start, aggregate.end)
+
+
 def _declare(
     found: _Krl, source: Source, start: int, assigned: re.Match[str], decided: bool
 ) -> None:
@@ -274,8 +280,7 @@ def _declare(
     elif aggregate is None:
         found.change(key, source, start)
     elif not aggregate.taught:
-        if kind != "load" and not key.startswith("load_data"):
-            found.enclose(key, source, aggregate.start, aggregate.end)
+        _enclose(found, source, kind, key, aggregate)
     elif _OF_DATA.match(key):
         _declare_data(found, start, key, aggregate, decided)
     else:
@@ -481,6 +486,11 @@ def _frame(found: _Krl, source: Source, start: int, which: str, value: str) -> H
     if aggregate is not None:
         _keep(found, which, f"line {at}", aggregate)
         return f"line {at}"
+    return _named_frame(found, which, key, at)
+
+
+def _named_frame(found: _Krl, which: str, key: str, at: int) -> Held:
+    """A frame by the name of its variable."""
     known = found.frames.get(key, [])
     if len(known) > 1 or not _PLAIN_NAME.fullmatch(key) or not constant(key):
         return Unsure(f"{key.upper()} of line {at} is computed or set more than once")

@@ -57,7 +57,7 @@ def predicted(root: Path, name: str, file: Path, model: Of = Of.RECOMMENDED) -> 
     import numpy as np
 
     from pipeline.prediction import standing
-    from pipeline.prediction.model import Model
+    from pipeline.prediction.model import IdentifiedModel
     from pipeline.programs.asked import as_csv, asked, under_pulls
     from pipeline.store import campaign as campaigns
 
@@ -79,7 +79,7 @@ def predicted(root: Path, name: str, file: Path, model: Of = Of.RECOMMENDED) -> 
         return as_csv(chosen.targets, chosen.six, standing.predict(chosen, *rows))
     if model is not Of.RECOMMENDED:
         raise UsageError(f"{name} is a campaign of pulls: only its recommended model is kept")
-    held = Model.load(pulled)
+    held = IdentifiedModel.load(pulled)
     q, force, *_ = asked(file.name, data, held.robot, ())
     targets = held.tool.targets
     return as_csv(targets, np.zeros(len(targets), dtype=bool), under_pulls(held, q, force))

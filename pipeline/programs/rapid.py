@@ -188,16 +188,21 @@ def _carry_out(found: _Rapid) -> None:
         _follow(found, motion, following, displaced)
 
 
+def _routines(found: _Rapid) -> None:
+    """The routines of a program; what their callers give is not known."""
+    for routine in _ROUTINE.finditer(found.source.plain):
+        found.routines.add(routine[1].lower())
+        found.account(found.source, *routine.span())
+        line = found.source.line(routine.start())
+        why = f"is given by the caller of the routine in line {line}"
+        for word in re.findall(r"\w+", routine[2] or ""):
+            found.changed.setdefault(word.lower(), why)
+
+
 def _define(found: _Rapid) -> None:
     """Points and frames, and what the program itself assigns to them."""
     plain, declared, behind = found.source.plain, set(), 0
-    for routine in _ROUTINE.finditer(plain):
-        found.routines.add(routine[1].lower())
-        found.account(found.source, *routine.span())
-        for word in re.findall(r"\w+", routine[2] or ""):
-            line = found.source.line(routine.start())
-            why = f"is given by the caller of the routine in line {line}"
-            found.changed.setdefault(word.lower(), why)
+    _routines(found)
     for one in _DECLARED.finditer(plain):
         declared.add(one.start(2))
         found.account(found.source, *one.span(2))
@@ -222,6 +227,18 @@ def _literal(found: _Rapid, start: int) -> Entry | None:
     return Entry(start, last + 1, plain[start : last + 1])
 
 
+def _declare_frame(found: _Rapid, kind: str, name: str, value: Entry | None, again: bool) -> None:
+    """A tool or a work object; what is declared more than once is not known."""
+    frames = found.tools if kind == "tooldata" else found.bases
+    frame, why = _framed(found.source, kind, value)
+    if name in frames or again:
+        why = "is declared more than once"
+    if frame is not None:
+        frames[name] = frame
+    if why:
+        found.changed.setdefault(name, why)
+
+
 def _declare(found: _Rapid, one: re.Match[str]) -> int:
     """A point or a frame; where its value ends."""
     kind, name = one[1].lower(), one[2].lower()
@@ -233,14 +250,7 @@ def _declare(found: _Rapid, one: re.Match[str]) -> int:
         else:
             found.points.setdefault(name, []).extend(_points(found, one[2], [value]))
     elif kind in _FRAMES:
-        frames = found.tools if kind == "tooldata" else found.bases
-        frame, why = _framed(found.source, kind, value)
-        if name in frames or one[3]:
-            why = "is declared more than once"
-        if frame is not None:
-            frames[name] = frame
-        if why:
-            found.changed.setdefault(name, why)
+        _declare_frame(found, kind, name, value, bool(one[3]))
     elif value is not None:
         found.enclose(name, found.source, value.start, value.end)
     return end
@@ -344,7 +354,7 @@ def _pose(source: Source, entry: Entry) -> Array | None:
 def _steps(found: _Rapid) -> Iterator[Step]:
     """What displaces points, and the blocks that it stands in; an IF without THEN is a block."""
     plain, compact, before = found.source.plain, False, ""
-    jumps = {one.lower() for one in re.findall(r"\bGOTO\s+(\w+)", plain, re.IGNORECASE)}
+    jumps = {*map(str.lower, re.findall(r"\bGOTO\s+(\w+)", plain, re.IGNORECASE))}
     for token in _TOKEN.finditer(plain):
         word, at = (token[1] or "").lower(), token.start()
         kind = _kind(found, word, before, bool(token[2]) and word in jumps)

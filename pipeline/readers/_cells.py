@@ -28,6 +28,7 @@ ODD = "[ '’\u00a0\u202f\u2009−°dD]|,.*\\.|\\..*,|[0-9]-[0-9]"
 """What no number has that is written as programs read them."""
 _IS_ODD = re.compile(ODD)
 _MINUTES = 60
+"""In a degree, as seconds in a minute."""
 MARKS = ("//", "#", "%", "!")
 """How remarks begin."""
 

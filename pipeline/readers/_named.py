@@ -58,6 +58,7 @@ _NAMES = {
 }  # fmt: skip
 _OTHER_UNITS = {"km", "dm", "nm", "mil", "mils", "thou", "yd", "yard", "yards"}
 _SHORT_WORD = 3
+"""Letters of an abbreviation of a unit at most: mm, in, deg."""
 _SHORT_UNITS = {word for word in _UNIT_WORDS if len(word) <= _SHORT_WORD}
 _EXPANDED_WORDS = {"u", "95", "expanded", "k", "2", "uncertainty"}
 UNIT_LINE = re.compile(

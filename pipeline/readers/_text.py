@@ -10,7 +10,7 @@ import numpy as np
 
 from pipeline.base.arrays import Ints, Locked
 from pipeline.base.errors import InputError
-from pipeline.base.files import too_large
+from pipeline.base.files import BEGIN, too_large
 from pipeline.base.threads import spread
 
 _LARGEST_FILE = 2_000_000_000
@@ -36,8 +36,6 @@ _OTHER_PROGRAMS = {
 }
 """How files begin that are no text, and what they are."""
 
-_BEGIN = 4096
-"""Bytes that tell whether a file is text."""
 _NEARLY = 0.9
 """Share of letters of ASCII in a text of any language with numbers in it."""
 _MARKS = {b"\xef\xbb\xbf": "utf-8", b"\xff\xfe": "utf-16-le", b"\xfe\xff": "utf-16-be"}
@@ -134,7 +132,7 @@ def refuse_other_programs(name: str, begin: bytes) -> None:
         if begin.startswith(known):
             raise InputError(f"the file is {what}", "save it as .xlsx, CSV or text", file=name)
     marked = begin.startswith(tuple(_MARKS)) or _unmarked(begin)
-    if not marked and b"\0" in begin[:_BEGIN]:
+    if not marked and b"\0" in begin[:BEGIN]:
         raise InputError(_ZERO, "export it as text", file=name)
 
 
@@ -158,7 +156,7 @@ def _as_utf8(data: bytes) -> tuple[bytes, str]:
 
 def _unmarked(data: bytes) -> str | None:
     """UTF-16 without a byte order mark: nearly every second byte at its begin is zero."""
-    begin = data[: min(_BEGIN, len(data) // 2 * 2)]
+    begin = data[: min(BEGIN, len(data) // 2 * 2)]
     zeros = {"utf-16-le": begin[1::2].count(0), "utf-16-be": begin[::2].count(0)}
     encoding, most = max(zeros.items(), key=lambda one: one[1])
     clear = most > _NEARLY * len(begin) / 2 and sum(zeros.values()) == most

@@ -12,7 +12,7 @@ BETTER = 3.0
 
 
 @dataclass(frozen=True)
-class Body:
+class ReflectorSet:
     """Reflectors that keep their places to each other.
 
     Attributes:

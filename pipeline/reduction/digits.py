@@ -8,6 +8,7 @@ from pipeline.base.arrays import Array
 
 _UNITS_M = (1.0, 1e-3, 0.0254)
 _DIGITS = 8
+"""Decimals behind a metre, or its unit, that are tried: no export has more."""
 _LOOKED_AT = 300
 """So many readings show with how many digits an export is written."""
 

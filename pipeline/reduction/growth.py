@@ -32,7 +32,7 @@ _NONE = 1e-12
 
 
 @dataclass(frozen=True)
-class Growth:
+class BaseGrowth:
     """Relative growth of the base frame [1].
 
     Attributes:
@@ -60,19 +60,19 @@ class Growth:
         return self.probability * known / (known + self.seen_std**2)
 
 
-def by_temperature(temperature_c: float | None) -> Growth:
+def by_temperature(temperature_c: float | None) -> BaseGrowth:
     """What is known before any reflector was read: g = alpha (T - 20 degC)."""
     if temperature_c is None:
-        return Growth()
+        return BaseGrowth()
     warmer = temperature_c - REFERENCE_C
     std = float(np.hypot(STEEL * THERMOMETER_K, STEEL_STD * warmer))
     value = STEEL * warmer
-    return Growth(value, std, expected=value, expected_std=std, probability=1.0)
+    return BaseGrowth(value, std, expected=value, expected_std=std, probability=1.0)
 
 
 def with_reflectors(
-    before: Growth, stated: bool, residual: Array, places: Array, rigid: Array
-) -> Growth:
+    before: BaseGrowth, stated: bool, residual: Array, places: Array, rigid: Array
+) -> BaseGrowth:
     """The same after the base reflectors were read.
 
     r + g n - D x = e, e ~ N(0, 1): g from what no motion x of the tracker explains. Where no
@@ -100,7 +100,7 @@ def with_reflectors(
     std = (factor / weight) ** 0.5
     known, data = before.expected_std**-2, std**-2
     value = (known * before.expected + data * seen) / (known + data)
-    return Growth(
+    return BaseGrowth(
         value=value,
         std=(known + data) ** -0.5,
         expected=before.expected,
@@ -112,8 +112,8 @@ def with_reflectors(
 
 
 def _untold(
-    before: Growth, seen: float, std: float, scatter: float, rest: float, dof: int
-) -> Growth:
+    before: BaseGrowth, seen: float, std: float, scatter: float, rest: float, dof: int
+) -> BaseGrowth:
     """The mean over a base frame that has grown and one that has not, no temperature stated."""
     wide = before.expected_std**2
     narrower = 0.5 * np.log1p(wide / std**2) + 0.5 * seen**2 / (wide + std**2)
@@ -123,7 +123,7 @@ def _untold(
         return before
     value = p * seen * wide / (wide + std**2)
     spread = (p * std**2 + p * (1 - p) * seen**2) ** 0.5
-    return Growth(value, spread, None, before.expected_std, seen, std, p)
+    return BaseGrowth(value, spread, None, before.expected_std, seen, std, p)
 
 
 def _any_scatter(square: float, dof: int) -> float:

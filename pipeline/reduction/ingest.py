@@ -27,7 +27,7 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.room import turns
 from pipeline.readers import Export, logs
 from pipeline.readers.assignment import assigned
-from pipeline.readers.known import Body
+from pipeline.readers.known import ReflectorSet
 from pipeline.reduction import _pulls, _shots, _size, limits
 from pipeline.reduction._index import numbered, pull_number
 from pipeline.reduction._shots import Rejection, Shots, Stale
@@ -245,7 +245,7 @@ _SETTLED = "pipeline.intake.known:settled"
 """Who finds what an export leaves open from the places of known reflectors."""
 
 
-def _export(name: str, data: bytes, tracker: Tracker, bodies: Sequence[Body]) -> Export:
+def _export(name: str, data: bytes, tracker: Tracker, bodies: Sequence[ReflectorSet]) -> Export:
     """An export; what it leaves open is settled by known reflectors where they can."""
     try:
         return readers.read(name, data, tracker)

@@ -24,7 +24,7 @@ far as 1 deg moves a point at a metre."""
 
 
 @dataclass(frozen=True)
-class Beyond:
+class BeyondLimit:
     """A joint beyond a limit of the robot file.
 
     Attributes:
@@ -65,7 +65,7 @@ class Beyond:
 _WAY_OUT = "correct the value or the unit in the column name, or the limits in the robot file"
 
 
-def beyond(case: Case) -> list[Beyond]:
+def beyond(case: Case) -> list[BeyondLimit]:
     """Every joint of a campaign that is beyond a limit of its robot."""
     rows = case.joints
     if not len(rows):
@@ -75,16 +75,16 @@ def beyond(case: Case) -> list[Beyond]:
     return _beyond(case.robot, str(rows["file"].iloc[0]), pose, line, q)
 
 
-def _beyond(robot: Robot, file: str, pose: Array, line: Ints, q: Array) -> list[Beyond]:
+def _beyond(robot: Robot, file: str, pose: Array, line: Ints, q: Array) -> list[BeyondLimit]:
     """The same of joint values (p, n) [m] or [rad], each pose with its line in the log."""
     outside = (q < robot.lower - LIMIT_SLACK) | (q > robot.upper + LIMIT_SLACK)
     return [
-        Beyond(int(pose[k]), robot.joints[j], float(q[k, j]), file, int(line[k]))
+        BeyondLimit(int(pose[k]), robot.joints[j], float(q[k, j]), file, int(line[k]))
         for k, j in np.argwhere(outside).tolist()
     ]
 
 
-def impossible(log: Log, robot: Robot) -> dict[int, Beyond]:
+def impossible(log: Log, robot: Robot) -> dict[int, BeyondLimit]:
     """The rows of a joint log that are out of the question, each with the joint that is most so."""
     every = _beyond(robot, log.file, log.number["pose"], log.line, joint_values(log, robot))
     row = {line: k for k, line in enumerate(log.line.tolist())}
@@ -92,12 +92,12 @@ def impossible(log: Log, robot: Robot) -> dict[int, Beyond]:
     return {row[one.line]: one for one in worst}
 
 
-def reason(one: Beyond) -> str:
+def reason(one: BeyondLimit) -> str:
     """Why a row is left out."""
     return f"{one.said}; {_WAY_OUT}"
 
 
-def doubt(found: Sequence[Beyond]) -> InputError | None:
+def doubt(found: Sequence[BeyondLimit]) -> InputError | None:
     """What is said where such rows are let through; None without any."""
     if not found:
         return None

@@ -18,8 +18,8 @@ from pipeline.base.errors import InputError
 from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.readers.known import GROSS_M
 from pipeline.reduction._index import run
-from pipeline.reduction.growth import Growth, by_temperature, with_reflectors
-from pipeline.reduction.settings import BASE_REFLECTORS, Settings
+from pipeline.reduction.growth import BaseGrowth, by_temperature, with_reflectors
+from pipeline.reduction.settings import BASE_REFLECTORS, ONE_LINE, Settings
 
 XYZ = ["x_m", "y_m", "z_m"]
 _OFF = ["dx_m", "dy_m", "dz_m"]
@@ -30,8 +30,6 @@ _STILL = 1e-15
 """A step [m] or [rad] that no longer moves a number of the size of a hall."""
 _ONE_PLACE = 1e-9
 """Second width of the readings over the first of the nominal points: below, all are on one line."""
-_ONE_LINE = 1e-3
-"""Second width of the nominal points over the first: below, nobody knows the roll about it."""
 _REFLECTOR_M = 1e-2
 """The smallest reflectors are half an inch thick [m]: nearer together no two of them can be."""
 _MISFIT = 1e-4
@@ -71,7 +69,7 @@ class Registration(Locked):
     chi2: float | None
     dof: int
     from_scatter: bool = False
-    growth: Growth = field(default_factory=Growth)
+    growth: BaseGrowth = field(default_factory=BaseGrowth)
 
     @property
     def tracker(self) -> Array:
@@ -212,7 +210,7 @@ def apart(nominal: Array) -> bool:
     if len(nominal) < BASE_REFLECTORS:
         return False
     spread = linear.extent(nominal)
-    return bool(spread[1] > _ONE_LINE * max(spread[0], _REFLECTOR_M))
+    return bool(spread[1] > ONE_LINE * max(spread[0], _REFLECTOR_M))
 
 
 def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
@@ -306,7 +304,7 @@ def _enough(base: pd.DataFrame, nominal: Array) -> None:
             file="campaign.toml",
             key=["base_frame"],
         )
-    if spread[1] <= _ONE_LINE * spread[0]:
+    if spread[1] <= ONE_LINE * spread[0]:
         raise InputError(
             f"the base reflectors {', '.join(names)} lie on one line",
             "add one beside that line, or the tracker's roll about it stays unknown",

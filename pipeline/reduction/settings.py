@@ -44,7 +44,7 @@ from pipeline.machine.robot.axes import from_log_units
 from pipeline.machine.surroundings import Surrounded
 from pipeline.readers import Hints
 from pipeline.readers._log_form import LogForm
-from pipeline.readers.known import Body
+from pipeline.readers.known import ReflectorSet
 from pipeline.readers.logs import LIMIT_SLACK
 
 BASE_REFLECTORS = 3
@@ -53,7 +53,7 @@ BASE_REFLECTORS = 3
 _MOST_GLOBS = 20
 """Patterns that stand for several exports."""
 
-_ONE_LINE = 1e-3
+ONE_LINE = 1e-3
 """Second width of the targets over the first: below, nobody knows how they turn about it."""
 
 Point = tuple[Length, Length, Length]
@@ -191,7 +191,7 @@ class Gravity(Strict):
         return self.m_s2 * np.array(self.direction) / np.linalg.norm(self.direction)
 
 
-class Payload(Strict):
+class PayloadSettings(Strict):
     """What is mounted on the flange: its mass [kg] and centre [m], flange frame, per axis."""
 
     mass_kg: Mass
@@ -222,7 +222,7 @@ class Displacements(Strict):
     sigma_m: Scatter | None = None
 
 
-class Positions(LogForm):
+class PositionsSettings(LogForm):
     """A campaign of absolute positions: tables of joint values and what was read there.
 
     Attributes:
@@ -244,7 +244,7 @@ class Positions(LogForm):
         return [*dict.fromkeys(self.files.values())] or [self.file]
 
 
-class TestPose(Strict):
+class TestPoseSettings(Strict):
     """Where a good prediction matters most, Eqs. (12), (13); N in F_b.
 
     Attributes:
@@ -268,7 +268,7 @@ class TestPose(Strict):
         return force
 
     @model_validator(mode="after")
-    def one_of_both(self) -> TestPose:
+    def one_of_both(self) -> TestPoseSettings:
         """Joints or axes."""
         if (self.q is None) == (self.axes is None):
             raise ValueError(
@@ -367,7 +367,7 @@ def beyond(robot: Robot, q: Array) -> Bools:
     return np.asarray((q < robot.lower - LIMIT_SLACK) | (q > robot.upper + LIMIT_SLACK))
 
 
-class Tolerance(Strict):
+class ToleranceSettings(Strict):
     """How far the point where the force acts may deflect, and where that is asked.
 
     Attributes:
@@ -412,7 +412,7 @@ class Instrument(Strict):
         return self
 
 
-class Repaired(Strict):
+class RepairSettings(Strict):
     """Work on a machine after which some of its joints are no longer what they were.
 
     Attributes:
@@ -426,7 +426,7 @@ class Repaired(Strict):
     what: Name | None = None
 
 
-class Unit(Strict):
+class UnitSettings(Strict):
     """One machine among those of its type; kept and shown, and campaigns of others are no history.
 
     Attributes:
@@ -439,10 +439,10 @@ class Unit(Strict):
     serial: Name | None = None
     certificate: Name | None = None
     calibrated: datetime.date | None = None
-    history: tuple[Repaired, ...] = ()
+    history: tuple[RepairSettings, ...] = ()
 
 
-class Prior(Strict):
+class CausePrior(Strict):
     """What other campaigns let expect of a cause; `pipeline priors` writes it.
 
     The odds are bounded, so that no cause is certain by being common alone.
@@ -456,7 +456,7 @@ class Prior(Strict):
     size: Annotated[float, Field(ge=1 / 3, le=3.0)] = 1.0
 
 
-class Model(Strict):
+class ModelSettings(Strict):
     """What the forward model takes into account."""
 
     equilibrium: Literal["undeformed", "deformed"] = "undeformed"
@@ -477,18 +477,18 @@ class Settings(Surrounded):
     base_frame: dict[Name, Point] = Field(default_factory=dict)
     scale: Scale | None = None
     gravity: Gravity = Gravity()
-    payload: dict[Name, Payload] = Field(default_factory=dict)
+    payload: dict[Name, PayloadSettings] = Field(default_factory=dict)
     joints: JointLog = JointLog()
     displacements: Displacements | None = None
-    positions: Positions | None = None
+    positions: PositionsSettings | None = None
     instrument: Instrument = Instrument()
-    robot_unit: Unit = Unit()
+    robot_unit: UnitSettings = UnitSettings()
     tool: dict[Name, Point] = Field(default_factory=dict)
     tool_uncertainty: ToolUncertainty = ToolUncertainty()
-    test_pose: TestPose | None = None
-    tolerance: Tolerance | None = None
-    model: Model = Model()
-    priors: dict[Name, Prior] = Field(default_factory=dict)
+    test_pose: TestPoseSettings | None = None
+    tolerance: ToleranceSettings | None = None
+    model: ModelSettings = ModelSettings()
+    priors: dict[Name, CausePrior] = Field(default_factory=dict)
 
     @model_validator(mode="after")
     def raw_or_reduced(self) -> Settings:
@@ -625,11 +625,11 @@ class Settings(Surrounded):
         return self.loads_log.file
 
     @property
-    def bodies(self) -> list[Body]:
+    def bodies(self) -> list[ReflectorSet]:
         """Reflectors that keep their places to each other, as far as they are known."""
         tool = {name: self.tool[name] for name in self.measured}
         tables = {"[tool]": tool, "[base_frame]": self.base_frame}
-        return [Body(table, places) for table, places in tables.items() if len(places) > 1]
+        return [ReflectorSet(table, places) for table, places in tables.items() if len(places) > 1]
 
     @property
     def measured(self) -> list[str]:
@@ -642,7 +642,7 @@ class Settings(Surrounded):
 def tells_a_pose(places: Array) -> bool:
     """Whether targets at these places (t, 3) [m] tell a pose: three that are not on one line."""
     first, second, *_ = *extent(places), 0.0, 0.0
-    return len(places) > 2 and bool(second > _ONE_LINE * first)
+    return len(places) > 2 and bool(second > ONE_LINE * first)
 
 
 _UNFILLED = re.compile(r'\s*#\s*("[^"]+"|[^\s=#]+)\s*=\s*\?')

@@ -20,7 +20,7 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.machine.robot import configure
 from pipeline.machine.robot.configuration import torque
 from pipeline.reduction.case import Case
-from pipeline.reduction.settings import Payload
+from pipeline.reduction.settings import PayloadSettings
 
 CONTRADICTS = 0.001
 """Mass and centre so unlike the stated ones that chance makes them rarer contradict these [1]."""
@@ -42,6 +42,7 @@ _DARK = 1e-12
 """Part of the largest information below which a direction is rounding [1]."""
 
 _SEED = 20261122
+"""Of its draws: another one moves numbers within what they say of their scatter."""
 
 _WEIGHT = 2.0
 """So many readings at most is worth what other joints say of the scatter of one [1]."""
@@ -51,7 +52,7 @@ _ALIKE = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Weighed(Locked):
+class WeighedPayload(Locked):
     """A payload as the joint torques have it.
 
     Attributes:
@@ -72,11 +73,11 @@ class Weighed(Locked):
     p_value: float
 
 
-def weighed(case: Case) -> dict[str, Weighed]:
+def weighed(case: Case) -> dict[str, WeighedPayload]:
     """Each payload that the log's torques determine, by name."""
     if case.torques is None or not len(case.torques):
         return {}
-    out: dict[str, Weighed] = {}
+    out: dict[str, WeighedPayload] = {}
     for name, payload in case.settings.payload.items():
         pose, tau = _of(case, name)
         if len(np.unique(pose)) >= _FEWEST:
@@ -106,7 +107,7 @@ def _of(case: Case, name: str) -> tuple[Ints, Array]:
     return pose, both[tau].to_numpy(float) - bare.reindex(pose).to_numpy(float)
 
 
-def _fit(case: Case, payload: Payload, pose: Ints, tau: Array) -> Weighed | None:
+def _fit(case: Case, payload: PayloadSettings, pose: Ints, tau: Array) -> WeighedPayload | None:
     """(m, m c) and offsets over all scatters that the joints may have."""
     X, y, joint = _rows(case, payload, pose, tau)
     inverse = linear.pseudoinverse(X)
@@ -129,7 +130,9 @@ def _fit(case: Case, payload: Payload, pose: Ints, tau: Array) -> Weighed | None
     return _weighed(payload, drawn, dof, len(np.unique(pose)))
 
 
-def _rows(case: Case, payload: Payload, pose: Ints, tau: Array) -> tuple[Array, Array, Ints]:
+def _rows(
+    case: Case, payload: PayloadSettings, pose: Ints, tau: Array
+) -> tuple[Array, Array, Ints]:
     """Columns of (m, m c) and the offsets (k, 4 + n), torques (k,), joint of each (k,).
 
     The payload hangs on the arm as it bends under what is stated of it.
@@ -217,7 +220,7 @@ _LEAST = 1e-9
 """Part of the largest torque that is rounding."""
 
 
-def _weighed(payload: Payload, drawn: Array, dof: int, poses: int) -> Weighed | None:
+def _weighed(payload: PayloadSettings, drawn: Array, dof: int, poses: int) -> WeighedPayload | None:
     """Mass and centre from draws of (m, m c), and how likely they are the stated ones.
 
     F = (t - t0)' (C + C0)^-1 (t - t0) / 4 with 4 and `dof` degrees of freedom, t0 and C0 those
@@ -237,7 +240,7 @@ def _weighed(payload: Payload, drawn: Array, dof: int, poses: int) -> Weighed | 
     F = float(off @ linear.solve(both, off)) / 4
     # d(c) = (d(m c) - c dm) / m
     centers = center + (drawn[:, 1:] - theta[1:] - np.outer(drawn[:, 0] - m, center)) / m
-    return Weighed(
+    return WeighedPayload(
         mass=float(m),
         mass_std=float(_std(drawn[:, 0])),
         center=center,

@@ -10,7 +10,7 @@ import pandas as pd
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.machine.effect import HUNG, MOUNTED, PULLED
-from pipeline.reduction.settings import Payload, Settings
+from pipeline.reduction.settings import PayloadSettings, Settings
 
 PULL = -1
 """Stands for the body of a pull by a chain, which has none."""
@@ -39,7 +39,7 @@ class Weights(Locked):
     center_std: Array
 
     @classmethod
-    def of(cls, payloads: Mapping[str, Payload], loads: pd.DataFrame) -> Weights:
+    def of(cls, payloads: Mapping[str, PayloadSettings], loads: pd.DataFrame) -> Weights:
         """From rows of table LOADS; weights of one mass and uncertainty are one weight."""
         names = list(payloads)
         loads = loads.reindex(columns=["payload", "mass_kg", "mass_sigma_kg"])

@@ -6,11 +6,11 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any, TypeVar
 
 from pipeline.base.quantities import plain, with_std
-from pipeline.report.record import Column, Entry, Table, entry, text_entry
+from pipeline.report.record import Column, ReportTable, TableEntry, entry, text_entry
 
 _Thing = TypeVar("_Thing")
 
-Cells = tuple[Column, Callable[[_Thing], Entry]]
+Cells = tuple[Column, Callable[[_Thing], TableEntry]]
 """A column with what stands in it for one thing."""
 
 
@@ -44,7 +44,11 @@ def table_of(
     columns: Sequence[Cells[_Thing]],
     things: Iterable[_Thing],
     note: str = "",
-) -> Table | None:
+) -> ReportTable | None:
     """A table with one row per thing; None without any."""
     rows = tuple(tuple(cell(thing) for _, cell in columns) for thing in things)
-    return Table(name, title, tuple(column for column, _ in columns), rows, note) if rows else None
+    return (
+        ReportTable(name, title, tuple(column for column, _ in columns), rows, note)
+        if rows
+        else None
+    )

@@ -6,7 +6,7 @@ from collections.abc import Iterator
 from dataclasses import replace
 
 from pipeline.answer.words import listed
-from pipeline.report.record import Block, Report, Section, Table, Text
+from pipeline.report.record import Block, Paragraph, Report, ReportTable, Section
 
 ON_THE_PAGE = frozenset(
     {
@@ -57,7 +57,7 @@ def printed(report: Report) -> Report:
     more = Section(
         "elsewhere",
         "Only on the page",
-        (Text(f"index.html and results.xlsx also have: {left}."),),
+        (Paragraph(f"index.html and results.xlsx also have: {left}."),),
     )
     return replace(report, sections=(*kept, more))
 
@@ -65,18 +65,18 @@ def printed(report: Report) -> Report:
 def _section(one: Section) -> Section | None:
     """A part without what stays on the page; None where only words about that would be left."""
     kept = [block for block in one.blocks if not _stays(block)]
-    if len(kept) < len(one.blocks) and all(isinstance(block, Text) for block in kept):
+    if len(kept) < len(one.blocks) and all(isinstance(block, Paragraph) for block in kept):
         return None
     return replace(one, blocks=tuple(map(_shortened, kept)))
 
 
 def _stays(block: Block) -> bool:
-    return not isinstance(block, Text) and block.name in ON_THE_PAGE
+    return not isinstance(block, Paragraph) and block.name in ON_THE_PAGE
 
 
 def _shortened(block: Block) -> Block:
     """A long table by its first rows."""
-    if not isinstance(block, Table) or len(block.rows) <= MOST_ROWS:
+    if not isinstance(block, ReportTable) or len(block.rows) <= MOST_ROWS:
         return block
     more = f"{len(block.rows) - MOST_ROWS} more rows are in index.html."
     return replace(block, rows=block.rows[:MOST_ROWS], note=f"{more} {block.note}".strip())
@@ -86,5 +86,5 @@ def _left_out(report: Report) -> Iterator[str]:
     """Titles of what stays on the page."""
     for section in report.sections:
         for block in section.blocks:
-            if not isinstance(block, Text) and _stays(block):
+            if not isinstance(block, Paragraph) and _stays(block):
                 yield block.title

@@ -12,7 +12,7 @@ _Part = TypeVar("_Part")
 
 
 @dataclass(frozen=True)
-class Entry:
+class TableEntry:
     """One cell of a table.
 
     Attributes:
@@ -40,7 +40,7 @@ class Column:
     numeric: bool = False
     code: bool = False
 
-    def prose(self, cell: Entry) -> bool:
+    def prose(self, cell: TableEntry) -> bool:
         """Whether a cell is so long that its lines are broken."""
         return not (self.numeric or self.code) and len(cell.text) > _LINE
 
@@ -59,14 +59,14 @@ _FEW = 4
 
 
 @dataclass(frozen=True)
-class Table:
+class ReportTable:
     """A table with its heading and a note below."""
 
     kind: str = field(default="table", init=False)
     name: str
     title: str
     columns: tuple[Column, ...]
-    rows: tuple[tuple[Entry, ...], ...]
+    rows: tuple[tuple[TableEntry, ...], ...]
     note: str = ""
 
     @property
@@ -85,7 +85,7 @@ class Table:
 
 
 @dataclass(frozen=True)
-class Text:
+class Paragraph:
     """A paragraph; a `finding` is something to act on."""
 
     kind: str = field(default="text", init=False)
@@ -121,7 +121,7 @@ class Figure:
         object.__setattr__(self, "caption", typeset(self.caption))
 
 
-Block = Table | Text | Figure
+Block = ReportTable | Paragraph | Figure
 
 
 @dataclass(frozen=True)
@@ -242,6 +242,17 @@ class Headline:
 
 
 @dataclass(frozen=True)
+class Frame:
+    """The few words of page and paper that are no part of what is said, and their language."""
+
+    language: str = "en"
+    skip: str = "Skip to the report"
+    made: str = "Made by pipeline"
+    took: str = "Run time"
+    figure: str = "Figure"
+
+
+@dataclass(frozen=True)
 class Report:
     """Everything that is said on one page.
 
@@ -257,6 +268,7 @@ class Report:
         run_time: How long the run took, or None.
         judged: What a tolerance decides, told before the verdict; None without one.
         certificate: The first page; None of a report that is none of a campaign.
+        frame: Words of page and paper.
     """
 
     kicker: str
@@ -270,6 +282,7 @@ class Report:
     run_time: str | None = None
     judged: Headline | None = None
     certificate: Certificate | None = None
+    frame: Frame = Frame()
 
     @property
     def worst(self) -> str:
@@ -285,12 +298,12 @@ class Report:
         return (*first, *(b for s in self.sections for b in s.blocks if isinstance(b, Figure)))
 
 
-def entry(text: str, sort: object = None) -> Entry:
+def entry(text: str, sort: object = None) -> TableEntry:
     """A cell sorted by a number, or by its text where there is none."""
-    return Entry(text, float(sort) if known(sort) else None)
+    return TableEntry(text, float(sort) if known(sort) else None)
 
 
-def text_entry(value: object, sort: object = None) -> Entry:
+def text_entry(value: object, sort: object = None) -> TableEntry:
     """A cell of words; empty shows as such."""
     text = "" if value is None else str(value)
-    return Entry(text or MISSING, float(sort) if known(sort) else text)
+    return TableEntry(text or MISSING, float(sort) if known(sort) else text)

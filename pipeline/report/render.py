@@ -22,7 +22,7 @@ from pipeline.base.quantities import typeset
 from pipeline.base.shown import runs
 from pipeline.base.version import __version__
 from pipeline.report.paper import printed
-from pipeline.report.record import Block, Report, Table
+from pipeline.report.record import Block, Report, ReportTable
 
 _HERE = files("pipeline.report")
 
@@ -156,7 +156,7 @@ def _typeset(report: Report) -> Report:
 
 
 def _block(block: Block) -> Block:
-    if not isinstance(block, Table):
+    if not isinstance(block, ReportTable):
         return block
     rows = tuple(
         tuple(

@@ -10,12 +10,12 @@ import pandas as pd
 
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
+from pipeline.base.quantities import MM
 from pipeline.diagnosis.facts import DETECTED
 
 Tables = Mapping[str, pd.DataFrame]
 """Tables by the lower-case name of their promise, SI."""
 
-MM = 1e3
 MOST = 2000
 """Marks in one picture; of more, the largest and an even choice of the rest are drawn."""
 

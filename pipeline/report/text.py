@@ -6,9 +6,10 @@ import textwrap
 from collections.abc import Iterator
 
 from pipeline.base.shown import quoted
-from pipeline.report.record import Figure, Report, Table, Text
+from pipeline.report.record import Figure, Paragraph, Report, ReportTable
 
 _WIDTH = 96
+"""Characters of a line."""
 
 
 def as_text(report: Report) -> str:
@@ -27,16 +28,16 @@ def _lines(report: Report) -> Iterator[str]:
         yield from ("", section.title, "-" * len(section.title))
         for block in section.blocks:
             yield ""
-            if isinstance(block, Table):
+            if isinstance(block, ReportTable):
                 yield from _table(block)
-            elif isinstance(block, Text):
+            elif isinstance(block, Paragraph):
                 mark = "! " if block.tone == "finding" else ""
                 yield from textwrap.wrap(mark + block.text, _WIDTH)
             elif isinstance(block, Figure):
                 yield from textwrap.wrap(f"[{block.name}.svg] {block.alt}", _WIDTH)
 
 
-def _table(table: Table) -> Iterator[str]:
+def _table(table: ReportTable) -> Iterator[str]:
     yield table.title
     head = [column.title for column in table.columns]
     rows = [head, *([entry.text for entry in row] for row in table.rows)]

@@ -12,13 +12,13 @@ from pipeline.base.environment import elsewhere
 from pipeline.base.shown import say
 from pipeline.service import server
 from pipeline.service.processes import sheltered
-from pipeline.store.campaign import Campaign
+from pipeline.store.campaign import CampaignFolder
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
     from pipeline.answer.contract import Answer
 
 
-def through_prefect(campaign: Campaign, force: bool, tell: Tell) -> Answer:
+def through_prefect(campaign: CampaignFolder, force: bool, tell: Tell) -> Answer:
     """Bring a campaign up to date as a Prefect flow, unless nothing is to be done."""
     if campaign.current() and not force:  # also says what no engine can read
         from pipeline.answer.archive import read
@@ -31,7 +31,7 @@ def through_prefect(campaign: Campaign, force: bool, tell: Tell) -> Answer:
     if server.serving(campaign.root) is None and (said := server.mended(campaign.root)):
         say(said, sys.stderr)
     server.settle(campaign.root)
-    there = Campaign(campaign.root.absolute(), campaign.folder.absolute())
+    there = CampaignFolder(campaign.root.absolute(), campaign.folder.absolute())
     with elsewhere():
         from pipeline.service.flow import identified, telling  # importing Prefect takes two seconds
 

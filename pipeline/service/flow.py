@@ -43,7 +43,7 @@ from pipeline.service import server as service
 from pipeline.service import watch
 from pipeline.service.guard import Guard
 from pipeline.service.processes import PARENT, REPORTS_URL, ROOT, follow, log
-from pipeline.store.campaign import Campaign, every, find
+from pipeline.store.campaign import CampaignFolder, every, find
 
 TAG = "campaign"
 """Of the task that computes: a limit of Prefect's for `tag:campaign` is one for the whole team."""
@@ -137,7 +137,7 @@ def _take_up(root: Path) -> None:
                 client.set_flow_run_state(run.id, Scheduled(name="Again"), force=True)
 
 
-def _left(state: State[Any], campaign: Campaign | None) -> bool:
+def _left(state: State[Any], campaign: CampaignFolder | None) -> bool:
     """Whether nobody is at a run that has begun; the campaign is None where it is gone."""
     patience_s = _SETTLES_S if state.type == StateType.RUNNING else service.PATIENCE_S
     age_s = (datetime.now(UTC) - state.timestamp).total_seconds()
@@ -155,7 +155,7 @@ class _Pool:
 
     guard: Guard
 
-    def campaign(self, campaign: Campaign) -> None:
+    def campaign(self, campaign: CampaignFolder) -> None:
         """Hand one out, unless it is."""
         seen, before = watch.fingerprint(campaign.folder), watch.recall(campaign)
         failures = before.attempts if before.print == seen else 0
@@ -207,7 +207,7 @@ class _Slot:
 
     guard: Guard
 
-    def campaign(self, campaign: Campaign) -> Outcome:
+    def campaign(self, campaign: CampaignFolder) -> Outcome:
         """One campaign, as a task."""
         carried_out = task(name="compute", cache_policy=NO_CACHE, persist_result=False)(
             self.guard.campaign
@@ -219,7 +219,7 @@ class _Slot:
         """Left to the scan."""
 
 
-def within(campaign: Campaign) -> Answer:
+def within(campaign: CampaignFolder) -> Answer:
     """One campaign as a flow of its own, unless its last run still stands."""
     campaign.fit()  # what has no name that can be shown is no run
     with contextlib.suppress(InputError):  # one that cannot be read is a run to be seen, too
@@ -228,7 +228,7 @@ def within(campaign: Campaign) -> Answer:
     return identified(campaign)
 
 
-def identified(campaign: Campaign, force: bool = False) -> Answer:
+def identified(campaign: CampaignFolder, force: bool = False) -> Answer:
     """The answer of a campaign, by a run that Prefect shows.
 
     Raises:
@@ -380,7 +380,7 @@ def _may_heal(task: Any, run: Any, state: Any) -> bool:
     return isinstance(problem, InputError) and problem.passing
 
 
-def _publish(campaign: Campaign, answer: Answer) -> None:
+def _publish(campaign: CampaignFolder, answer: Answer) -> None:
     """Result table and report link as Prefect artifacts."""
     key = "".join(c if c.isascii() and c.isalnum() else "-" for c in campaign.name.lower())
     artifacts.create_table_artifact(
@@ -391,7 +391,7 @@ def _publish(campaign: Campaign, answer: Answer) -> None:
     artifacts.create_link_artifact(key=f"{key}-report", link=_link(campaign))
 
 
-def _link(campaign: Campaign) -> str:
+def _link(campaign: CampaignFolder) -> str:
     base = os.environ.get(REPORTS_URL)
     if base:
         return f"{base.rstrip('/')}/{quote(campaign.name)}/index.html"

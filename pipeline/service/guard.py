@@ -24,7 +24,7 @@ from pipeline.base.errors import Unfinished
 from pipeline.base.preferences import Service
 from pipeline.service.executor import gone
 from pipeline.service.processes import PYTHON
-from pipeline.store.campaign import Campaign
+from pipeline.store.campaign import CampaignFolder
 
 _TAKES = 8
 """Campaigns per process: importing the libraries takes as long as computing one small campaign."""
@@ -72,7 +72,7 @@ class Guard:
         """End the process; nobody waits for a campaign that is not wanted any more."""
         self._end(at_once=kind is not None)
 
-    def campaign(self, campaign: Campaign) -> Outcome:
+    def campaign(self, campaign: CampaignFolder) -> Outcome:
         """Bring one campaign up to date."""
         return self._asked(campaign.name, {"folder": os.fspath(campaign.folder)})
 

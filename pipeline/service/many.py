@@ -21,7 +21,7 @@ from pipeline.app.outcome import Meant, Outcome, Several, failed, named, outcome
 from pipeline.base import files
 from pipeline.base.errors import UsageError
 from pipeline.service.executor import Done, Executor, Processes
-from pipeline.store.campaign import MANIFEST, Campaign, find, label
+from pipeline.store.campaign import MANIFEST, CampaignFolder, find, label
 
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
     from pipeline.answer.contract import Answer
@@ -54,7 +54,7 @@ def _here(root: Path, force: bool, one: Meant) -> Outcome:
 
 
 def _name(one: Meant) -> str:
-    return one.name if isinstance(one, Campaign) else label(one)
+    return one.name if isinstance(one, CampaignFolder) else label(one)
 
 
 def _problem(done: Done[Meant, Outcome]) -> Exception:
@@ -96,7 +96,7 @@ def computed(parcel: Parcel) -> Made:
 
     with TemporaryDirectory(prefix="pipeline-") as folder:
         root = Path(folder).resolve()
-        campaign = Campaign(root, root / "data" / "raw" / parcel.name)
+        campaign = CampaignFolder(root, root / "data" / "raw" / parcel.name)
         for name, content in parcel.files.items():
             files.write(campaign.folder / name, content)
         if campaign.read().key != parcel.key:
@@ -119,7 +119,7 @@ class _Abroad:
 
     def __init__(self, root: Path, executor: Executor, force: bool) -> None:
         self._root, self._executor, self._force = root, executor, force
-        self._held: dict[str, tuple[Campaign, ExitStack]] = {}
+        self._held: dict[str, tuple[CampaignFolder, ExitStack]] = {}
         self._known: list[Outcome] = []
         self._later: list[Meant] = []
 
@@ -150,14 +150,14 @@ class _Abroad:
                 self._later.append(one)
                 continue
             try:
-                campaign = one if isinstance(one, Campaign) else find(self._root, one)
+                campaign = one if isinstance(one, CampaignFolder) else find(self._root, one)
             except Exception as problem:
                 self._known.append(failed(_name(one), problem))
                 continue
             if parcel := self._parcel(campaign):
                 yield parcel
 
-    def _parcel(self, campaign: Campaign) -> Parcel | None:
+    def _parcel(self, campaign: CampaignFolder) -> Parcel | None:
         """A campaign packed; None, and what is known of it told, where nothing is computed."""
         from pipeline.answer.archive import read
 
@@ -170,7 +170,7 @@ class _Abroad:
             self._known.append(outcome(campaign, read))
         return parcel
 
-    def _packed(self, campaign: Campaign) -> Parcel | None:
+    def _packed(self, campaign: CampaignFolder) -> Parcel | None:
         """A campaign read and locked; None where its last run still stands.
 
         Raises:
@@ -188,11 +188,11 @@ class _Abroad:
         return Parcel(campaign.name, raw.key, dict(raw.files))
 
 
-def _refused(problem: Exception, campaign: Campaign) -> Answer:
+def _refused(problem: Exception, campaign: CampaignFolder) -> Answer:
     raise problem
 
 
-def _received(done: Done[Parcel, Made], campaign: Campaign) -> Answer:
+def _received(done: Done[Parcel, Made], campaign: CampaignFolder) -> Answer:
     """The answer that came back, on disk; the caller holds the lock."""
     from pipeline.answer.archive import read
 

@@ -28,7 +28,7 @@ from pipeline.service import notify, sync
 from pipeline.service import server as service
 from pipeline.service.guard import Guard
 from pipeline.store import campaign as campaigns
-from pipeline.store.campaign import Campaign, dump, recalled
+from pipeline.store.campaign import CampaignFolder, dump, recalled
 
 MEMORY = "seen.json"
 SERVICE = "service"
@@ -91,7 +91,7 @@ class Clock:
 class Work(Protocol):
     """Who brings campaigns up to date: guard.Guard, or a pool of Prefect's workers."""
 
-    def campaign(self, campaign: Campaign) -> Outcome | None:
+    def campaign(self, campaign: CampaignFolder) -> Outcome | None:
         """One campaign; None where somebody else is at it."""
 
     def pages(self) -> Outcome | None:
@@ -128,7 +128,7 @@ def _some(entries: Iterator[os.DirEntry[str]], most: int) -> list[os.DirEntry[st
     return [entry for _, entry in zip(range(most), entries, strict=False)]
 
 
-def recall(campaign: Campaign) -> Seen:
+def recall(campaign: CampaignFolder) -> Seen:
     """What is remembered of a campaign."""
     try:
         return Seen.model_validate(recalled(campaign.processed / MEMORY))
@@ -136,18 +136,18 @@ def recall(campaign: Campaign) -> Seen:
         return Seen()
 
 
-def _remember(campaign: Campaign, seen: Seen) -> None:
+def _remember(campaign: CampaignFolder, seen: Seen) -> None:
     """Keep it beside the tables."""
     files.write(campaign.processed / MEMORY, dump(seen.model_dump()))
 
 
-def _waiting(root: Path, now: float) -> dict[Campaign, str]:
+def _waiting(root: Path, now: float) -> dict[CampaignFolder, str]:
     """Campaigns that changed since they were last looked at, with their fingerprints."""
     prints = {campaign: fingerprint(campaign.folder) for campaign in campaigns.every(root)}
     return {campaign: seen for campaign, seen in prints.items() if _due(campaign, seen, now)}
 
 
-def _due(campaign: Campaign, seen: str, now: float) -> bool:
+def _due(campaign: CampaignFolder, seen: str, now: float) -> bool:
     """Whether there is something to do: new files, a lost report, a pause that is over."""
     before = recall(campaign)
     if before.print != seen:
@@ -231,7 +231,7 @@ def _scan(
         yield made
 
 
-def attend(campaign: Campaign, seen: str, work: Work) -> Outcome | None:
+def attend(campaign: CampaignFolder, seen: str, work: Work) -> Outcome | None:
     """Bring one campaign up to date that a look has handed out, with the fingerprint it had then.
 
     Returns:
@@ -247,7 +247,7 @@ def attend(campaign: Campaign, seen: str, work: Work) -> Outcome | None:
 
 
 @contextmanager
-def _attending(campaign: Campaign, patience_s: float = -1.0) -> Iterator[None]:
+def _attending(campaign: CampaignFolder, patience_s: float = -1.0) -> Iterator[None]:
     """Hold a campaign that was handed out, from the first moment of its run to the last.
 
     Raises:
@@ -261,7 +261,7 @@ def _attending(campaign: Campaign, patience_s: float = -1.0) -> Iterator[None]:
         yield
 
 
-def attended(campaign: Campaign) -> bool:
+def attended(campaign: CampaignFolder) -> bool:
     """Whether somebody works at a campaign that was handed out."""
     try:
         with _attending(campaign, 0.0):
@@ -287,7 +287,7 @@ def told_once(root: Path, trouble: list[Outcome]) -> list[Outcome]:
         return [*trouble, failed(SERVICE, problem)]
 
 
-def _learn(campaign: Campaign, seen: str, made: Outcome, now: float) -> None:
+def _learn(campaign: CampaignFolder, seen: str, made: Outcome, now: float) -> None:
     before = recall(campaign)
     new = {
         "print": seen,
@@ -318,7 +318,7 @@ def _brief(content: Mapping[str, Any]) -> str:
     return " ".join(content.get("verdict_sentence", [])[:2])
 
 
-def _tell(campaign: Campaign, whom: Notify) -> None:
+def _tell(campaign: CampaignFolder, whom: Notify) -> None:
     """Tell a changed verdict once; what could not be delivered is tried again next time."""
     seen = recall(campaign)
     if seen.verdict == seen.told or not seen.settled:
@@ -327,7 +327,7 @@ def _tell(campaign: Campaign, whom: Notify) -> None:
         _remember(campaign, recall(campaign).model_copy(update={"told": seen.verdict}))
 
 
-def message(campaign: Campaign, seen: Seen) -> dict[str, str | None]:
+def message(campaign: CampaignFolder, seen: Seen) -> dict[str, str | None]:
     """What a webhook gets; `text` is the word that chats show."""
     news = f"{seen.told} -> {seen.verdict}" if seen.told else str(seen.verdict)
     return {

@@ -14,7 +14,7 @@ from pathlib import Path
 from pipeline.app.outcome import Compute, Outcome, guarded, outcome
 from pipeline.service.guard import PAGES
 from pipeline.service.processes import follow
-from pipeline.store.campaign import Campaign
+from pipeline.store.campaign import CampaignFolder
 
 
 def main(root: str, engine: str, line: str, parent: str, memory: str) -> None:
@@ -57,7 +57,7 @@ def _engine(engine: str) -> Compute:
 
 def _done(root: Path, job: dict[str, str], compute: Compute) -> Outcome:
     if "folder" in job:
-        return outcome(Campaign(root, Path(job["folder"])), compute)
+        return outcome(CampaignFolder(root, Path(job["folder"])), compute)
     return guarded(PAGES, lambda: _pages(root))
 
 

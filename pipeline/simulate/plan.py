@@ -33,7 +33,7 @@ from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot, rating
 from pipeline.machine.surroundings import Surrounded
 from pipeline.readers._coordinates import Usual
-from pipeline.reduction.settings import Payload, Point, Scale, TestPose
+from pipeline.reduction.settings import PayloadSettings, Point, Scale, TestPoseSettings
 from pipeline.store.campaign import unfit
 
 TOOL: dict[str, Point] = {
@@ -54,8 +54,8 @@ BASE: dict[str, Point] = {
 
 
 PAYLOADS = {
-    "light": Payload(mass_kg=60.0, center_m=(0.05, 0.02, 0.10)),
-    "heavy": Payload(mass_kg=220.0, center_m=(-0.04, 0.10, 0.25)),
+    "light": PayloadSettings(mass_kg=60.0, center_m=(0.05, 0.02, 0.10)),
+    "heavy": PayloadSettings(mass_kg=220.0, center_m=(-0.04, 0.10, 0.25)),
 }
 """Two loads within what a KR500 carries; their centres are off the axis of its last joint."""
 
@@ -230,10 +230,10 @@ class Plan(Surrounded):
     pulls: Pull = Pull()
     tracker: Instrument = Instrument()
     scale: SpringScale = SpringScale()
-    payload: dict[Name, Payload] = Field(default=PAYLOADS, min_length=1)
+    payload: dict[Name, PayloadSettings] = Field(default=PAYLOADS, min_length=1)
     clock: Clock = Clock()
     hidden: Hidden = Hidden()
-    test_pose: TestPose | None = None
+    test_pose: TestPoseSettings | None = None
 
     @field_validator("name")
     @classmethod

@@ -69,7 +69,7 @@ class Raw:
 
 
 @dataclass(frozen=True)
-class Campaign:
+class CampaignFolder:
     """One campaign folder.
 
     Attributes:
@@ -401,7 +401,7 @@ def _settings(data: bytes) -> Settings:
     return parse_settings(files.text(data, "campaign.toml"))
 
 
-def find(root: Path, name: str) -> Campaign:
+def find(root: Path, name: str) -> CampaignFolder:
     """A campaign by its name under data/raw, or by path.
 
     Raises:
@@ -424,11 +424,11 @@ def find(root: Path, name: str) -> Campaign:
     raise InputError(f'there is no campaign "{name}"', f"known under data/raw: {known}")
 
 
-def _at(root: Path, folder: Path) -> Campaign:
+def _at(root: Path, folder: Path) -> CampaignFolder:
     """The campaign in a folder, which has one name only; a link in data/raw has to stay there."""
     real, raw = Path(os.path.realpath(folder)), Path(os.path.realpath(root / "data" / "raw"))
     here = Path(os.path.realpath(folder.parent)) == raw
-    return Campaign(root, folder if here and not real.is_relative_to(raw) else real)
+    return CampaignFolder(root, folder if here and not real.is_relative_to(raw) else real)
 
 
 def outside_raw(root: Path, output: Path) -> Path:
@@ -451,7 +451,7 @@ def label(name: str) -> str:
     return os.path.basename(os.path.realpath(name.replace("\0", ""))) if name.strip() else name
 
 
-def every(root: Path) -> list[Campaign]:
+def every(root: Path) -> list[CampaignFolder]:
     """All campaigns under data/raw, by name; a hidden folder is none."""
     raw = root / "data" / "raw"
     try:

@@ -29,7 +29,7 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.base.linear import orthonormal, rms
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
-from pipeline.system.restricted import Blocks, lowest
+from pipeline.system.restricted import PaddedRows, lowest
 from pipeline.system.system import Errors, System
 
 GROWTH = (0.0, 1 / 3, 2 / 3, 1.0)
@@ -161,7 +161,7 @@ def _fitted(system: System, X: Array, u: Array, grown: Array) -> tuple[Array, Ar
     Q = orthonormal(X)
     for size in grown.T:
         parted = replace(system, errors=_parted(system.errors, u, size))
-        blocks = Blocks.beside(parted, Q, [("along",), ("across",)])
+        blocks = PaddedRows.beside(parted, Q, [("along",), ("across",)])
         if not tried:  # as it is stated, both parts alike
             found = np.full(2, blocks.rough)
             if not np.isfinite(blocks.whole(found)):
@@ -174,7 +174,7 @@ def _fitted(system: System, X: Array, u: Array, grown: Array) -> tuple[Array, Ar
     return more, along, across
 
 
-def _alike(blocks: Blocks, start: Array) -> float:
+def _alike(blocks: PaddedRows, start: Array) -> float:
     """The least loss with one scale for both parts."""
     return blocks.whole(np.repeat(lowest(lambda x: blocks.loss(np.repeat(x, 2)), start), 2))
 

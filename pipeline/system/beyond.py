@@ -80,7 +80,7 @@ def free(seen: Linearised) -> Array:
 
 
 @dataclass(frozen=True, eq=False)
-class Readings(Locked):
+class RowReadings(Locked):
     """The readings behind the rows: each loaded target, and the zero of each target in each pose.
 
     Attributes:
@@ -99,7 +99,7 @@ class Readings(Locked):
     blocks: Blocks
 
     @classmethod
-    def of(cls, data: Measured, white: Whitener) -> Readings:
+    def of(cls, data: Measured, white: Whitener) -> RowReadings:
         """All readings of a campaign."""
         d, blocks = len(data.pull), white.blocks
         pose_of = blocks.index[3 * np.arange(d)]
@@ -115,7 +115,7 @@ class Readings(Locked):
         return cls(d, zero, data.zero, np.asarray(D), of)
 
     @classmethod
-    def unseen(cls, data: Measured) -> Readings:
+    def unseen(cls, data: Measured) -> RowReadings:
         """The same where nobody asks what they do."""
         nothing = np.zeros(0, np.int64)
         zero = np.unique(data.zero)
@@ -140,7 +140,7 @@ class Readings(Locked):
         return data.reweighed(variance[: self.loaded], of_zero[data.zero])
 
 
-def estimates(base: Base, readings: Readings) -> tuple[Array, Array, Bools]:
+def estimates(base: Base, readings: RowReadings) -> tuple[Array, Array, Bools]:
     """What the other readings say of each reading's error, in its standard uncertainties.
 
     x = N^-1 g with N = D'PD and g = D'Py, see `beside`; its covariance is N^-1 = R diag(v) R'.

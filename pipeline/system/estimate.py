@@ -13,7 +13,7 @@ from pipeline.machine.cell import Cell
 from pipeline.reduction.measured import Measured
 from pipeline.system import beside
 from pipeline.system.assemble import TRACKED, assemble
-from pipeline.system.restricted import Blocks, lowest
+from pipeline.system.restricted import PaddedRows, lowest
 from pipeline.system.system import Estimate, Goodness, System
 from pipeline.system.whiten import Whitener, whitener
 
@@ -146,7 +146,7 @@ def tracker_noise(system: System) -> float:
         system: A system whose noise of the tracker is still relative.
     """
     typical = system.typical
-    blocks = Blocks.of(system, system.B * typical, [TRACKED])
+    blocks = PaddedRows.of(system, system.B * typical, [TRACKED])
     if blocks.dof < 1 or blocks.rough < np.log(_NO_NOISE_M) + 4:  # nothing is left but rounding
         return _NO_NOISE_M
     (log_s,) = lowest(blocks.of_scales(np.array([True])), np.array([blocks.rough]))

@@ -75,6 +75,7 @@ _ALIKE = (0.025, 0.025, 0.95)
 """Probability of each before the data [1]: an assumption; of any order is the rule."""
 
 _STEP = 0.1
+"""Of the grid below, in natural logarithms [1]."""
 _GRID = np.arange(-3.0, 25.0, _STEP)
 """log lambda: up to an error of ten metres where 0.03 mm is stated."""
 

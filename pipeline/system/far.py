@@ -9,7 +9,7 @@ from scipy import special
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.system.assemble import errors
-from pipeline.system.beyond import Beyond, Readings, columns, estimates
+from pipeline.system.beyond import Beyond, RowReadings, columns, estimates
 from pipeline.system.family import AWAY, Family
 from pipeline.system.linearised import Linearised
 
@@ -62,7 +62,7 @@ def far(seen: Linearised, family: Family, base: tuple[int, int] = (0, 0), used: 
     flat = replace(seen.model.cell, equilibrium="undeformed")
     X = columns(seen, np.isin(owner, seen.model.accepted))
     beyond = Beyond.of(seen, X, errors(flat, data, values))
-    readings = Readings.of(data, beyond.white)
+    readings = RowReadings.of(data, beyond.white)
     square, variance, good = estimates(beyond.base, readings)
     off = np.where(good, np.sum(square / variance, axis=1), 0.0)
     order = np.argsort(-off, kind="stable")
@@ -73,7 +73,7 @@ def far(seen: Linearised, family: Family, base: tuple[int, int] = (0, 0), used: 
     return Far(pose[away], target[away], p, base[0])
 
 
-def _places(seen: Linearised, readings: Readings) -> tuple[Ints, Ints]:
+def _places(seen: Linearised, readings: RowReadings) -> tuple[Ints, Ints]:
     """Pose and target of every reading, loaded ones first."""
     data = seen.data
     first = np.unique(data.zero, return_index=True)[1]

@@ -18,13 +18,14 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
 from pipeline.system.assemble import assemble
 from pipeline.system.estimate import identify
-from pipeline.system.linearised import Linearised, Model, linearise
+from pipeline.system.linearised import CurrentModel, Linearised, linearise
 from pipeline.system.shape import Shape, goodness, shape
 from pipeline.system.system import Estimate, System
 from pipeline.system.turning import apart
 from pipeline.system.variance import Components, noise, rescaled, resting_on
 
 _SEED = 20261122
+"""Of its draws: another one moves numbers within what they say of their scatter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -115,7 +116,7 @@ def beside_everything(cell: Cell, data: Measured, values: Array) -> Linearised:
     That is the catalogue, and what competes with it without a name.
     """
     known = (one for one in catalogue(cell.robot, data.pulls) if not isinstance(one, Noise))
-    model = Model(replace(cell, equilibrium="undeformed"), values, len(values))
+    model = CurrentModel(replace(cell, equilibrium="undeformed"), values, len(values))
     every = (*known, *nameless(cell.robot))
     return linearise(model, replace(data, bends=False), every)
 

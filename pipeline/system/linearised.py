@@ -16,7 +16,7 @@ from pipeline.system.system import Errors, Rows, System
 
 
 @dataclass(frozen=True, eq=False)
-class Model:
+class CurrentModel:
     """The current model: a cell with accepted causes, and the values of all its parameters.
 
     Attributes:
@@ -48,7 +48,7 @@ class Linearised(Locked):
         motions: Rigid motions of the effector, shape (M, 6).
     """
 
-    model: Model
+    model: CurrentModel
     data: Measured
     suspects: tuple[Effect, ...]
     rows: Rows
@@ -88,7 +88,10 @@ class Linearised(Locked):
 
 
 def linearise(
-    model: Model, data: Measured, suspects: tuple[Effect, ...], near: Linearised | None = None
+    model: CurrentModel,
+    data: Measured,
+    suspects: tuple[Effect, ...],
+    near: Linearised | None = None,
 ) -> Linearised:
     """Linearise springs and suspects at a model.
 
@@ -133,7 +136,7 @@ def linearise(
     )
 
 
-def accepted_columns(model: Model, suspects: tuple[Effect, ...]) -> list[tuple[int, int]]:
+def accepted_columns(model: CurrentModel, suspects: tuple[Effect, ...]) -> list[tuple[int, int]]:
     """Pairs: column among the suspects', index among the model's parameters."""
     ends = np.cumsum([0, *(len(effect.parameters) for effect in suspects)])
     pairs, index = [], model.springs

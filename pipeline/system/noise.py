@@ -10,8 +10,8 @@ import scipy.sparse
 from pipeline.base.tails import chi2_beyond
 from pipeline.system import alarms
 from pipeline.system.beside import Base
-from pipeline.system.restricted import Blocks
-from pipeline.system.system import Scatter, System
+from pipeline.system.restricted import PaddedRows
+from pipeline.system.system import ScatterRatio, System
 from pipeline.system.whitened import Whitened
 
 TOLERATED = 1.3
@@ -36,7 +36,7 @@ _BEND = 0.1
 """Differences of log scale for the curvature at the best one."""
 
 
-def scatter(view: Whitened, system: System, known: tuple[float, float]) -> Scatter:
+def scatter(view: Whitened, system: System, known: tuple[float, float]) -> ScatterRatio:
     """Both scales over what the data are weighted with.
 
     The tracker's is that of the campaign's contrasts, which no model of the robot can make:
@@ -54,13 +54,15 @@ def scatter(view: Whitened, system: System, known: tuple[float, float]) -> Scatt
     if not np.isfinite(relative):
         dof, source = float(view.rows_left), "residuals"
         if dof < 1:  # as many stiffnesses as coordinates: nothing is left that could scatter
-            return Scatter(1.0, np.inf, 1.0, *_AS_SAID, source)
+            return ScatterRatio(1.0, np.inf, 1.0, *_AS_SAID, source)
         tracker = float(np.sqrt(Base.of(view.A[:, view.base], view.A[:, -1]).rest / dof))
     stated = system.noise_stated
     tracker = max(tracker, _LEAST if stated else _LEAST_M)
     p = float(chi2_beyond(dof * (tracker / TOLERATED) ** 2, dof)) if stated else 1.0
     force, force_std, force_p = _force(view, system, tracker) if source == "contrasts" else _AS_SAID
-    return Scatter(tracker, tracker / float(np.sqrt(2 * dof)), p, force, force_std, force_p, source)
+    return ScatterRatio(
+        tracker, tracker / float(np.sqrt(2 * dof)), p, force, force_std, force_p, source
+    )
 
 
 _AS_SAID = (1.0, 0.0, 1.0)
@@ -86,7 +88,7 @@ def _force(view: Whitened, system: System, tracker: float) -> tuple[float, float
         return _AS_SAID
     own = np.where(errors.common, 1.0, tracker)
     wide = replace(errors, G=scipy.sparse.csr_array(errors.G @ scipy.sparse.diags_array(own)))
-    loss = Blocks.of(replace(system, errors=wide), X, [("force_reading",)]).whole
+    loss = PaddedRows.of(replace(system, errors=wide), X, [("force_reading",)]).whole
     losses = [loss(np.array([t])) for t in np.log(_TRIED)]
     p = float(chi2_beyond(losses[0] - min(losses), 1) / 2)
     if p >= alarms.SCATTER:

@@ -15,18 +15,16 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.tails import chi2_beyond
-from pipeline.system.blocks import Blocks as Rows
+from pipeline.system.blocks import Blocks
 from pipeline.system.system import System
 
 _Loss = Callable[[Array], tuple[Array, float]]
 """Minus twice a restricted log likelihood by log scales: part of each pose, and the rest."""
 
-_NOTHING = 1e-300
-
 
 @dataclass(frozen=True, eq=False)
-class Blocks(Locked):
-    """Rows by pose, padded to the largest: y, what is estimated along, and the parts of V.
+class PaddedRows(Locked):
+    """Blocks by pose, padded to the largest: y, what is estimated along, and the parts of V.
 
     Attributes:
         rows: By pose, s of the largest.
@@ -35,10 +33,10 @@ class Blocks(Locked):
         prior: 0 for the former, 1 for the latter, which are random, shape (k + r,).
         parts: Covariance of each component as stated, then of the rest, shape (n + 1, p, s, s).
         rough: Log scale that gives what X leaves its mean square if all components share it.
-        dof: Rows minus fixed effects.
+        dof: Blocks minus fixed effects.
     """
 
-    rows: Rows
+    rows: Blocks
     y: Array
     X: Array
     prior: Array
@@ -47,7 +45,7 @@ class Blocks(Locked):
     dof: int
 
     @classmethod
-    def of(cls, system: System, X: Array, groups: Sequence[Sequence[str]]) -> Blocks:
+    def of(cls, system: System, X: Array, groups: Sequence[Sequence[str]]) -> PaddedRows:
         """The rows of a system beside fixed effects X (M, k); sources of error by component.
 
         The fixed effects are thinned to independent ones once: were their rank counted anew at
@@ -56,9 +54,9 @@ class Blocks(Locked):
         return cls.beside(system, linear.orthonormal(X), groups)
 
     @classmethod
-    def beside(cls, system: System, Q: Array, groups: Sequence[Sequence[str]]) -> Blocks:
+    def beside(cls, system: System, Q: Array, groups: Sequence[Sequence[str]]) -> PaddedRows:
         """The same with orthonormal fixed effects (M, k)."""
-        blocks, errors = Rows.of(system.rows.pose), system.errors
+        blocks, errors = Blocks.of(system.rows.pose), system.errors
         unit = linear.rms(system.c) or 1.0
         y = (system.c - Q @ (Q.T @ system.c)) / unit  # they count in no pose's score
         A = errors.G[:, errors.common].toarray() / unit
@@ -66,7 +64,9 @@ class Blocks(Locked):
         rest = ~np.isin(source, [name for group in groups for name in group])
         masks = [np.isin(source, group) for group in groups] + [rest]
         parts = np.stack([blocks.covariance(errors.G[:, mask & own]) for mask in masks]) / unit**2
-        rough = 0.5 * np.log(max(y @ y, _NOTHING) / max(np.einsum("kpii->", parts[:-1]), _NOTHING))
+        rough = 0.5 * np.log(
+            max(y @ y, linear.TINY) / max(np.einsum("kpii->", parts[:-1]), linear.TINY)
+        )
         which, at = np.nonzero(~blocks.there)
         parts[-1, which, at, at] = 1.0  # padding: independent rows of zeros
         return cls(
@@ -101,7 +101,11 @@ class Blocks(Locked):
             return own, 0.0
         flat = X.reshape(-1, X.shape[2])
         N, g = flat.T @ flat + np.diag(self.prior), flat.T @ y.ravel()
-        return own, float(linear.log_det(N) - g @ linear.solve(N, g))
+        try:
+            factor = linear.cholesky(N)
+        except np.linalg.LinAlgError:  # rows of hardly any noise
+            return own, float(linear.log_det(N) - g @ linear.solve(N, g))
+        return own, float(factor.log_det - g @ factor.solve(g))
 
     @cached_property
     def _both(self) -> Array:
@@ -127,7 +131,7 @@ _STEP = 3e-3
 """Differences of log scale for first and second derivatives."""
 
 
-def maximum(blocks: Blocks, told: Bools) -> tuple[Array, Array, Array]:
+def maximum(blocks: PaddedRows, told: Bools) -> tuple[Array, Array, Array]:
     """The log scales that the data determine, their standard uncertainties and p-values.
 
     With L the loss, H its Hessian and g_p the gradient of pose p's part, u(t)^2 is the larger of

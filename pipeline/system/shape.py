@@ -20,7 +20,7 @@ from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.assemble import Block, inputs, with_readings
 from pipeline.system.beam import Beam, beam
-from pipeline.system.beyond import Beyond, Readings, columns, estimates, free
+from pipeline.system.beyond import Beyond, RowReadings, columns, estimates, free
 from pipeline.system.family import LIKELY, Family, family, likelihood
 from pipeline.system.linearised import Linearised
 from pipeline.system.system import Goodness, System
@@ -67,7 +67,7 @@ class Shape(Locked):
 
     family: Family
     variance: Array
-    readings: Readings
+    readings: RowReadings
     wander: Wander
     weighed: bool
     beam: Beam
@@ -75,7 +75,7 @@ class Shape(Locked):
     @classmethod
     def unseen(cls, data: Measured) -> Shape:
         """Nothing but what is stated, all readings alike."""
-        readings = Readings.unseen(data)
+        readings = RowReadings.unseen(data)
         variance = np.ones(readings.loaded + len(readings.zero))
         family, slow, parts = Family.stated(data.paper), Wander.none(data), Beam.stated(data)
         return cls(family, variance, readings, slow, False, parts)
@@ -150,7 +150,7 @@ def shape(seen: Linearised, accepted: tuple[int, ...] | None = None, loose: bool
     return Shape(found, variance, readings, slow, accepted is not None, parts)
 
 
-Told = tuple[Readings, Family, Array, Beyond]
+Told = tuple[RowReadings, Family, Array, Beyond]
 """The readings, their family, the variance of each (n,) over that of the noise without tails, and
 the rows so weighed."""
 
@@ -205,7 +205,7 @@ def _tails(
     """The tails of the readings of `stated`, along and across the beam, beside these columns."""
     data = parts.on(stated)
     beyond = Beyond.of(seen, X, with_readings(others, data))
-    readings, found = Readings.of(data, beyond.white), Family.stated(data.paper)
+    readings, found = RowReadings.of(data, beyond.white), Family.stated(data.paper)
     variance = np.ones(readings.loaded + len(readings.zero))
     if beyond.base.dof < _FEWEST:
         return readings, found, variance, beyond
@@ -217,7 +217,7 @@ def _tails(
         before, variance = variance, np.ones(len(variance))
         variance[good] = mean
         beyond = Beyond.of(seen, X, with_readings(others, readings.scaled(data, variance)))
-        readings = Readings.of(data, beyond.white)
+        readings = RowReadings.of(data, beyond.white)
         if np.abs(np.log(variance / before)).max() < _STILL:
             break
     return readings, found, variance, beyond

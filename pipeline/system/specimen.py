@@ -30,6 +30,7 @@ _OWN = 0.25
 """Logarithm by which single joints scatter about the file's stiffness as delivered [1], and the
 number of joints that this assumption counts as."""
 _OWN_JOINTS = 4.0
+"""That number [1]."""
 
 SURE = 0.95
 """Probability from which a common factor is told, or a unit that explains it [1]: that of a 95 %

@@ -203,7 +203,7 @@ class Estimate(Locked):
 
 
 @dataclass(frozen=True)
-class Scatter:
+class ScatterRatio:
     """Scatter found over scatter stated.
 
     Attributes:

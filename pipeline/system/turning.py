@@ -22,17 +22,15 @@ from pipeline.reduction.settings import Settings
 from pipeline.system.assemble import TRACKED
 from pipeline.system.contrasts import pure_error, repeated_zeros, stacked
 from pipeline.system.estimate import identify
-from pipeline.system.restricted import Blocks, maximum
+from pipeline.system.restricted import PaddedRows, maximum
 from pipeline.system.system import Errors, System
+from pipeline.system.variance import UNTOLD
 
 _TURNED = "turned"
 """Stands for the sources of `TRACKED` where they move a rotation."""
 
 _FEWEST = 24
 """Fewer contrasts do not tell two noises: a dozen each, as one noise needs."""
-
-_UNTOLD = 0.5
-"""Above this relative standard uncertainty the data do not determine a scale [1]."""
 
 
 def apart(
@@ -76,6 +74,6 @@ def _ratio(system: System) -> float | None:
     if len(system.rows) - system.B.shape[1] < _FEWEST:
         return None
     columns = system.B * system.typical if system.B.shape[1] else system.B
-    blocks = Blocks.of(system, columns, [TRACKED, (_TURNED,)])
+    blocks = PaddedRows.of(system, columns, [TRACKED, (_TURNED,)])
     log_scale, std, _ = maximum(blocks, np.array([True, True]))
-    return float(np.exp(log_scale[1] - log_scale[0])) if (std < _UNTOLD).all() else None
+    return float(np.exp(log_scale[1] - log_scale[0])) if (std < UNTOLD).all() else None

@@ -20,7 +20,7 @@ from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked, Strings
-from pipeline.base.tails import chi2_below, chi2_beyond
+from pipeline.base.tails import CHI2_95, chi2_below, chi2_beyond
 from pipeline.machine.cell import Cell
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Settings
@@ -28,7 +28,7 @@ from pipeline.system import alarms
 from pipeline.system.assemble import TRACKED
 from pipeline.system.contrasts import ZEROS, pure_error, repeated_zeros
 from pipeline.system.family import Family
-from pipeline.system.restricted import Blocks, maximum
+from pipeline.system.restricted import PaddedRows, maximum
 from pipeline.system.system import Estimate, Goodness, System
 from pipeline.system.whiten import whitener
 
@@ -43,7 +43,7 @@ NAMES = {"tracker": "tracker_noise", "force_reading": "force_noise"}
 """What the contract calls a component that is larger than stated."""
 
 
-_UNTOLD = 0.5
+UNTOLD = 0.5
 """Above this relative standard uncertainty the data do not determine a scale."""
 
 
@@ -168,7 +168,7 @@ def variance_components(
     p = np.ones(len(names))
     if len(system.rows) - X.shape[1] < _FEWEST:
         return _components(system, names, log_scale, std, p, len(system.rows))
-    blocks = Blocks.of(system, X, [_SCALED[name] for name in names])
+    blocks = PaddedRows.of(system, X, [_SCALED[name] for name in names])
     told = np.array([_told(system, _SCALED[name]) for name in names])
     if told.any():
         log_scale[told], std[told], p[told] = maximum(blocks, told)
@@ -178,7 +178,7 @@ def variance_components(
 def _components(
     system: System, names: Sequence[str], log_scale: Array, std: Array, p: Array, dof: int
 ) -> Components:
-    lost = ~(std < _UNTOLD)
+    lost = ~(std < UNTOLD)
     log_scale, std = np.where(lost, 0.0, log_scale), np.where(lost, np.inf, std)
     name = np.array(names, object)
     missing = (name == "tracker") & (not system.noise_stated)
@@ -285,7 +285,7 @@ def _with_scale(found: Components, system: System, estimate: Estimate) -> Compon
     known = np.isfinite(found.std[k]) or not found.stated
     if known or linear.rms(estimate.residual) > stated_m:
         return found
-    blocks = Blocks.of(system, system.B, [_SCALED[str(name)] for name in found.name])
+    blocks = PaddedRows.of(system, system.B, [_SCALED[str(name)] for name in found.name])
     tried = np.where(np.arange(len(found.name)) == k, _LOWER[:, None], np.log(found.scale))
     loss = np.array([blocks.whole(log_scale) for log_scale in tried])
     beyond = loss - loss.min()
@@ -293,7 +293,7 @@ def _with_scale(found: Components, system: System, estimate: Estimate) -> Compon
     if p >= alarms.COMPONENT:
         return found
     mine = found.name == "force_reading"
-    largest = float(_LOWER[int(np.argmax(beyond <= _WITHIN))])
+    largest = float(_LOWER[int(np.argmax(beyond <= CHI2_95))])
     return replace(
         found,
         scale=np.where(mine, np.exp(largest), found.scale),
@@ -304,8 +304,6 @@ def _with_scale(found: Components, system: System, estimate: Estimate) -> Compon
 
 _LOWER = -np.log(FAR) * np.linspace(1.0, 6.0, 61)
 """Log scales that are tried, from a tenth to a millionth of the stated noise."""
-_WITHIN = 3.84
-"""95 % quantile of chi2(1)."""
 
 
 def _of_pulls(pure: System, found: Components) -> dict[str, Any]:

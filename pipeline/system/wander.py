@@ -36,8 +36,6 @@ SIZES = (0.2, 0.35, 0.6, 1.0, 1.8, 3.2, 6.0, 12.0)
 """What the wander adds to a displacement, rms, over the standard uncertainty of a reading per
 axis."""
 
-_TINY = 1e-300
-
 _NONE = 0.5
 """Probability of no wander before the data."""
 
@@ -119,7 +117,7 @@ def kernel(data: Measured, time_s: float) -> tuple[Array, float]:
         rho = np.exp(-np.abs(every[:, None] - every) / time_s)
         A = np.hstack([np.eye(len(t)), np.full((len(t), len(z)), -1 / len(z))])
         out[rows, : len(rows)] = linear.factor(A @ rho @ A.T)
-    mean = max(float(np.mean(np.sum(out**2, axis=1))), _TINY)
+    mean = max(float(np.mean(np.sum(out**2, axis=1))), linear.TINY)
     return out / np.sqrt(mean), mean
 
 
@@ -145,7 +143,7 @@ def restless(data: Measured, moves: Array, time_s: float) -> Array:
         alike[rows, : len(rows)] = linear.factor(np.exp(-np.abs(t[:, None] - t) / time_s))
     of_row = np.repeat(alike[data.pull], 3, axis=0)
     out = (moves[:, :, None] * of_row[:, None, :]).reshape(len(data.pull), 3, -1)
-    mean = max(float(np.mean(np.sum(out**2, axis=2))), _TINY)
+    mean = max(float(np.mean(np.sum(out**2, axis=2))), linear.TINY)
     return np.asarray(out / np.sqrt(mean))
 
 
@@ -232,7 +230,7 @@ def _shifted(data: Measured, way: Array, factor: Array) -> Array:
 def _felt(data: Measured, way: Array, factor: Array) -> tuple[Array, float]:
     """The same with mean square one per axis, and what that was."""
     rows = _shifted(data, way, factor)
-    mean = max(float(np.sum(rows**2)) / (3 * len(rows)), _TINY)
+    mean = max(float(np.sum(rows**2)) / (3 * len(rows)), linear.TINY)
     return rows / np.sqrt(mean), mean
 
 

@@ -23,7 +23,7 @@ from pipeline.system import alarms
 from pipeline.system.beside import Base, by_products, left_out, padded
 from pipeline.system.elimination import coefficients
 from pipeline.system.evidence import ROUNDING, Scores
-from pipeline.system.linearised import Linearised, Model, accepted_columns, owners
+from pipeline.system.linearised import CurrentModel, Linearised, accepted_columns, owners
 from pipeline.system.system import Errors, Rows
 from pipeline.system.whiten import Whitener, whitener
 
@@ -62,7 +62,7 @@ class Whitened(Locked):
         white: Its whitener.
     """
 
-    model: Model
+    model: CurrentModel
     suspects: tuple[Effect, ...]
     owner: Ints
     typical: Array

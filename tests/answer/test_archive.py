@@ -23,7 +23,7 @@ from pipeline.run import run
 from pipeline.service.guard import Guard
 from pipeline.service.watch import Clock, scan
 from pipeline.simulate import simulate
-from pipeline.store.campaign import Campaign, find
+from pipeline.store.campaign import CampaignFolder, find
 
 DAYS = {"spring": "2026-03-01", "autumn": "2026-09-01"}
 
@@ -261,7 +261,7 @@ def kept(root, name, text):
     folder = root / "reports" / name
     folder.mkdir(parents=True)
     (folder / "result.json").write_text(text)
-    return Campaign(root, root / "data" / "raw" / name)
+    return CampaignFolder(root, root / "data" / "raw" / name)
 
 
 @pytest.mark.parametrize(
@@ -387,7 +387,7 @@ def test_a_project_without_results_has_no_page(tmp_path, capsys):
 @pytest.mark.parametrize("lost", ["data/processed/c/manifest.json", "reports/c/index.html"])
 def test_a_pipe_in_place_of_a_result_is_no_result(tmp_path, lost):
     """Nobody writes to it: `status` does not wait, and the campaign counts as new."""
-    campaign = Campaign(tmp_path, tmp_path / "data" / "raw" / "c")
+    campaign = CampaignFolder(tmp_path, tmp_path / "data" / "raw" / "c")
     campaign.folder.mkdir(parents=True)
     campaign.finish("key", {"result.json": b"{}", "index.html": b"page"}, {})
     assert campaign.done("key")
@@ -400,7 +400,7 @@ def test_a_pipe_in_place_of_a_result_is_no_result(tmp_path, lost):
 def test_a_day_that_no_calendar_has_leaves_one_campaign_out(tmp_path):
     """A result of an earlier version may say the year 0: the others are told, and it is named."""
     for name, day in (("a", "2026-03-01"), ("b", "0000-11-03T08:00:08")):
-        campaign = Campaign(tmp_path, tmp_path / "data" / "raw" / name)
+        campaign = CampaignFolder(tmp_path, tmp_path / "data" / "raw" / name)
         content = report_sample.answer().as_json() | {"campaign": name, "measured": day}
         campaign.finish("key", {"result.json": json.dumps(content).encode()}, {})
     said = []

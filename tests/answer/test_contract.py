@@ -8,7 +8,7 @@ import pytest
 from pydantic import ValidationError
 
 from bench import schema
-from pipeline.answer.contract import Answer, Deflection, Drawn, Fit
+from pipeline.answer.contract import Answer, Drawn, Fit, TargetDeflection
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -56,8 +56,8 @@ def test_what_is_no_number_leaves_as_null(answer):
 
     assert (fit.chi2, fit.residual_std_mm, fit.rms_mm) == (None, None, answer.fit.rms_mm)
     assert drawn.test_pose == {"P1": None, "P2": 1.0}
-    assert Deflection(**moved).std_mm == (None, 1.0, 2.0)
-    assert Deflection(**moved).size_mm is None
+    assert TargetDeflection(**moved).std_mm == (None, 1.0, 2.0)
+    assert TargetDeflection(**moved).size_mm is None
     with pytest.raises(ValidationError):
         Fit(**given | {"dof": np.nan})
 

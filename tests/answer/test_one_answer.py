@@ -23,7 +23,7 @@ from pipeline.fleet.compare import compared
 from pipeline.machine.robot import load
 from pipeline.machine.robot.model import model as pin_model
 from pipeline.prediction import compensate
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 from pipeline.store.campaign import find
 
 pytestmark = pytest.mark.xdist_group("one_answer")  # one campaign of every verdict is run once
@@ -222,7 +222,7 @@ def test_what_explains_nothing_is_no_earlier_campaign_to_compare_with(told):
 def test_model_file_and_urdf_hold_it(campaign):
     """Stiffness and standard uncertainty stand in model.toml and model.urdf as in result.json."""
     found, answer, _ = campaign
-    model = Model.load(found.reports / "model.toml")
+    model = IdentifiedModel.load(found.reports / "model.toml")
     urdf = ElementTree.parse(found.reports / "model.urdf")
     elastic = {joint.get("name"): joint.find("elasticity") for joint in urdf.iter("joint")}
 
@@ -242,7 +242,7 @@ def test_predict_and_compensate_use_it(campaign):
     its axis, from differences of Pinocchio's, and a carriage that rolls turns all about the rail.
     """
     found, answer, _ = campaign
-    model = Model.load(found.reports / "model.toml")
+    model = IdentifiedModel.load(found.reports / "model.toml")
     q = np.array([[6.0, *np.deg2rad([-15.0, 35.0, -20.0, 40.0, 60.0, 10.0])]])
     force = np.array([[250.0, -70.0, 100.0]])  # small: the second order falls faster
     point = np.array([0.15, 0.0, 0.25])

@@ -9,7 +9,7 @@ import pytest
 import report_sample
 
 from pipeline.answer.pose_budget import HELD_OUT, pose_budget
-from pipeline.answer.recommended import Values, joint_springs
+from pipeline.answer.recommended import ModelValues, joint_springs
 from pipeline.prediction import model as handover
 from pipeline.prediction.tolerance import Shown, tip
 from pipeline.reduction.bring import bring, conformed, plain
@@ -39,7 +39,7 @@ def handed(values):
         handover.part(one.weight, one.cell, one.estimate, one.system, one.ratio)
         for one in values.hypotheses
     ]
-    return handover.Model("", "", {}, tuple(parts))
+    return handover.IdentifiedModel("", "", {}, tuple(parts))
 
 
 def mixed(springs):
@@ -47,7 +47,7 @@ def mixed(springs):
     (one,) = springs.hypotheses
     softer = replace(one.estimate, value=1.1 * one.estimate.value)
     pair = (replace(one, weight=0.7), replace(one, weight=0.3, estimate=softer))
-    return Values(springs.fitted, pair, springs.left_out_m)
+    return ModelValues(springs.fitted, pair, springs.left_out_m)
 
 
 @pytest.mark.parametrize("make", [lambda one: one, mixed], ids=["one", "two"])

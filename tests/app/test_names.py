@@ -24,7 +24,7 @@ from pipeline.prediction import model as own
 from pipeline.reduction.settings import parse
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
-from pipeline.store.campaign import Campaign, dump, every, find, in_memory
+from pipeline.store.campaign import CampaignFolder, dump, every, find, in_memory
 
 GOOD = simulate(Plan(name="c", poses={"count": 8})).files
 ODD = 'a\x1b[31m\x7f\x9b\u202e\udcff😀\U000e0041\n\t"\\'
@@ -265,7 +265,7 @@ def test_globs_find_what_they_say(tmp_path):
     for name in ("one.csv", "a/two.csv", "a/b/three.csv", "a/four.txt"):
         (folder / "more" / name).parent.mkdir(parents=True, exist_ok=True)
         (folder / "more" / name).write_bytes(b"")
-    found = Campaign(tmp_path, folder)._matching
+    found = CampaignFolder(tmp_path, folder)._matching
 
     assert found(["more/*.csv"]) == ["more/one.csv"]
     assert found(["more/*/*.csv"]) == ["more/a/two.csv"]
@@ -281,8 +281,8 @@ def test_a_file_has_one_name_and_patterns_are_few(tmp_path):
     folder = put(tmp_path, **{"campaign.toml": text})
     many = json.dumps([f"{k}*" for k in range(1000)])
 
-    assert [*Campaign(tmp_path, folder).read().files].count("tracker.csv") == 1
-    assert len(Campaign(tmp_path, folder).read().files) == len(GOOD)
+    assert [*CampaignFolder(tmp_path, folder).read().files].count("tracker.csv") == 1
+    assert len(CampaignFolder(tmp_path, folder).read().files) == len(GOOD)
     with pytest.raises(InputError, match="more than 20 patterns"):
         parse(settings('["tracker.csv"]', many).decode())
 

@@ -132,7 +132,7 @@ def test_who_waited_looks_again_before_computing(done, monkeypatch):
     campaign = campaigns.find(done, "c")
     answers = [None, "found after waiting"]
     monkeypatch.setattr(archive, "done", lambda campaign, key: answers.pop(0))
-    monkeypatch.setattr(campaigns.Campaign, "_acquired_late", lambda self, lock: True)
+    monkeypatch.setattr(campaigns.CampaignFolder, "_acquired_late", lambda self, lock: True)
 
     assert run.run(campaign) == "found after waiting"
 

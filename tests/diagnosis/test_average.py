@@ -20,7 +20,7 @@ from pipeline.diagnosis.average import (
     weighed,
 )
 from pipeline.diagnosis.hypotheses import _likely
-from pipeline.diagnosis.identify import Rival, Stranger
+from pipeline.diagnosis.identify import Replacement, Stranger
 from pipeline.machine.cell import baseline
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
@@ -263,7 +263,7 @@ def test_one_stranger_for_two_causes_is_one_hypothesis():
     case = SimpleNamespace(suspects=[SimpleNamespace(label=label[i], law=None) for i in range(3)])
 
     def rival(i, probability):
-        return Rival(label[i], i, probability, ((i, 1.0),))
+        return Replacement(label[i], i, probability, ((i, 1.0),))
 
     both = Stranger(0.4, 3, (0, 1))
     found = SimpleNamespace(
@@ -281,7 +281,7 @@ def test_the_laws_of_a_cause_share_its_probability():
     """A cause of two laws: the accepted one and the other, each with its share."""
     case = SimpleNamespace(suspects=[SimpleNamespace(label="A", law=None)] * 2)
     found = SimpleNamespace(
-        accepted=(0,), rivals=((Rival("A", 0, 1.0, ((0, 0.8), (1, 0.2))),),), strange=()
+        accepted=(0,), rivals=((Replacement("A", 0, 1.0, ((0, 0.8), (1, 0.2))),),), strange=()
     )
 
     first, second = _likely(case, found)

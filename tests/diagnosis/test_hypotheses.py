@@ -10,7 +10,7 @@ from small_case import asked, small
 from pipeline.diagnosis import hypotheses as module
 from pipeline.diagnosis.diagnose import case_of
 from pipeline.diagnosis.hypotheses import _scales, _solved, hypotheses, too_small
-from pipeline.diagnosis.identify import Rival, Stranger, remainder, search
+from pipeline.diagnosis.identify import Replacement, Stranger, remainder, search
 from pipeline.machine.cell import predict
 
 
@@ -29,7 +29,7 @@ def placed(case, found, probabilities, strange=()):
     """The same search with other odds in its one place."""
     mine = found.accepted[0]
     rivals = tuple(
-        Rival(case.suspects[i].label, i, p, ((i, 1.0),)) for i, p in probabilities.items()
+        Replacement(case.suspects[i].label, i, p, ((i, 1.0),)) for i, p in probabilities.items()
     )
     assert mine in probabilities
     return replace(found, rivals=(rivals,), strange=strange)

@@ -7,7 +7,7 @@ import pytest
 
 from pipeline.base.errors import InputError
 from pipeline.diagnosis import undecided
-from pipeline.diagnosis.identify import Rival, Stranger
+from pipeline.diagnosis.identify import Replacement, Stranger
 from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.undecided import _open, _standing_there, next_poses
 from pipeline.diagnosis.verdict import CERTAIN
@@ -16,7 +16,7 @@ NONE = Twins((), (), ())
 
 
 def rival(label, suspect, probability):
-    return Rival(label, suspect, probability)
+    return Replacement(label, suspect, probability)
 
 
 def found(*rivals, accepted=None, strange=()):

@@ -17,13 +17,13 @@ from pipeline.answer.diagnosis import entry
 from pipeline.diagnosis import unlisted as search
 from pipeline.diagnosis.causes import _either
 from pipeline.diagnosis.diagnose import diagnose
-from pipeline.diagnosis.identify import Rival, given, may_join, merged
+from pipeline.diagnosis.identify import Replacement, given, may_join, merged
 from pipeline.diagnosis.isolability import rich_pulls, rich_tool, twins
 from pipeline.machine.cell import load, paper_cell, sensitivity
 from pipeline.machine.effects import catalogue, unlisted
 from pipeline.machine.law import Law, parse
 from pipeline.machine.robot import load as robot_of
-from pipeline.prediction.model import Model, dumps, part
+from pipeline.prediction.model import IdentifiedModel, dumps, part
 from pipeline.prediction.model import parse as parse_model
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.pose_of_interest import place_of_interest
@@ -501,7 +501,7 @@ def test_laws_are_undecided_where_none_leads_by_twenty_to_one(shares, told):
     """By the evidence of each, as a further cause must lead to be named."""
     waves = [law(5, "spring", "periodic", "angle", 5, order) for order in (2.0, 6.0)]
     suspects = tuple(unlisted.effect(KR500, one) for one in waves)
-    rival = Rival("unlisted_law:5", 0, 1.0, tuple(enumerate(shares)))
+    rival = Replacement("unlisted_law:5", 0, 1.0, tuple(enumerate(shares)))
     case = SimpleNamespace(suspects=suspects)
     found = SimpleNamespace(accepted=(0,), rivals=((rival,),))
 
@@ -554,7 +554,7 @@ def test_outside_of_where_it_was_taught_a_law_is_as_uncertain_as_it_is_large():
     value = np.append(KR500.nominal_compliance, [3e-8, 4e-8])
     cov = np.diag(np.append(np.zeros(7), [1e-20, 1e-20]))
     found = SimpleNamespace(value=value, cov=cov)
-    model = Model("c", "explained", {}, (part(1.0, CELL.with_effects(one), found),))
+    model = IdentifiedModel("c", "explained", {}, (part(1.0, CELL.with_effects(one), found),))
     q = np.tile([9.0, 0.5, -0.4, 0.6, 0.3, 0.9, 0.2], (2, 1))
     q[1, 1] = 1.5
     force = np.array([[300.0, 1000.0, 0.0]] * 2)

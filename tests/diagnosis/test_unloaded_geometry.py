@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 from small_case import PLAN, asked, small
 
-from pipeline.answer.contract import Table
+from pipeline.answer.contract import TableSource
 from pipeline.diagnosis.causes import of_unloaded
-from pipeline.diagnosis.facts import NOTHING, Off
+from pipeline.diagnosis.facts import NOTHING, TableCause
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.unloaded_geometry import BEYOND, as_stiff, corrected, standing
 from pipeline.geometry.unloaded import USUAL
@@ -153,7 +153,7 @@ def test_stiffnesses_rest_on_the_table_that_is_proven():
 
     said = found.answer
     assert said.diagnosis.verdict == Verdict.ADEQUATE
-    assert said.recommended.table == Table.ESTIMATED
+    assert said.recommended.table == TableSource.ESTIMATED
     assert "Many of the robot's DH parameters deviate" in " ".join(said.verdict_sentence)
     assert said.stiffness != said.joint_springs.stiffness
     assert said.fit.chi2 < said.joint_springs.fit.chi2
@@ -192,7 +192,7 @@ def test_without_noise_geometry_and_springs_come_back(causes, label, size):
 
 
 def _off(effect, value):
-    return Off(effect, value, np.full(len(value), 1e-5), 0.0, 1.0, (), ())
+    return TableCause(effect, value, np.full(len(value), 1e-5), 0.0, 1.0, (), ())
 
 
 def test_the_weight_of_the_arm_stands_in_the_joints(off, causes, stood):

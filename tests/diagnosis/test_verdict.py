@@ -11,9 +11,16 @@ from pipeline.answer.words import enormous, why
 from pipeline.diagnosis.bounds import Bounds
 from pipeline.diagnosis.causes import missing
 from pipeline.diagnosis.diagnose import _refused
-from pipeline.diagnosis.facts import NOTHING, Amplitude, Cause, Facts, Gain, Named
+from pipeline.diagnosis.facts import (
+    NOTHING,
+    CrossValidation,
+    EffectSize,
+    Facts,
+    FoundCause,
+    PossibleCause,
+)
 from pipeline.diagnosis.finding import Finding, Verdict
-from pipeline.diagnosis.identify import Rival
+from pipeline.diagnosis.identify import Replacement
 from pipeline.diagnosis.joined import Agreement
 from pipeline.diagnosis.verdict import TABLE, findings, of_both, verdict
 from pipeline.machine.effects import catalogue
@@ -31,11 +38,11 @@ def effect(label):
 def test_a_cause_has_what_neither_a_stranger_nor_a_misfit_takes():
     """The larger of both is outside of the catalogue; cause, rivals and that add up to one."""
     roll, pitch = effect("rail_roll"), effect("rail_pitch")
-    one = replace(cause("rail_roll", 0.7), rivals=(Named(pitch, 0.3),))
+    one = replace(cause("rail_roll", 0.7), rivals=(PossibleCause(pitch, 0.3),))
 
     assert (one.outside, one.stated(0.7)) == (0.0, 0.7)
     for stranger, left, outside in ((0.2, 0.0, 0.2), (0.2, 0.9, 0.9), (0.6, 0.5, 0.6)):
-        now = replace(one, unnamed=Named(roll, stranger), missing=left)
+        now = replace(one, unnamed=PossibleCause(roll, stranger), missing=left)
         assert now.outside == outside
         told = cause_entry(now)
         every = (told, *told.rivals, told.outside_catalogue)
@@ -76,14 +83,14 @@ def test_what_rejects_the_model_with_the_causes_gives_what_is_missing_a_share(
 def cause(label, probability=0.99, **more):
     """A cause as the diagnosis leaves it."""
     one = effect(label)
-    size = tuple(Amplitude.symmetric(p, p.typical, p.typical / 9) for p in one.parameters)
-    return Cause(one, probability, size, 1e-9, **more)
+    size = tuple(EffectSize.symmetric(p, p.typical, p.typical / 9) for p in one.parameters)
+    return FoundCause(one, probability, size, 1e-9, **more)
 
 
 def gain(reduction, low):
     """What causes are worth at left-out poses: errors of 1 mm before."""
     before = np.full(6, 1e-3)
-    return Gain(before, before * (1 - reduction), reduction, (low, 0.9), ())
+    return CrossValidation(before, before * (1 - reduction), reduction, (low, 0.9), ())
 
 
 def drift(undecided):
@@ -96,13 +103,13 @@ def drift(undecided):
 
 ROLL = (cause("rail_roll"),)
 FOUND = Facts(detected=True, explains=True, causes=ROLL, gain=gain(0.5, 0.3), remainder=1.0)
-STRANGE = Named(effect("rail_pitch"), 0.6)
+STRANGE = PossibleCause(effect("rail_pitch"), 0.6)
 MISTAKE = SimpleNamespace(evidence="the reading a/P1 is 9 mm off")
 MISPLACED = replace(NOTHING, miss_m=2e-3, left_m=1e-4)
 USELESS = replace(
     MISPLACED, gain=gain(-0.1, -0.3), causes=(SimpleNamespace(effect=ROLL[0].effect),)
 )
-TILTS = (cause("joint_tilt:5", 0.6, rivals=(Named(effect("joint_tilt:6"), 0.4),)),)
+TILTS = (cause("joint_tilt:5", 0.6, rivals=(PossibleCause(effect("joint_tilt:6"), 0.4),)),)
 GEAR = (cause("joint_hardening:3"), cause("joint_lost_motion:3"))
 
 APART = Agreement(40.0, 5, np.ones((6, 2)), np.ones((6, 2)), None)
@@ -128,10 +135,7 @@ ROWS = {
         Verdict.ADEQUATE,
     ),
     Finding.TABLES_DISAGREE: (
-        Facts(
-            unloaded=replace(MISPLACED, gain=gain(0.9, 0.8), rough=True),
-            agreement=replace(APART, chi2=0.0),
-        ),
+        Facts(agreement=replace(APART, chi2=0.0, table_p=1e-4)),
         Verdict.UNEXPLAINED,
     ),
     Finding.REFLECTORS_LOOSE: (replace(FOUND, loose_p=1e-6), Verdict.UNEXPLAINED),
@@ -205,7 +209,7 @@ def test_what_fits_only_at_an_impossible_size_is_said_to():
 
 def test_only_what_is_likeliest_in_a_place_is_impossible_there():
     """Refused labels that another cause beats are no place to look at."""
-    likely, other = Rival("a", 0, 0.9), Rival("b", 1, 0.1)
+    likely, other = Replacement("a", 0, 0.9), Replacement("b", 1, 0.1)
     found = SimpleNamespace(rivals=((likely, other),), single=(), refused=("a", "b"))
     case = SimpleNamespace(suspects=("effect a", "effect b"))
 
@@ -297,9 +301,9 @@ def test_of_two_findings_on_the_displacements_the_first_is_told(facts, finding):
 def test_a_cause_certainly_many_times_its_usual_size_is_said_to_be(times, std, told):
     """An offset of 26 times the usual 5 mm is told, one that may be less than ten times is not."""
     one = effect("load_point_offset")
-    sizes = [Amplitude.symmetric(p, p.typical, p.typical) for p in one.parameters]
-    sizes[1] = Amplitude.symmetric(one.parameters[1], times * 5e-3, std * 5e-3)
-    found = Cause(one, 0.99, tuple(sizes), 1e-9)
+    sizes = [EffectSize.symmetric(p, p.typical, p.typical) for p in one.parameters]
+    sizes[1] = EffectSize.symmetric(one.parameters[1], times * 5e-3, std * 5e-3)
+    found = FoundCause(one, 0.99, tuple(sizes), 1e-9)
 
     said = enormous(found)
 

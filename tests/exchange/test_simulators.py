@@ -18,7 +18,7 @@ from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import SHIPPED, load
 from pipeline.machine.robot.model import model as pin_model
-from pipeline.prediction.model import Hypothesis, Model
+from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 
 POINTS = {"load_point": (0.15, 0.0, 0.25), "P1": (0.2, 0.05, 0.12), "P 2/::ü": (-0.1, 0.2, 0.1)}
 UPRIGHT = Rotation.from_euler("xyz", [[0.3, 0.5 * np.pi, 0], [0.2, -0.5 * np.pi, 0.7]]).as_matrix()
@@ -31,8 +31,8 @@ def model(robot, std=None):
     cell = paper_cell(robot, Tool.of(POINTS))
     value = robot.nominal_compliance
     cov = np.diag((value * (np.full(robot.n, 0.01) if std is None else std)) ** 2)
-    return Model(
-        "made -- up", "adequate", {"reason": "adequate"}, (Hypothesis(1.0, cell, value, cov),)
+    return IdentifiedModel(
+        "made -- up", "adequate", {"reason": "adequate"}, (ModelHypothesis(1.0, cell, value, cov),)
     )
 
 
@@ -181,8 +181,8 @@ def test_what_a_spring_cannot_carry_stands_in_the_file():
     (one,) = model(robot).hypotheses
     roll = next(e for e in catalogue(robot) if e.label == "rail_roll")
     cov = np.diag(np.append(np.diag(one.cov), 1e-18))
-    other = Hypothesis(0.25, one.cell.with_effects(roll), np.append(one.value, 2e-8), cov)
-    made = Model("c", "ambiguous", {}, (replace(one, weight=0.75), other))
+    other = ModelHypothesis(0.25, one.cell.with_effects(roll), np.append(one.value, 2e-8), cov)
+    made = IdentifiedModel("c", "ambiguous", {}, (replace(one, weight=0.75), other))
     text = ET.fromstring(written(made, "model.xml")).find("custom")
     said = {each.get("name"): each.get("data") for each in text}
 

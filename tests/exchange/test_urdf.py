@@ -20,7 +20,7 @@ from pipeline.machine.robot import load
 from pipeline.machine.robot.mdh import parse
 from pipeline.machine.robot.model import model
 from pipeline.prediction import model as handover
-from pipeline.prediction.model import Hypothesis
+from pipeline.prediction.model import ModelHypothesis
 
 FROM_PACKAGES = ("ur10", "ur10e", "kr210_l150", "kr210_r2700_2", "irb6640")
 LINK = '<link name="{0}"><inertial><mass value="{1}"/><origin xyz="{2}"/>{3}</inertial></link>'
@@ -218,8 +218,8 @@ def test_the_urdf_of_a_hand_over_is_the_robot_file(name):
     robot = load(name)
     robot = replace(robot, controller=tuple(joint.name for joint in robot.joints))
     cell = paper_cell(robot, Tool(np.zeros(3), np.array(["P1"], object), np.zeros((1, 3))))
-    known = Hypothesis(1.0, cell, robot.nominal_compliance, np.zeros((robot.n, robot.n)))
-    text = as_urdf(handover.Model("made", "adequate", {}, (known,))).decode()
+    known = ModelHypothesis(1.0, cell, robot.nominal_compliance, np.zeros((robot.n, robot.n)))
+    text = as_urdf(handover.IdentifiedModel("made", "adequate", {}, (known,))).decode()
     found = agreement(robot, text, "F_b", "F_flange", "model.urdf", np.random.default_rng(2))
     limits = pin.buildModelFromXML(text)
 

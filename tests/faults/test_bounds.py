@@ -13,7 +13,7 @@ from pipeline.reduction.bring import bring
 from pipeline.system.family import AWAY, FREEDOM, Family
 from pipeline.system.far import Far, _chance, far
 from pipeline.system.fit import fit
-from pipeline.system.linearised import Model, linearise
+from pipeline.system.linearised import CurrentModel, linearise
 
 
 @pytest.fixture(scope="module")
@@ -25,7 +25,7 @@ def case():
 def seen(case):
     """The campaign at its springs, all readings alike."""
     got = asked(case)
-    model = Model(case.cell, got.estimate.value, 7)
+    model = CurrentModel(case.cell, got.estimate.value, 7)
     return linearise(model, got.reduced.data, ())
 
 

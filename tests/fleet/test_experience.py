@@ -13,7 +13,7 @@ from pipeline.base.errors import InputError
 from pipeline.diagnosis.finding import Verdict
 from pipeline.fleet.experience import experience
 from pipeline.fleet.priors import toml
-from pipeline.reduction.settings import Prior
+from pipeline.reduction.settings import CausePrior
 from pipeline.run import answered
 from pipeline.simulate import simulate
 from pipeline.store.campaign import in_memory
@@ -112,7 +112,7 @@ def test_what_is_written_is_what_campaign_toml_takes():
     said = tomllib.loads(toml(experience(fleet(np.random.default_rng(5)), NAMES)))["priors"]
 
     assert set(said) == set(NAMES)
-    assert all(Prior(**one).odds == one["odds"] for one in said.values())
+    assert all(CausePrior(**one).odds == one["odds"] for one in said.values())
     assert said["rail_roll"]["size"] > 1.5
 
 

@@ -20,7 +20,7 @@ from pipeline.base.errors import UsageError
 from pipeline.fleet import tables as fleet
 from pipeline.fleet.query import ask
 from pipeline.run import run
-from pipeline.store.campaign import Campaign, find
+from pipeline.store.campaign import CampaignFolder, find
 
 pytest.importorskip("duckdb", reason="pip install 'rail-stiffness[query]'")
 HERE = Path(__file__).parents[2]
@@ -329,7 +329,7 @@ def test_a_table_is_for_people(finished, capsys):
 
 def test_a_campaign_has_another_name_than_our_folder(tmp_path):
     """`fleet` is where the tables are."""
-    assert Campaign(tmp_path, tmp_path / "data" / "raw" / "fleet")._unfit is not None
+    assert CampaignFolder(tmp_path, tmp_path / "data" / "raw" / "fleet")._unfit is not None
 
 
 def test_nothing_is_put_aside_into_the_current_folder(project):

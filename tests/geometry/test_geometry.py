@@ -8,9 +8,9 @@ import pytest
 from scipy.spatial.transform import Rotation
 
 from pipeline.geometry.curves import matern, over
-from pipeline.geometry.laws import Inputs, Law
-from pipeline.geometry.mechanism import Payloads, Weights, layout, linearised
-from pipeline.geometry.readings import Readings
+from pipeline.geometry.laws import Inputs, JointLaw
+from pipeline.geometry.mechanism import ArmWeights, Payloads, layout, linearised
+from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.study import Step, study
 from pipeline.geometry.worth import Parting
 from pipeline.machine.robot import load
@@ -50,7 +50,7 @@ def made(m, rng, law=lambda q: 0.0 * q, joint=1e-5, noise=1e-5):
     at = at + noise * rng.standard_normal(at.shape)
     turn = Rotation.from_rotvec(noise * rng.standard_normal(at.shape)).as_matrix() @ turn
     number = np.arange(m)
-    return Readings(
+    return PositionReadings(
         series=np.zeros(m, dtype=np.int64),
         names=np.array([""], dtype=object),
         pose=number,
@@ -69,7 +69,7 @@ def made(m, rng, law=lambda q: 0.0 * q, joint=1e-5, noise=1e-5):
 
 def weightless(m):
     tool = Payloads(("tool",), np.array([2.5]), np.array([[0.0, 0.0, 0.03]]), np.zeros((1, 4)))
-    return Weights(np.zeros(3), tool, np.zeros(m, dtype=np.int64))
+    return ArmWeights(np.zeros(3), tool, np.zeros(m, dtype=np.int64))
 
 
 def studied(readings, seed=0):
@@ -166,7 +166,7 @@ def test_derivatives_are_those_of_differences():
     """What the estimate is linear in, against the nonlinear model moved by hand."""
     readings = made(12, np.random.default_rng(3))
     found = studied(made(120, np.random.default_rng(8))).stages[1].found.mechanism
-    law = Law(3, "coupling", "angle", 5, 2.0)
+    law = JointLaw(3, "coupling", "angle", 5, 2.0)
     there = replace(found, laws=(law,), amplitudes=np.array([1e-4, -2e-4]))
     weights = replace(weightless(12), gravity=np.array([0, 0, -9.80665]))
     here = linearised(readings, there, weights)
@@ -190,7 +190,7 @@ def test_a_curve_is_forgotten_beyond_its_knots():
 
 
 def test_a_law_of_temperature_stays_where_it_was_taught():
-    law = Law(1, "smooth", "temperature", None, 1.0, 20.0, 2.0)
+    law = JointLaw(1, "smooth", "temperature", None, 1.0, 20.0, 2.0)
     none = np.zeros(4)
     air = np.array([20, 21, 30, np.nan])
     inputs = Inputs(np.zeros((4, 6)), np.zeros((4, 6)), air, none, none)
@@ -252,7 +252,7 @@ def test_predictions_are_of_the_robot_after_it_slipped(slipped):
 def test_a_step_of_torque_makes_no_prediction_uncertain_for_its_torque():
     """It is as high at any torque: only its amplitude is uncertain, as it is of a joint at rest."""
     found = studied(made(120, np.random.default_rng(8))).final
-    step = Law(2, "step", "torque", 2, 0.0)
+    step = JointLaw(2, "step", "torque", 2, 0.0)
     plain = replace(standing("made", found), gravity=np.array([0, 0, -9.80665]))
     where = layout(found.mechanism).laws.start
     cov = np.insert(np.insert(plain.cov, where, 0.0, axis=0), where, 0.0, axis=1)

@@ -13,9 +13,9 @@ from pipeline.answer.positions import payload_entries
 from pipeline.answer.remarks import contradicted
 from pipeline.geometry.begin import begin
 from pipeline.geometry.identify import Wanted, identify
-from pipeline.geometry.mechanism import Payloads, Weights, layout
-from pipeline.geometry.readings import Readings
-from pipeline.geometry.scatter import Scatter
+from pipeline.geometry.mechanism import ArmWeights, Payloads, layout
+from pipeline.geometry.readings import PositionReadings
+from pipeline.geometry.scatter import PoseScatter
 from pipeline.machine.robot import load
 from pipeline.machine.robot.mdh import parse
 from pipeline.prediction.standing import dumps, loads, predict, standing
@@ -110,7 +110,7 @@ class Machine:
     def readings(self):
         """What the instrument read."""
         m = len(self.q)
-        return Readings(
+        return PositionReadings(
             series=np.zeros(m, dtype=np.int64),
             names=np.array([""], dtype=object),
             pose=np.arange(m),
@@ -130,11 +130,11 @@ class Machine:
         """Springs beside a table that is right, in the noise that is true."""
         std = np.stack([stated, 2 * STATED])
         known = Payloads(("tool", "other"), np.array([MASS, 4.0]), np.stack([CENTRE] * 2), std)
-        scatter = Scatter(np.full(6, JOINT), NOISE, 1e-5, True)
+        scatter = PoseScatter(np.full(6, JOINT), NOISE, 1e-5, True)
         return identify(
             begin(self.robot, self.readings, {"T": TOOL}),
             self.readings,
-            Weights(GRAVITY, known, self.carried),
+            ArmWeights(GRAVITY, known, self.carried),
             Wanted(table=False),
             scatter,
         )

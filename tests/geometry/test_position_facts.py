@@ -8,14 +8,14 @@ import pytest
 from scipy.spatial.transform import Rotation
 from test_geometry import TOOL, made, stands, weightless
 
-from pipeline.answer.positions import Positions, answer
+from pipeline.answer.positions import PositionsFound, answer
 from pipeline.diagnosis.positions import bounds_of, facts_of
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import outlying
 from pipeline.geometry import blunders
 from pipeline.geometry.begin import begin
 from pipeline.geometry.identify import Wanted
-from pipeline.geometry.named import Data
+from pipeline.geometry.named import LawData
 from pipeline.geometry.scatter import start
 from pipeline.geometry.study import Stage, Step, Study, _without_blunders
 from pipeline.geometry.worth import distances, partings
@@ -48,7 +48,7 @@ def read(m=60, seed=1, noise=2e-5, targets=1):
 
 
 def data(readings, sigma=None):
-    return Data(readings, weightless(len(readings)), (np.nan, np.nan), start(ROBOT, sigma))
+    return LawData(readings, weightless(len(readings)), (np.nan, np.nan), start(ROBOT, sigma))
 
 
 def nothing(every):
@@ -140,7 +140,7 @@ def told(found, mistakes=()):
     toml = 'format = 1\nname = "h"\nrobot = "ur10"\n[positions]\nfile = "p.csv"\n'
     raw = in_memory({"campaign.toml": toml.encode(), "p.csv": rows.to_csv(index=False).encode()})
     none = pd.DataFrame(columns=["file", "line", "reason"])
-    return answer(Positions.of("h", raw, found, mistakes, none))
+    return answer(PositionsFound.of("h", raw, found, mistakes, none))
 
 
 def test_mistakes_and_what_is_refuted_give_the_controller_no_number(clean):

@@ -11,7 +11,7 @@ from test_geometry import made, stands
 from pipeline.base.errors import InputError, UsageError
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import configure, load
-from pipeline.prediction.model import Hypothesis, Model, dumps
+from pipeline.prediction.model import IdentifiedModel, ModelHypothesis, dumps
 from pipeline.programs.predict import Of, predicted
 from pipeline.report.model import compose
 from pipeline.run import run
@@ -155,9 +155,9 @@ def test_a_campaign_of_pulls_predicts_where_its_targets_are_under_a_force(tmp_pa
     robot, point = load("ur10"), np.array([0.05, -0.02, 0.12])
     tool = Tool(point, np.array(["P1"], dtype=object), point[None])
     x, std = np.array([2e-6, 3e-6, 4e-6, 0.0, 0.0, 0.0]), np.full(6, 1e-8)
-    one = Hypothesis(1.0, paper_cell(robot, tool), x, np.diag(std**2))
+    one = ModelHypothesis(1.0, paper_cell(robot, tool), x, np.diag(std**2))
     said = {"model": "joint_springs", "data": "as_given", "reason": "adequate"}
-    model = Model("pulled", "adequate", said, (one,), np.ones(6, dtype=bool))
+    model = IdentifiedModel("pulled", "adequate", said, (one,), np.ones(6, dtype=bool))
     reports = find(tmp_path, "pulled").reports
     reports.mkdir(parents=True)
     (reports / "model.toml").write_text(dumps(model))

@@ -10,7 +10,7 @@ from mixed_campaign import HIGH, LOAD_POINT, LOW
 
 from pipeline.geometry.begin import begin
 from pipeline.geometry.identify import Wanted, identify
-from pipeline.geometry.mechanism import Mechanism, Payloads, Weights, layout
+from pipeline.geometry.mechanism import ArmWeights, Mechanism, Payloads, layout
 from pipeline.geometry.scatter import start
 from pipeline.geometry.stance import by_masses
 from pipeline.machine.cell import Cell, Tool, baseline, predict
@@ -56,7 +56,7 @@ def test_a_robot_stands_where_weight_and_pull_have_turned_it(arm, size):
     """To a three-thousandth of how far they turn it; ten times that at the commanded joints."""
     robot, c, machine, q = arm
     m, never = len(q), np.full(len(q), np.nan)
-    weights = Weights(GRAVITY, NOTHING, np.zeros(m, dtype=np.int64))
+    weights = ArmWeights(GRAVITY, NOTHING, np.zeros(m, dtype=np.int64))
     one = mechanism(robot, c)
     pull = (size, LOAD_POINT, FAR) if size else None
     force = np.tile(size * FAR / np.linalg.norm(FAR), (m, 1))
@@ -118,7 +118,7 @@ def test_masses_that_are_off_count_as_springs_that_are(arm):
     rng = np.random.default_rng(5)
     q = rng.uniform(LOW, HIGH, (60, robot.n))
     readings = read(machine, q, rng)
-    weights = Weights(GRAVITY, NOTHING, np.zeros(len(q), dtype=np.int64))
+    weights = ArmWeights(GRAVITY, NOTHING, np.zeros(len(q), dtype=np.int64))
     tool = {f"P{k}": at for k, at in enumerate(TOOL, 1)}
 
     def estimate(one):

@@ -18,7 +18,7 @@ from pipeline.check.look import check
 from pipeline.intake import look
 from pipeline.intake.known import settled
 from pipeline.readers import Hints
-from pipeline.readers.known import Body
+from pipeline.readers.known import ReflectorSet
 from pipeline.reduction.ingest import ingest
 from pipeline.store.campaign import in_memory
 
@@ -272,7 +272,9 @@ def test_which_way_azimuths_grow_only_points_off_a_plane_settle():
         for name, at in places.items():
             far, turn, down = seen(np.add(at, (-3.0, 2.0, -1.0)))
             lines.append(f"{name};{turn / 0.9:.7f};{down / 0.9:.7f};{1e3 * far:.4f}\n")
-        found, why = settled("t.txt", "".join(lines).encode(), said, [Body("[base_frame]", places)])
+        found, why = settled(
+            "t.txt", "".join(lines).encode(), said, [ReflectorSet("[base_frame]", places)]
+        )
         assert found.horizontal == sense
         assert len(why) == (sense is not None)
 

@@ -20,7 +20,7 @@ from pipeline.library.joints import joint_values
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot.mdh import parse as parse_robot
 from pipeline.machine.robot.model import model as pin_model
-from pipeline.prediction.model import Model, dumps
+from pipeline.prediction.model import IdentifiedModel, dumps
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import dump
 
@@ -203,7 +203,9 @@ def doubtful(result):
         cell = known.cell.with_effects(more)
         parts.append(replace(known, weight=weight, cell=cell, value=value, cov=cov))
     said = result.model.identified
-    return pipeline.Model(Model(said.campaign, said.verdict, said.recommended, tuple(parts)))
+    return pipeline.Model(
+        IdentifiedModel(said.campaign, said.verdict, said.recommended, tuple(parts))
+    )
 
 
 def test_the_stiffness_of_a_model_with_causes_is_its_slope(doubtful, q):

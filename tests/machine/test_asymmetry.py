@@ -29,7 +29,7 @@ from pipeline.prediction.compensate import Compensation, Path, compensate
 from pipeline.prediction.compliance import cartesian_stiffness
 from pipeline.prediction.model import dumps
 from pipeline.prediction.model import parse as parse_model
-from pipeline.report.record import Table
+from pipeline.report.record import ReportTable
 from pipeline.report.sections.stiffness import stiffness as section
 from pipeline.run import answered
 from pipeline.store.campaign import in_memory
@@ -275,7 +275,7 @@ def test_the_first_screen_and_the_table_say_which_way_the_axis_turns():
     assert "A3 towards plus" in plus
     assert f" {shown}" in plus
     assert f"{joint.by_sign.positive.value / 1e6:.2f}"[:3] in minus
-    tables = [part for part in section(run.answer, None).blocks if isinstance(part, Table)]
+    tables = [part for part in section(run.answer, None).blocks if isinstance(part, ReportTable)]
     table = next(one for one in tables if one.name == "stiffness")
     titles = [column.title for column in table.columns]
     row = table.rows[3]

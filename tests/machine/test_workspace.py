@@ -11,7 +11,7 @@ from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
 from pipeline.machine.robot.model import model
-from pipeline.prediction.model import Hypothesis, Model
+from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 from pipeline.prediction.workspace import _seen, arm_joints, workspace
 from pipeline.reduction.pose_of_interest import Where
 from pipeline.system.system import Estimate, Goodness
@@ -57,7 +57,7 @@ def estimate_of(cell, unknown=None):
 
 def known(cell, estimate):
     """What is certain: one hypothesis."""
-    return [Hypothesis(1.0, cell, estimate.value, estimate.cov)]
+    return [ModelHypothesis(1.0, cell, estimate.value, estimate.cov)]
 
 
 def moved(cell, q, force, x):
@@ -114,9 +114,9 @@ def test_its_uncertainty_holds_what_hypotheses_differ_by():
     """Of two equally likely robots, 10 % apart, the map is the middle, uncertain by half of it."""
     cell, where = cell_of("kr500_rail"), Where(np.array(Q["kr500_rail"]), np.ones(3), True)
     x = cell.robot.nominal_compliance
-    both = [Hypothesis(0.5, cell, f * x, np.zeros((7, 7))) for f in (0.95, 1.05)]
+    both = [ModelHypothesis(0.5, cell, f * x, np.zeros((7, 7))) for f in (0.95, 1.05)]
     here = workspace(both, where).iloc[0]
-    middle = workspace([Hypothesis(1.0, cell, x, np.zeros((7, 7)))], where).iloc[0]
+    middle = workspace([ModelHypothesis(1.0, cell, x, np.zeros((7, 7)))], where).iloc[0]
 
     assert here["worst_m_per_n"] == pytest.approx(middle["worst_m_per_n"], rel=1e-9)
     assert here["std_m_per_n"] == pytest.approx(0.05 * middle["worst_m_per_n"], rel=1e-6)
@@ -172,7 +172,7 @@ def test_a_hypothesis_without_weight_takes_no_uncertainty():
     both = (*one, replace(blind[0], weight=0.0))
 
     assert workspace(both, where).equals(workspace(one, where))
-    models = [Model("", "adequate", {}, tuple(those)) for those in (both, one)]
+    models = [IdentifiedModel("", "adequate", {}, tuple(those)) for those in (both, one)]
     first, second = (model.predict(where.q, where.force).std for model in models)
     assert first == pytest.approx(second)
 

@@ -18,7 +18,7 @@ from pipeline.reduction.bring import conformed
 from pipeline.report.render import render
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
-from pipeline.store.campaign import Campaign, dump, in_memory
+from pipeline.store.campaign import CampaignFolder, dump, in_memory
 from pipeline.system.combinations import information as information_of
 from pipeline.system.combinations import mixes, parting
 from pipeline.system.estimate import solve
@@ -192,7 +192,9 @@ def test_what_is_known_is_what_numpy_finds(world, told):
 def test_undetermined_is_no_rejection(world, told, tmp_path):
     """Exit 0, with --strict a doubt; JSON, page, PDF and hand-over hold what is known."""
     _, found, _ = told(world)
-    done = outcome(Campaign(tmp_path, tmp_path / world.replace(" ", "-")), lambda _: found.answer)
+    done = outcome(
+        CampaignFolder(tmp_path, tmp_path / world.replace(" ", "-")), lambda _: found.answer
+    )
     pages = render(found.answer, found.shown, 1.0, None)
 
     assert done.exit_code == 0

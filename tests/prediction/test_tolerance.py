@@ -15,13 +15,13 @@ from pipeline.machine.robot import load, rating
 from pipeline.machine.robot.mdh import parse as robot_of
 from pipeline.prediction.compensate import Path
 from pipeline.prediction.decision import Decision, decide
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.tolerance import Shown, nominal, stretches, table, tip
 from pipeline.reduction.case import tool
 from pipeline.reduction.settings import parse
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
-from pipeline.store.campaign import Campaign, in_memory
+from pipeline.store.campaign import CampaignFolder, in_memory
 
 PLAN = Plan(name="part", seed=5, poses={"count": 9}, pulls={"steps_n": [1500.0, 3000.0]})
 HEAD = "pose,r1_m,theta2_deg,theta3_deg,theta4_deg,theta5_deg,theta6_deg,theta7_deg,fx_n,fy_n,fz_n"
@@ -126,7 +126,7 @@ def test_without_left_out_poses_the_model_is_taken_at_its_word(found):
 
 def _with(model, value):
     one = replace(model.hypotheses[0], value=value)
-    return Model(model.campaign, model.verdict, model.recommended, (one,))
+    return IdentifiedModel(model.campaign, model.verdict, model.recommended, (one,))
 
 
 def test_a_stiffness_that_nobody_knows_leaves_it_undecided(found):
@@ -134,7 +134,7 @@ def test_a_stiffness_that_nobody_knows_leaves_it_undecided(found):
     model = found[0].model
     cov = model.hypotheses[0].cov.copy()
     cov[1, 1] = np.inf
-    lost = Model("", "", {}, (replace(model.hypotheses[0], cov=cov),))
+    lost = IdentifiedModel("", "", {}, (replace(model.hypotheses[0], cov=cov),))
     q, force = _pose(1000.0)
     sideways = force[[2, 0, 1]]
 
@@ -199,7 +199,7 @@ def test_check_reads_the_path(files, tmp_path):
     for name, data in good.items():
         (folder / name).write_bytes(data)
 
-    assert check(Campaign(tmp_path, folder)).content["tolerance"] == {
+    assert check(CampaignFolder(tmp_path, folder)).content["tolerance"] == {
         "deflection_mm": 1.0,
         "file": "part.csv",
         "points": 2,
@@ -207,7 +207,7 @@ def test_check_reads_the_path(files, tmp_path):
     }
     (folder / "part.csv").write_bytes(path(100).replace(b"-100", b"x"))
     with pytest.raises(InputError) as refused:
-        check(Campaign(tmp_path, folder))
+        check(CampaignFolder(tmp_path, folder))
     assert (refused.value.file, refused.value.line) == ("part.csv", 2)
 
 

@@ -27,7 +27,7 @@ from pipeline.machine.robot import load
 from pipeline.machine.robot.model import model as pin_model
 from pipeline.prediction import compensate
 from pipeline.prediction import model as handover
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 from pipeline.programs import joint_path
 from pipeline.programs.corrected import Given, program, write
 from pipeline.run import run, tool
@@ -80,7 +80,7 @@ def handed(campaign, read_back):
 def whole(cell, estimate):
     """A model that is certain: one hypothesis."""
     reason = {"model": "joint_springs", "data": "as_given", "reason": "adequate"}
-    return Model("c", "adequate", reason, (handover.part(1.0, cell, estimate),))
+    return IdentifiedModel("c", "adequate", reason, (handover.part(1.0, cell, estimate),))
 
 
 @pytest.fixture(scope="module")
@@ -172,7 +172,7 @@ def test_measurements_are_never_written_beside(demo):
 
 def test_beyond_the_hardest_pull_one_counts_on_less(demo, path):
     """Three times the force is three times the error at left-out poses, where that decides."""
-    model = Model.load(demo / "reports" / "kr500_demo" / "model.toml")
+    model = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml")
     hardest = np.linalg.norm(path.force, axis=1).max()
     harder = replace(path, force=path.force * 3 * model.pulled_n[1] / hardest)
     usual, beyond = (compensate.compensate(model, one) for one in (path, harder))
@@ -216,7 +216,7 @@ def test_predicted_intervals_hold_in_the_whole_workspace(models, true):
 def test_the_file_holds_all_of_the_model(demo):
     """What is read back from model.toml is what was written, and stands in result.json."""
     path = demo / "reports" / "kr500_demo" / "model.toml"
-    model, content = Model.load(path), tomllib.loads(path.read_text("utf-8"))
+    model, content = IdentifiedModel.load(path), tomllib.loads(path.read_text("utf-8"))
     answer = find(demo, "kr500_demo").result()
 
     assert handover.dumps(model) == path.read_text("utf-8")
@@ -228,7 +228,7 @@ def test_the_file_holds_all_of_the_model(demo):
 
 def test_what_left_out_poses_showed_travels_and_is_counted_on(demo, path):
     """Their error, as in result.json, is what the sentence about a path counts on at least."""
-    model = Model.load(demo / "reports" / "kr500_demo" / "model.toml")
+    model = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml")
     said = find(demo, "kr500_demo").result()["validation"]["held_out_rms_mm"]
     found = compensate.compensate(model, path)
     own = 2e3 * found.std.max()
@@ -245,7 +245,7 @@ def test_what_left_out_poses_showed_travels_and_is_counted_on(demo, path):
 
 def test_named_effects_travel_and_those_of_the_measurement_stay(demo):
     """Rail roll is part of the machine, the scale's gain is not; values stay with their names."""
-    model = Model.load(demo / "reports" / "kr500_demo" / "model.toml")
+    model = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml")
     known = {effect.label: effect for effect in catalogue(ROBOT)}
     cell = model.hypotheses[0].cell.with_effects(known["scale_gain"], known["rail_roll"])
     k = len(cell.parameters)
@@ -264,7 +264,7 @@ def test_named_effects_travel_and_those_of_the_measurement_stay(demo):
 
 def test_an_undetermined_spring_makes_predictions_uncertain_where_it_acts(demo):
     """Infinite for a force that turns joint 7, finite for one through its axis."""
-    model = Model.load(demo / "reports" / "kr500_demo" / "model.toml")
+    model = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml")
     cov = model.cov.copy()
     cov[6, :] = cov[:, 6] = 0.0
     cov[6, 6] = np.inf
@@ -279,14 +279,16 @@ def test_an_undetermined_spring_makes_predictions_uncertain_where_it_acts(demo):
 
 def test_a_prediction_is_that_of_draws_over_the_hypotheses(demo):
     """Draw a hypothesis by its weight, then its parameters: mean and spread are what is stated."""
-    (one,) = Model.load(demo / "reports" / "kr500_demo" / "model.toml").hypotheses
+    (one,) = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml").hypotheses
     roll = next(e for e in catalogue(ROBOT) if e.label == "rail_roll")
     k = len(one.value)
     value = np.append(1.15 * one.value, 2e-8)
     cov = np.zeros((k + 1, k + 1))
     cov[:k, :k], cov[k, k] = one.cov, 1e-18
-    other = handover.Hypothesis(0.3, one.cell.with_effects(roll), value, cov)
-    model = Model("c", "ambiguous", {"reason": "rivals"}, (replace(one, weight=0.7), other))
+    other = handover.ModelHypothesis(0.3, one.cell.with_effects(roll), value, cov)
+    model = IdentifiedModel(
+        "c", "ambiguous", {"reason": "rivals"}, (replace(one, weight=0.7), other)
+    )
     q, force = np.array([5.0, *np.deg2rad([-10, 40, 30, 50, 20, 10])]), np.array([300, -500, 200.0])
     rng, drawn = np.random.default_rng(4), []
     for draw in range(2000):
@@ -308,7 +310,7 @@ def test_a_prediction_is_that_of_draws_over_the_hypotheses(demo):
 
 def test_a_joint_that_the_answer_does_not_state_has_no_stiffness(demo):
     """Known to a finite uncertainty and yet not determined: neither file gives it a stiffness."""
-    model = Model.load(demo / "reports" / "kr500_demo" / "model.toml")
+    model = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml")
     unstated = replace(model, stated=np.arange(7) != 5)
     content = tomllib.loads(handover.dumps(unstated))
     read = ElementTree.fromstring(urdf(unstated))
@@ -329,7 +331,7 @@ def test_a_model_of_an_older_format_is_refused_with_the_way_out(demo):
 
 def test_other_programs_read_the_urdf(demo):
     """Pinocchio's own URDF reader builds the same robot, whatever way its frames are turned."""
-    model = Model.load(demo / "reports" / "kr500_demo" / "model.toml")
+    model = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml")
     rng = np.random.default_rng(3)
     turned = replace(
         ROBOT, placement=np.array([pin.exp6(a).homogeneous for a in rng.normal(0, 1, (7, 6))])
@@ -367,7 +369,7 @@ def test_a_path_with_a_hole_is_refused():
 
 def test_a_path_in_controller_axes_gets_offsets_in_controller_axes(demo):
     """A1..A6 in, offsets of A1..A6 out: they correct as those of the joints do."""
-    model = Model.load(demo / "reports" / "kr500_demo" / "model.toml")
+    model = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml")
     own = joint_path.read("path.csv", DEMO_PATH.read_bytes(), ROBOT)
     axes = (own.q - ROBOT.controller_offset) @ np.linalg.inv(ROBOT.controller_matrix).T
     head = "pose,E1_m," + ",".join(f"A{j}_deg" for j in range(1, 7)) + ",fx_n,fy_n,fz_n"

@@ -15,7 +15,7 @@ from made_programs import Abb, Fanuc, Kuka, Ur, frame, on_a_rail
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import load
 from pipeline.prediction import model as handover
-from pipeline.prediction.model import Model
+from pipeline.prediction.model import IdentifiedModel
 from pipeline.programs.corrected import Given, program
 
 TIP = np.array([0.1, 0.0, 0.2])
@@ -46,7 +46,7 @@ def identified(root, robot):
     cell = paper_cell(robot, Tool.of({"load_point": TIP, "P1": TIP}))
     reason = {"model": "joint_springs", "data": "as_given", "reason": "adequate"}
     part = handover.part(1.0, cell, Known(robot))
-    model = Model(robot.name, "adequate", reason, (part,), None, 1e-5)
+    model = IdentifiedModel(robot.name, "adequate", reason, (part,), None, 1e-5)
     (reports / "model.toml").write_text(handover.dumps(model), "utf-8")
     return BendingRobot(robot, 1 / Known(robot).value)
 

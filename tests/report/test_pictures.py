@@ -21,7 +21,7 @@ from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.model import model
-from pipeline.prediction.model import Hypothesis as Handed
+from pipeline.prediction.model import ModelHypothesis as Handed
 from pipeline.prediction.workspace import arm_in_plane
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.pose_of_interest import Where, place_of_interest

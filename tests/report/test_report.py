@@ -14,7 +14,7 @@ import pytest
 import report_sample
 from matplotlib import rc_context
 from matplotlib.figure import Figure as Canvas
-from matplotlib.text import Text as Label
+from matplotlib.text import Paragraph as Label
 from pdf_text import filled, pages_of
 from pydantic import BaseModel
 from pypdf.generic import DictionaryObject
@@ -25,7 +25,15 @@ from pipeline.report.certificate import digest
 from pipeline.report.figures.catalogue import CATALOGUE, draw
 from pipeline.report.model import compose
 from pipeline.report.paper import printed
-from pipeline.report.record import Column, Entry, Figure, Report, Section, Table, Text
+from pipeline.report.record import (
+    Column,
+    Figure,
+    Paragraph,
+    Report,
+    ReportTable,
+    Section,
+    TableEntry,
+)
 from pipeline.report.render import pdf, render
 from pipeline.report.sections.stiffness import stiffness
 from pipeline.report.summaries import courses, has
@@ -203,7 +211,7 @@ def test_a_joint_that_is_not_determined_gets_no_number(sample):
     """No stiffness is stated for a joint that the poses do not determine, and the way out is."""
     report = compose(*sample)
     section = part(report, "stiffness")
-    table = next(b for b in section.blocks if isinstance(b, Table))
+    table = next(b for b in section.blocks if isinstance(b, ReportTable))
     row = [cell.text for cell in table.rows[6]]
 
     assert row[:3] == ["k_theta7", "not determined", numbers.MISSING]
@@ -213,7 +221,7 @@ def test_a_joint_that_is_not_determined_gets_no_number(sample):
 def test_stiffness_is_shown_in_one_prefix_with_its_unit(sample):
     """All joints share a prefix, so that their numbers can be compared by eye."""
     section = part(compose(*sample), "stiffness")
-    table = next(b for b in section.blocks if isinstance(b, Table))
+    table = next(b for b in section.blocks if isinstance(b, ReportTable))
     shown = [(row[1].text, row[3].text) for row in table.rows[:2]]
 
     assert shown == [("77.92 ± 0.32", "MN/m"), ("3.751 ± 0.030", "MN·m/rad")]
@@ -235,6 +243,12 @@ def bared(value, model=Answer):
     return {key: bared(value[key], hints[name]) for key, name in here.items()}
 
 
+@pytest.fixture(scope="module")
+def whole(sample):
+    """The parts of its report by their keys."""
+    return {section.key: section for section in compose(*sample).sections}
+
+
 def test_what_is_null_leaves_its_part_out_and_nothing_else(sample):
     """Whatever an answer may leave open is null, in every joint, too: there still is a report."""
     answer, tables = sample
@@ -245,7 +259,7 @@ def test_what_is_null_leaves_its_part_out_and_nothing_else(sample):
 
     keys = [section.key for section in report.sections]
     assert keys == [key for key in ORDER if key not in ("identity", "validation", "budget")]
-    table = next(b for b in part(report, "stiffness").blocks if isinstance(b, Table))
+    table = next(b for b in part(report, "stiffness").blocks if isinstance(b, ReportTable))
     assert [row[1].text for row in table.rows] == [
         "not determined" if not joint.identifiable else numbers.MISSING
         for joint in answer.stiffness
@@ -270,7 +284,7 @@ def test_what_is_null_leaves_its_part_out_and_nothing_else(sample):
     ],
     ids=lambda path: ".".join(map(str, path)),
 )
-def test_a_fact_that_is_open_changes_its_own_part_only(sample, path):
+def test_a_fact_that_is_open_changes_its_own_part_only(sample, whole, path):
     """One null: every other part says what it said."""
     answer, tables = sample
 
@@ -280,7 +294,6 @@ def test_a_fact_that_is_open_changes_its_own_part_only(sample, path):
             content = content[key]
         content[last] = None
 
-    whole = {section.key: section for section in compose(answer, tables).sections}
     said = compose(report_sample.revised(answer, forget), tables)
 
     changed = {s.key for s in said.sections if s != whole[s.key]}
@@ -390,11 +403,11 @@ def test_an_identified_cause_is_compared_as_large_as_it_was_found(sample):
     told = {**tables, "separability": pairs.assign(sigmas_found=np.where(own, 2.25, np.nan))}
 
     caption = next(f for f in compose(answer, told).figures if f.name == "separability").caption
-    page = render(answer, told)["index.html"].decode()
+    drawn = draw("separability", answer, told).inline
 
     assert "3 could not be" in caption
     assert "at the magnitude that these readings give" in caption
-    tips = re.findall(r'data-tip="([^"]* or [^"]* σ[^"]*)"', page)
+    tips = re.findall(r'data-tip="([^"]* or [^"]* σ[^"]*)"', drawn)
     assert sorted(tips) == [
         "tilt of the bearing in joint 2 or roll of the carriage about the rail: 0.80 σ",
         "wrong zero of the spring scale or roll of the carriage about the rail: 2.2 σ, "
@@ -448,7 +461,7 @@ def test_suspects_are_ordered_by_their_evidence(sample):
 def test_every_stiffness_stands_in_page_and_pdf(sample, html, files):
     """Both renderings show every joint with the same digits."""
     section = part(compose(*sample), "stiffness")
-    table = next(block for block in section.blocks if isinstance(block, Table))
+    table = next(block for block in section.blocks if isinstance(block, ReportTable))
     spoken = pdf_words(files["report.pdf"])
 
     for row in table.rows:
@@ -466,8 +479,8 @@ def test_no_page_of_the_pdf_is_half_empty(files):
 def test_a_number_and_its_uncertainty_stay_on_one_line(reader):
     """Also in a table of more columns than fit at the usual size, which is set smaller."""
     columns = tuple(Column(f"Value {k} [mm]", numeric=True) for k in range(9))
-    rows = (tuple(Entry("123.7747 ± 0.0065", 123.7747) for _ in columns),) * 4
-    wide = Section("wide", "Wide", (Table("wide", "Wide", columns, rows),))
+    rows = (tuple(TableEntry("123.7747 ± 0.0065", 123.7747) for _ in columns),) * 4
+    wide = Section("wide", "Wide", (ReportTable("wide", "Wide", columns, rows),))
     report = Report("k", "h", "Joint stiffness of all", "Fits", "good", (), (wide,))
     pages = pypdf.PdfReader(io.BytesIO(pdf(report, {}))).pages
     right = [tm[4] for page in pages for tm in _places(page)]
@@ -509,7 +522,7 @@ def told(report):
     for section in report.sections:
         yield section.title
         for block in section.blocks:
-            if isinstance(block, Table):
+            if isinstance(block, ReportTable):
                 yield from (block.title, block.note, *(c.text for row in block.rows for c in row))
             else:
                 yield getattr(block, "text", None) or block.caption
@@ -522,7 +535,7 @@ def test_the_page_says_all_and_the_pdf_what_is_printed(sample, html, files):
     page, spoken = words(escaping.unescape(html)), pdf_words(files["report.pdf"])
     report = compose(*sample)
     on_paper, everywhere = list(told(printed(report))), list(told(report))
-    titles = [b.title for s in report.sections for b in s.blocks if not isinstance(b, Text)]
+    titles = [b.title for s in report.sections for b in s.blocks if not isinstance(b, Paragraph)]
     lacking = [one for one in titles if one not in on_paper and words(one) not in spoken]
 
     assert len(everywhere) > len(on_paper) > 90
@@ -666,7 +679,7 @@ def test_tables_of_the_pdf_have_header_cells(reader, sample):
     """Every table is a table with headings to a screen reader, not a drawing of one."""
     kinds = [str(e.get("/S")) for e in structure(reader.trailer["/Root"]["/StructTreeRoot"])]
     report = printed(compose(*sample))
-    tables = [b for s in report.sections for b in s.blocks if isinstance(b, Table)]
+    tables = [b for s in report.sections for b in s.blocks if isinstance(b, ReportTable)]
     values = 4 + any(bar.enter for bar in report.certificate.bars)  # of the certificate
 
     assert kinds.count("/Table") == 1 + len(tables)
@@ -687,7 +700,7 @@ def test_nothing_short_is_cut_by_a_page(files, sample):
         for block in (block for one in printed(report).sections for block in one.blocks):
             if isinstance(block, Figure):
                 ends = words(AXIS[block.name]), words(block.caption)[-40:]
-            elif isinstance(block, Table) and len(block.rows) <= 14:
+            elif isinstance(block, ReportTable) and len(block.rows) <= 14:
                 ends = words(block.title), words("".join(c.text for c in block.rows[-1]))
             else:
                 continue
@@ -748,7 +761,7 @@ def test_what_is_true_of_several_stiffnesses_is_said_once(sample):
     )
 
     section = stiffness(sample[0].model_copy(update={"stiffness": joints}), None)
-    said = [block.text for block in section.blocks if isinstance(block, Text)]
+    said = [block.text for block in section.blocks if isinstance(block, Paragraph)]
 
     rest = "which the data do not exclude; its interval covers each of them."
     tilt = "depends on whether the cause is tilt of the bearing in joint"

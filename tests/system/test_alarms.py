@@ -13,7 +13,7 @@ from pipeline.run import tool
 from pipeline.store.campaign import in_memory
 from pipeline.system import alarms
 from pipeline.system.detect import threshold
-from pipeline.system.linearised import Model, linearise
+from pipeline.system.linearised import CurrentModel, linearise
 from pipeline.system.whitened import whiten
 
 PACKAGE = Path(alarms.__file__).parents[1]
@@ -115,7 +115,7 @@ def test_a_planned_suspect_has_the_rate_that_a_measured_one_finds(small_campaign
     """The whole catalogue of a robot on a rail, tested in one campaign: its threshold."""
     raw = in_memory(small_campaign.files)
     cell = paper_cell(raw.robot, tool(raw.settings))
-    model = Model(cell, raw.robot.nominal_compliance, 7)
+    model = CurrentModel(cell, raw.robot.nominal_compliance, 7)
     seen = linearise(model, read_back(small_campaign).data, catalogue(raw.robot))
     view = whiten(seen, 1.0)
     found = threshold(view, view.base, view.rows_left, np.random.default_rng(1))

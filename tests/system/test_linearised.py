@@ -10,7 +10,7 @@ from pipeline.machine.cell import load, paper_cell, predict
 from pipeline.machine.effects import catalogue
 from pipeline.run import tool
 from pipeline.store.campaign import in_memory
-from pipeline.system.linearised import Model, accepted_columns, linearise, owners
+from pipeline.system.linearised import CurrentModel, accepted_columns, linearise, owners
 
 NAMES = ("rail_roll", "compensator", "scale_zero", "joint_hardening:3", "base_rotation")
 """Suspects that are elastic, of two parameters, at the force, in a gear and at the instrument."""
@@ -32,7 +32,7 @@ def modelled(cell, suspects, accepted=()):
     values = cell.robot.nominal_compliance * np.linspace(0.8, 1.2, 7)
     mine = [suspects[i] for i in accepted]
     more = [p.typical / 3 for effect in mine for p in effect.parameters]
-    return Model(cell.with_effects(*mine), np.append(values, more), 7, accepted)
+    return CurrentModel(cell.with_effects(*mine), np.append(values, more), 7, accepted)
 
 
 def displaced(cell, data, values):

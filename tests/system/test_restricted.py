@@ -9,7 +9,7 @@ from made_system import TYPICAL, dense, made, restricted
 from scipy import optimize, stats
 
 from pipeline.base.arrays import Parameter
-from pipeline.system.restricted import Blocks, lowest, maximum
+from pipeline.system.restricted import PaddedRows, lowest, maximum
 from pipeline.system.system import Errors, Rows, System
 
 GROUPS = [("tracker", "zero"), ("force_reading",)]
@@ -48,7 +48,7 @@ def test_the_loss_is_the_restricted_likelihood_of_the_whole_matrix(common):
     """Up to a constant: differences between scales, with errors common to all poses or without."""
     system = SYSTEM if common else made(np.random.default_rng(8), common=False)
     X = system.B * TYPICAL
-    blocks = Blocks.of(system, X, GROUPS)
+    blocks = PaddedRows.of(system, X, GROUPS)
     start = blocks.whole(np.zeros(2)) - whole(np.zeros(2), system, X)
 
     for log_scale in np.random.default_rng(1).uniform(-1, 1, (6, 2)):
@@ -63,7 +63,7 @@ def test_the_part_of_a_pose_is_its_own_density():
 
     How large the displacements are tells nothing of how unlike each other poses scatter.
     """
-    blocks = Blocks.of(SYSTEM, B, GROUPS)
+    blocks = PaddedRows.of(SYSTEM, B, GROUPS)
     unit = np.sqrt(np.mean(SYSTEM.c**2))
     V = dense(SYSTEM, {"force_reading": np.exp(0.4)}, common=False)
     own, _ = blocks.loss(np.array([0.0, 0.4]))
@@ -78,7 +78,7 @@ def test_the_part_of_a_pose_is_its_own_density():
 
 def test_sources_that_no_component_names_stay_as_stated():
     """Of the force alone the scale moves: tracker and zeros are the rest."""
-    blocks = Blocks.of(SYSTEM, B, GROUPS[1:])
+    blocks = PaddedRows.of(SYSTEM, B, GROUPS[1:])
     found = [blocks.whole(np.array([t])) for t in (0.0, 0.8)]
 
     assert found[1] - found[0] == pytest.approx(
@@ -89,7 +89,7 @@ def test_sources_that_no_component_names_stay_as_stated():
 def test_dependent_fixed_effects_count_once():
     """A twin in any unit: the same likelihood and the same degrees of freedom."""
     twin = np.column_stack([B, 1e3 * (B[:, 0] - B[:, 1])])
-    plain, twice = (Blocks.of(SYSTEM, X, GROUPS) for X in (B, twin))
+    plain, twice = (PaddedRows.of(SYSTEM, X, GROUPS) for X in (B, twin))
     scales = np.array([[0.0, 0.0], [0.5, -0.3]])
     change = [np.subtract(*(blocks.whole(t) for t in scales)) for blocks in (plain, twice)]
 
@@ -100,7 +100,7 @@ def test_dependent_fixed_effects_count_once():
 def test_nothing_is_estimated_where_there_are_no_fixed_effects():
     """Without fixed effects and common errors the likelihood is that of the data themselves."""
     system = made(np.random.default_rng(8), common=False)
-    blocks = Blocks.of(system, np.zeros((len(system.c), 0)), GROUPS)
+    blocks = PaddedRows.of(system, np.zeros((len(system.c), 0)), GROUPS)
     unit = np.sqrt(np.mean(system.c**2))
     V = dense(system)
 
@@ -115,20 +115,20 @@ def test_errors_that_leave_a_direction_without_scatter_are_impossible():
     errors = Errors(
         SYSTEM.errors.G[:, keep], SYSTEM.errors.source[keep], SYSTEM.errors.common[keep]
     )
-    blocks = Blocks.of(replace(SYSTEM, errors=errors), B, GROUPS[1:])
+    blocks = PaddedRows.of(replace(SYSTEM, errors=errors), B, GROUPS[1:])
 
     assert blocks.whole(np.zeros(1)) == np.inf
 
 
 def test_the_rough_scale_is_the_root_of_mean_squares():
     """What the fixed effects leave over what all components state, both summed over the rows."""
-    blocks = Blocks.of(SYSTEM, B, GROUPS)
+    blocks = PaddedRows.of(SYSTEM, B, GROUPS)
     r = SYSTEM.c - B @ np.linalg.lstsq(B, SYSTEM.c, rcond=None)[0]
     stated = np.trace(dense(SYSTEM, common=False))
 
     assert np.exp(2 * blocks.rough) == pytest.approx(r @ r / stated)
     alone = np.trace(dense(SYSTEM, {"tracker": 0.0, "zero": 0.0}, common=False))
-    rough = Blocks.of(SYSTEM, B, GROUPS[1:]).rough
+    rough = PaddedRows.of(SYSTEM, B, GROUPS[1:]).rough
     assert np.exp(2 * rough) == pytest.approx(r @ r / alone)
 
 
@@ -136,7 +136,7 @@ def test_one_component_has_the_scale_of_its_mean_square():
     """s^2 = r'r / (n - 1), u(ln s) = 1 / sqrt(2 (n - 1)) where poses agree; p of the textbook."""
     pose = np.repeat(np.arange(10), 4)
     y = 0.7 * np.tile([1.0, -1.0, 1.0, -1.0], 10)  # every pose alike, about a mean of zero
-    (t,), (std,), (p,) = maximum(Blocks.of(one_way(y, pose), np.ones((40, 1)), [("tracker",)]),
+    (t,), (std,), (p,) = maximum(PaddedRows.of(one_way(y, pose), np.ones((40, 1)), [("tracker",)]),
                                  np.array([True]))  # fmt: skip
     total, dof = y @ y, 39
     ratio = total - dof - dof * np.log(total / dof)
@@ -152,7 +152,7 @@ def test_poses_that_scatter_unlike_each_other_make_the_scale_less_sure(loud):
     pose, size = np.repeat(np.arange(8), 5), np.ones(8)
     size[0] = loud
     y = np.repeat(size, 5) * np.tile([1.2, -1.1, 1.0, -1.3, 1.1], 8)
-    blocks = Blocks.of(one_way(y, pose), np.zeros((40, 0)), [("tracker",)])
+    blocks = PaddedRows.of(one_way(y, pose), np.zeros((40, 0)), [("tracker",)])
     (t,), (std,), (p,) = maximum(blocks, np.array([True]))
     squares = np.array([np.sum(y[pose == k] ** 2) for k in range(8)])
     square = squares.sum() / 40
@@ -169,7 +169,7 @@ def test_poses_that_scatter_unlike_each_other_make_the_scale_less_sure(loud):
 
 def test_two_scales_are_where_the_whole_likelihood_is_largest():
     """Found by another method on the whole matrix; curvature by differences there."""
-    t, std, p = maximum(Blocks.of(SYSTEM, B, GROUPS), BOTH)
+    t, std, p = maximum(PaddedRows.of(SYSTEM, B, GROUPS), BOTH)
     found = optimize.minimize(whole, np.zeros(2), method="Nelder-Mead", options={"xatol": 1e-5})
     h = 0.02 * np.eye(2)
     H = [
@@ -198,7 +198,7 @@ def test_two_scales_are_where_the_whole_likelihood_is_largest():
 
 def test_a_component_that_is_not_asked_stays_as_stated():
     """Of two components one is found, beside the other at its stated size."""
-    (t,), _, (p,) = maximum(Blocks.of(SYSTEM, B, GROUPS), np.array([False, True]))
+    (t,), _, (p,) = maximum(PaddedRows.of(SYSTEM, B, GROUPS), np.array([False, True]))
     found = optimize.minimize_scalar(lambda s: whole(np.array([0.0, s])), bounds=(-2, 3))
     ratio = whole(np.zeros(2)) - found.fun
 
@@ -211,7 +211,7 @@ def test_a_component_that_is_not_there_has_no_uncertainty():
     """Forces that scatter not at all: nobody knows how little, and the tracker is found yet."""
     rng = np.random.default_rng(12)
     quiet = made(rng, pulls=(3, 3, 3, 3, 3, 3), force_m=1e-7, scales=(1.0, 1.0))
-    t, std, p = maximum(Blocks.of(quiet, quiet.B * TYPICAL, GROUPS), BOTH)
+    t, std, p = maximum(PaddedRows.of(quiet, quiet.B * TYPICAL, GROUPS), BOTH)
 
     assert np.isinf(std[1])
     assert np.isfinite(std[0])
@@ -229,7 +229,7 @@ def test_what_is_claimed_of_scales_holds_for_drawn_campaigns():
     t, std, p = [], [], []
     for _ in range(100):
         drawn = made(rng, pulls=(3, 3, 3, 3, 3, 3, 3, 3), force_m=1e-4, common=False)
-        found = maximum(Blocks.of(drawn, drawn.B * TYPICAL, GROUPS), BOTH)
+        found = maximum(PaddedRows.of(drawn, drawn.B * TYPICAL, GROUPS), BOTH)
         for kept, one in zip((t, std, p), found, strict=True):
             kept.append(one)
     off = np.array(t) / np.array(std)

@@ -9,7 +9,7 @@ from small_case import small
 from world_files import written
 
 from bench.worlds.run import asked
-from pipeline.faults.screen import Beside, Screened, singles_of
+from pipeline.faults.screen import Screened, TestBase, singles_of
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
@@ -19,7 +19,7 @@ from pipeline.system.beyond import free
 from pipeline.system.estimate import solve
 from pipeline.system.family import FREEDOM, Family
 from pipeline.system.fit import fit
-from pipeline.system.linearised import Model, linearise
+from pipeline.system.linearised import CurrentModel, linearise
 from pipeline.system.shape import Shape, goodness, shape, tails
 
 
@@ -62,10 +62,10 @@ def test_a_reading_is_judged_by_the_tails_beside_the_accepted_model(world, out):
     off = np.where(here, 20 * 3e-5, 0.0)
     given = replace(case, readings=case.readings.assign(x_m=case.readings["x_m"] + off))
     right = fit(given, bring(given))
-    model = Model(case.cell, right.estimate.value, 7)
+    model = CurrentModel(case.cell, right.estimate.value, 7)
     family = tails(linearise(model, bring(given).data, ()), ())[1]
 
-    held = singles_of(Screened((), given), None, Beside(case.cell, right.estimate.value, family))
+    held = singles_of(Screened((), given), None, TestBase(case.cell, right.estimate.value, family))
 
     assert family.likely_heavy is not out
     where = f"{row['group']}/{row['target']}"
@@ -92,7 +92,7 @@ def test_what_goes_with_the_pull_is_no_noise(world, off_m):
     raw = in_memory(written(world)[3])
     case = ingested(raw, conformed, plain)
     right = fit(case, bring(case))
-    seen = linearise(Model(case.cell, right.estimate.value, 7), right.plain, ())
+    seen = linearise(CurrentModel(case.cell, right.estimate.value, 7), right.plain, ())
     columns = free(seen)
     size = off_m / np.sqrt(np.mean(np.sum(columns**2, axis=1)))
     y = seen.y + columns @ (size * np.random.default_rng(5).standard_normal(columns.shape[1]))

@@ -20,7 +20,7 @@ from pipeline.simulate import Plan, revised, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system.contrasts import repeated_zeros
 from pipeline.system.estimate import identify
-from pipeline.system.restricted import Blocks, maximum
+from pipeline.system.restricted import PaddedRows, maximum
 from pipeline.system.system import Errors, Rows, System
 from pipeline.system.variance import (
     Components,
@@ -592,7 +592,7 @@ def test_a_source_that_states_nothing_is_no_component():
 def test_a_scale_that_is_known_to_a_half_only_is_not_told():
     """Forces that move less than the tracker scatters: as stated, and nobody knows better."""
     weak = made(np.random.default_rng(0), (2,) * 8, 1.5e-5, common=False)
-    blocks = Blocks.of(weak, weak.B * TYPICAL, [("tracker", "zero"), ("force_reading",)])
+    blocks = PaddedRows.of(weak, weak.B * TYPICAL, [("tracker", "zero"), ("force_reading",)])
     _, std, _ = maximum(blocks, np.array([True, True]))
     result = variance_components(weak)
 

@@ -13,7 +13,7 @@ from pipeline.machine.effects import catalogue
 from pipeline.run import tool
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
-from pipeline.system.linearised import Model, linearise
+from pipeline.system.linearised import CurrentModel, linearise
 from pipeline.system.whitened import by_pose_drop, whiten, with_laws
 
 SUSPECTS = (
@@ -42,7 +42,7 @@ def seen(campaign, data, accepted=()):
     mine = [suspects[i] for i in accepted]
     more = [p.typical / 2 for effect in mine for p in effect.parameters]
     values = np.append(raw.robot.nominal_compliance, more)
-    return linearise(Model(cell.with_effects(*mine), values, 7, accepted), data, suspects)
+    return linearise(CurrentModel(cell.with_effects(*mine), values, 7, accepted), data, suspects)
 
 
 @pytest.fixture(scope="module")

@@ -16,7 +16,7 @@ from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
 from pipeline.system.assemble import assemble
-from pipeline.system.linearised import Model, linearise
+from pipeline.system.linearised import CurrentModel, linearise
 
 
 @dataclass(frozen=True, eq=False)
@@ -79,7 +79,7 @@ def problem(folder: Path) -> Problem:
     first = assemble(cell, data, robot.nominal_compliance)
     x = np.linalg.lstsq(first.B * first.typical, first.c, rcond=None)[0] * first.typical
     effects = tuple(e for e in catalogue(robot, data.pulls) if not isinstance(e, Noise))
-    seen = linearise(Model(cell, x, robot.n), data, effects)
+    seen = linearise(CurrentModel(cell, x, robot.n), data, effects)
     V = (seen.errors.G @ seen.errors.G.T).toarray()
     L = np.linalg.cholesky(V)
     suspects = _suspects(effects)

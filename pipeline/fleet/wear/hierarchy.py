@@ -25,6 +25,7 @@ _LEVEL, _TREND = 0.10, 0.01
 """Guess: standard deviation between specimens of a compliance [1], and of its trend [1/year]."""
 
 _ROUNDS = 40
+"""Of expectation and maximisation."""
 
 
 @dataclass(frozen=True, eq=False)

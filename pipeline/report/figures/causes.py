@@ -16,7 +16,7 @@ from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
 from pipeline.report.figures.marks import Tips
 from pipeline.report.figures.plot import Plot
-from pipeline.report.figures.sheet import Sheet
+from pipeline.report.figures.sheet import PixelSheet
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables, separability, suspects
 from pipeline.report.svg import APART_SHADES, BLUE, MUTED, RED
@@ -60,7 +60,7 @@ def _draw_separability(answer: Answer, tables: Tables) -> str:
     apart = _compared(answer, tables)
     names, n = [words.from_label(label, answer.axes) for label in apart.index], len(apart)
     beside = _LETTER * max(map(len, names)) + 8
-    sheet = Sheet(beside + max(_SIDE * n, _KEY), _SIDE * n + beside)
+    sheet = PixelSheet(beside + max(_SIDE * n, _KEY), _SIDE * n + beside)
     found = np.isin(apart.index, apart.attrs["found"])
     for i, j in zip(*np.tril_indices(n, -1), strict=True):
         sigmas, framed = float(apart.to_numpy()[i, j]), bool(found[i] | found[j])
@@ -78,7 +78,7 @@ def _draw_separability(answer: Answer, tables: Tables) -> str:
     return sheet.svg
 
 
-def _apart_key(sheet: Sheet, framed: bool) -> None:
+def _apart_key(sheet: PixelSheet, framed: bool) -> None:
     """What the shades mean, in the empty corner."""
     x = sheet.width - _KEY + 8
     ends = [*map(str, (0, *(f"{one:g}" for one in _APART_STEPS)))]

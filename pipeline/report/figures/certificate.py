@@ -15,14 +15,14 @@ from pipeline.answer.sentences import at_axis
 from pipeline.answer.tolerated import DECIDED
 from pipeline.answer.words import capital
 from pipeline.base.arrays import Array
-from pipeline.base.quantities import percent, plain, with_uncertainty
+from pipeline.base.quantities import MM, percent, plain, with_uncertainty
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
 from pipeline.report.figures.plot import Plot
 from pipeline.report.figures.scene import View, outlines
-from pipeline.report.figures.sheet import Sheet
+from pipeline.report.figures.sheet import PixelSheet
 from pipeline.report.record import Figure
-from pipeline.report.summaries import MM, Tables
+from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, BODY, EDGE, GREEN, GRID, INK, MUTED, PAPER, RED
 
 _FROM, _TO = ([f"{end}_{a}_m" for a in "xyz"] for end in ("from", "to"))
@@ -74,7 +74,7 @@ class Arm:
         right, up, _ = self.view(points)
         return np.stack([self.origin[0] + self.scale * right, self.origin[1] - self.scale * up], -1)
 
-    def bodies(self, sheet: Sheet, rows: pd.DataFrame, **style: Any) -> None:
+    def bodies(self, sheet: PixelSheet, rows: pd.DataFrame, **style: Any) -> None:
         """Draw capsules, what is nearer over what is behind."""
         near, shapes = outlines(self.view, rows, 0.75 * rows["radius_m"].to_numpy(float))
         for k in np.argsort(near, kind="stable"):
@@ -196,7 +196,7 @@ def stand(joint: Stiffness) -> Stand:
 
 def _draw(answer: Answer, tables: Tables) -> str:
     """The robot with its joints, causes and deflection."""
-    sheet = Sheet(_WIDE, _HIGH)
+    sheet = PixelSheet(_WIDE, _HIGH)
     arm = arm_of(tables, _HIGH - _FOOT, _TOP)
     arm.bodies(sheet, arm.solid)
     _deflection(sheet, arm, answer)
@@ -207,7 +207,7 @@ def _draw(answer: Answer, tables: Tables) -> str:
     return sheet.svg
 
 
-def _joints(sheet: Sheet, arm: Arm, stands: dict[int, tuple[Stiffness, Stand]]) -> None:
+def _joints(sheet: PixelSheet, arm: Arm, stands: dict[int, tuple[Stiffness, Stand]]) -> None:
     """A disc at each joint, and its name with its share of nominal in a row above."""
     at = {k: place for k, place in arm.joints.items() if k in stands}
     step = (_WIDE - 20) / max(len(at), 1)
@@ -226,7 +226,7 @@ def _joints(sheet: Sheet, arm: Arm, stands: dict[int, tuple[Stiffness, Stand]]) 
         sheet.text(x, 33, one.said, 13, fill=colour, **middle)
 
 
-def _deflection(sheet: Sheet, arm: Arm, answer: Answer) -> None:
+def _deflection(sheet: PixelSheet, arm: Arm, answer: Answer) -> None:
     """The arrow at the load point, magnified."""
     pose, tip = answer.test_pose, arm.tip
     if pose is None or pose.deflection_mm is None or tip.empty:
@@ -250,7 +250,7 @@ def _seated(arm: Arm, answer: Answer) -> list[tuple[int, Array]]:
     return [(k, at) for k, at in placed if at is not None]
 
 
-def _causes(sheet: Sheet, arm: Arm, answer: Answer) -> None:
+def _causes(sheet: PixelSheet, arm: Arm, answer: Answer) -> None:
     """A ring with a number where each cause sits."""
     for number, at in _seated(arm, answer):
         sheet.disc(at, 17, fill="none", stroke=RED, stroke_width=3)
@@ -258,7 +258,7 @@ def _causes(sheet: Sheet, arm: Arm, answer: Answer) -> None:
         sheet.text(at[0] - 24, at[1] + 5, str(number), 15, **style)
 
 
-def _key(sheet: Sheet, stands: Sequence[Stand], rings: bool) -> None:
+def _key(sheet: PixelSheet, stands: Sequence[Stand], rings: bool) -> None:
     """What the colours mean."""
     x = 14.0
     for word, colour in dict.fromkeys((one.word, one.colour) for one in stands):
@@ -276,9 +276,10 @@ def _write(answer: Answer, tables: Tables) -> Figure:
     seated = [k for k, _ in _seated(arm_of(tables, _HIGH, 0.0), answer)]
     named = [f"{k} {words.placed(answer.diagnosis.causes[k - 1])}" for k in seated]
     sits = f" Marked: {'; '.join(named)}." if named else ""
-    pose = answer.test_pose
-    moves = "" if pose is None else f" The arrow is the deflection, {plain(pose.deflection_mm)} mm."
-    at = "" if pose is None else f" {_stands(pose)}"
+    moves = at = ""
+    if (pose := answer.test_pose) is not None:
+        moves = f" The arrow is the deflection, {plain(pose.deflection_mm)} mm."
+        at = f" {_stands(pose)}"
     nominal = any(joint.nominal for joint in answer.stiffness)
     what = "Share of the nominal stiffness" if nominal else "Relative uncertainty of the stiffness"
     return Figure(
@@ -347,7 +348,7 @@ def _draw_gauge(answer: Answer, tables: Tables) -> str:
     told = list(readings(answer))
     most = answer.tolerance.deflection_mm if answer.tolerance else None
     full = 1.15 * max([*(one.end for one in told), most or 0.0])
-    sheet = Sheet(_ACROSS, _ROW * len(told) + 18)
+    sheet = PixelSheet(_ACROSS, _ROW * len(told) + 18)
 
     def at(mm: float) -> float:
         return _LEFT + (_RIGHT - _LEFT) * mm / full
@@ -418,7 +419,7 @@ def _ghost(tables: Tables) -> tuple[pd.DataFrame, float]:
 
 def _draw_motion(answer: Answer, tables: Tables) -> str:
     """The arm as it stands, and where the causes move it."""
-    sheet = Sheet(_WIDE, 330)
+    sheet = PixelSheet(_WIDE, 330)
     arm = arm_of(tables, 316, 14)
     arm.bodies(sheet, arm.solid, stroke_opacity=0.8)
     ghost, _ = _ghost(tables)

@@ -9,7 +9,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
-from pipeline.base.quantities import plain
+from pipeline.base.quantities import MM, plain
 from pipeline.report.figures.marks import (
     Tips,
     cumulative,
@@ -20,7 +20,7 @@ from pipeline.report.figures.marks import (
 )
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
-from pipeline.report.summaries import MM, Tables, finite, has
+from pipeline.report.summaries import Tables, finite, has
 from pipeline.report.svg import GRID, SERIES
 
 _BETWEEN = "every tenth pose"

@@ -14,7 +14,7 @@ from pipeline.base.linear import rms
 from pipeline.base.quantities import known, plain
 from pipeline.report import words
 from pipeline.report.figures.plot import Plot
-from pipeline.report.figures.sheet import Sheet, decades, placed
+from pipeline.report.figures.sheet import PixelSheet, decades, placed
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables, has, rms_of_poses
 from pipeline.report.svg import BLUE, GREEN, GRID, MUTED, RED
@@ -75,7 +75,7 @@ def _draw(answer: Answer, tables: Tables) -> str:
     """A row of dots per model, one for each pose, and a bar at their rms."""
     models, noise = judged(answer, tables), answer.diagnosis.noise_floor_mm
     foot = _TOP + _ROW * len(models)
-    sheet = Sheet(_WIDE, foot + 44)
+    sheet = PixelSheet(_WIDE, foot + 44)
     every = np.concatenate([one.poses["mm"].to_numpy(float) for one in models])
     size = [*every, *(one.mm for one in models), *([noise] if noise else [])]
     ends = (max(0.8 * min(size), _LEAST_MM), 1.15 * max(size))
@@ -101,7 +101,7 @@ def _draw(answer: Answer, tables: Tables) -> str:
     return sheet.svg
 
 
-def _row(sheet: Sheet, one: Judged, top: float, at: Callable[[float], float]) -> None:
+def _row(sheet: PixelSheet, one: Judged, top: float, at: Callable[[float], float]) -> None:
     """Dots, the bar and the name of one model."""
     y = top + 38
     sheet.line((_LEFT, y), (_RIGHT, y), GRID, 1)

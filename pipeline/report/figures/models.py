@@ -8,12 +8,12 @@ from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer, Which
 from pipeline.base.linear import rms
-from pipeline.base.quantities import plain
+from pipeline.base.quantities import MM, plain
 from pipeline.report import words
 from pipeline.report.figures.marks import Tips, dots, each_row, title
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
-from pipeline.report.summaries import MM, MOST, Tables, thinned
+from pipeline.report.summaries import MOST, Tables, thinned
 from pipeline.report.svg import MUTED, SERIES
 
 

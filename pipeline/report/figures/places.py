@@ -12,19 +12,11 @@ from matplotlib.quiver import Quiver
 from matplotlib.ticker import MaxNLocator
 
 from pipeline.answer.contract import Answer
-from pipeline.base.quantities import plain
+from pipeline.base.quantities import MM, plain
 from pipeline.report.figures.marks import MARKERS, Tips, dots, each_row, legend_above, title
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
-from pipeline.report.summaries import (
-    AXES,
-    MM,
-    MOST,
-    Tables,
-    arrows,
-    registration_by_target,
-    thinned,
-)
+from pipeline.report.summaries import AXES, MOST, Tables, arrows, registration_by_target, thinned
 from pipeline.report.svg import INK, MUTED, RED, SERIES
 
 

@@ -8,7 +8,7 @@ from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
 from pipeline.base.linear import rms
-from pipeline.base.quantities import percent, plain
+from pipeline.base.quantities import MM, percent, plain
 from pipeline.report.figures.marks import (
     Tips,
     cumulative,
@@ -19,7 +19,7 @@ from pipeline.report.figures.marks import (
 )
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
-from pipeline.report.summaries import MM, Tables, finite, prediction_error, thinned
+from pipeline.report.summaries import Tables, finite, prediction_error, thinned
 from pipeline.report.svg import MUTED, SERIES
 
 _KEY = ["pose", "repeat", "target"]

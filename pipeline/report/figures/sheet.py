@@ -13,7 +13,7 @@ from pipeline.report.svg import INK, PAPER
 _FONT = "DejaVu Sans"
 
 
-class Sheet:
+class PixelSheet:
     """What is drawn, in pixels from the upper left corner; later things lie over earlier ones."""
 
     def __init__(self, width: float, height: float) -> None:

@@ -9,12 +9,12 @@ from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
 from pipeline.answer.tolerated import DECIDED
-from pipeline.base.quantities import plain
+from pipeline.base.quantities import MM, plain
 from pipeline.prediction.decision import Decision
 from pipeline.report.figures.marks import Tips, dots, each_row, legend_above, title
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure
-from pipeline.report.summaries import MM, Tables, thinned
+from pipeline.report.summaries import Tables, thinned
 from pipeline.report.svg import BLUE, GREEN, INK, MUTED, RED
 
 _STYLE = {

@@ -10,7 +10,7 @@ from pipeline.report.columns import Cells, number, said, table_of
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.figures.marks import each_row
 from pipeline.report.figures.scene import joints_of, largest, readings_of
-from pipeline.report.record import Section, Table, section_of
+from pipeline.report.record import ReportTable, Section, section_of
 from pipeline.report.summaries import Tables, has
 
 
@@ -20,7 +20,7 @@ def cell(answer: Answer, tables: Tables) -> Section | None:
     return section_of("cell", "The cell", [*drawn, _poses(answer, tables) if drawn else None])
 
 
-def _poses(answer: Answer, tables: Tables) -> Table | None:
+def _poses(answer: Answer, tables: Tables) -> ReportTable | None:
     if not has(tables, "poses"):
         return None
     nothing = (float("nan"), float("nan"))

@@ -22,7 +22,7 @@ from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
 from pipeline.report.columns import Cells, number, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import Block, Section, Table, Text, present, section_of
+from pipeline.report.record import Block, Paragraph, ReportTable, Section, present, section_of
 from pipeline.report.sections.unseen import (
     best_pose,
     blind_spots,
@@ -50,12 +50,12 @@ def diagnosis(answer: Answer, tables: Tables) -> Section | None:
     """The causes, what is gained, what to measure next and what stays unseen."""
     found = answer.diagnosis
     shared = _shared_gain(found.causes)
-    blocks: list[Block | None] = [Text(found.why)]
+    blocks: list[Block | None] = [Paragraph(found.why)]
     for place, one in enumerate(found.causes, 1):
         blocks += _cause(place, one, answer.axes, with_gain=not shared)
     blocks += [
         _alone(found.alone),
-        Text(shared) if shared else None,
+        Paragraph(shared) if shared else None,
         *figures(("motion", "laws", "evidence", "separability"), answer, tables),
         next_poses(found.next_poses, found.next_poses_in, answer.axes),
         best_pose(found.best_pose, found.next_poses_in, answer.stiffness),
@@ -82,13 +82,13 @@ def _cause(place: int, one: Cause, axes: words.Axes, with_gain: bool) -> list[Bl
         f"What would settle it: {one.needs}." if one.needs else "",
     ]
     return [
-        Text(f"Cause {place}: {words.placed(one)} ({words.label(one)}).", "finding"),
-        Text(" ".join(fact for fact in facts if fact)),
+        Paragraph(f"Cause {place}: {words.placed(one)} ({words.label(one)}).", "finding"),
+        Paragraph(" ".join(fact for fact in facts if fact)),
         _rivals(place, one.rivals),
     ]
 
 
-def _alone(single: Sequence[Alone]) -> Table | None:
+def _alone(single: Sequence[Alone]) -> ReportTable | None:
     """What each of the likeliest causes does if it is the only one."""
     columns: list[Cells[Alone]] = [
         said("Cause", words.placed),
@@ -176,7 +176,7 @@ def _test_pose_changes(gain: Gain) -> Iterator[str]:
         yield f"{moved} {plain(change)} mm."
 
 
-def _rivals(place: int, rivals: Sequence[Rival]) -> Table | None:
+def _rivals(place: int, rivals: Sequence[Rival]) -> ReportTable | None:
     columns: list[Cells[Rival]] = [
         said("Alternative", words.placed),
         said("Name", words.label),

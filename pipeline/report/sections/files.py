@@ -7,7 +7,7 @@ from urllib.parse import quote
 
 from pipeline.answer.contract import Answer
 from pipeline.report.columns import Cells, said, table_of
-from pipeline.report.record import Column, Entry, Section, section_of
+from pipeline.report.record import Column, Section, TableEntry, section_of
 
 _HOLDS = {
     "report.pdf": "this report on paper",
@@ -28,7 +28,7 @@ def files(beside: Collection[str], previous: Answer | None) -> Section | None:
         beside: Names of the files in the page's folder.
         previous: The answer to the robot's previous campaign.
     """
-    columns: list[Cells[tuple[Entry, str]]] = [
+    columns: list[Cells[tuple[TableEntry, str]]] = [
         (Column("File"), lambda row: row[0]),
         said("Holds", lambda row: row[1]),
     ]
@@ -37,16 +37,16 @@ def files(beside: Collection[str], previous: Answer | None) -> Section | None:
     return section_of("files", "Files and other campaigns", [table])
 
 
-def _rows(beside: Collection[str], previous: Answer | None) -> Iterator[tuple[Entry, str]]:
+def _rows(beside: Collection[str], previous: Answer | None) -> Iterator[tuple[TableEntry, str]]:
     for name, holds in _HOLDS.items():
         if name in beside:
-            yield Entry(name, name, name), holds
+            yield TableEntry(name, name, name), holds
     yield _page("All campaigns", ""), "each stiffness of every robot over time"
     if previous is not None:
         name = previous.campaign
         yield _page(name, f"{quote(name, safe='')}/"), "the robot's previous campaign"
 
 
-def _page(text: str, folder: str) -> Entry:
+def _page(text: str, folder: str) -> TableEntry:
     """A page of another folder in reports/."""
-    return Entry(text, text, f"../{folder}index.html")
+    return TableEntry(text, text, f"../{folder}index.html")

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-from pipeline.answer.contract import Answer, Cause, Letter, PositionStep, TableCombination
+from pipeline.answer.contract import Answer, Cause, PositionStep, TableCombination, TableLetter
 from pipeline.base.quantities import mix, p_value, percent, plain
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import Section, Table, Text, section_of
+from pipeline.report.record import Paragraph, ReportTable, Section, section_of
 from pipeline.report.summaries import Tables
 
 _NAMES = {
@@ -24,7 +24,7 @@ def geometry(answer: Answer, tables: Tables) -> Section | None:
     blocks = [
         _steps(answer),
         *figures(("position_steps",), answer, tables),
-        Text(_LEFT_OUT),
+        Paragraph(_LEFT_OUT),
     ]
     return section_of("positions", "How well poses are predicted", blocks)
 
@@ -52,7 +52,7 @@ def letters(answer: Answer) -> Section | None:
     )
 
 
-def _steps(answer: Answer) -> Table | None:
+def _steps(answer: Answer) -> ReportTable | None:
     columns: list[Cells[PositionStep]] = [
         said("The model includes", lambda one: one.model),
         number("Every tenth pose held out [mm]", lambda one: one.between_mm, roughly),
@@ -68,7 +68,7 @@ def _steps(answer: Answer) -> Table | None:
     )
 
 
-def _laws(answer: Answer) -> Table | None:
+def _laws(answer: Answer) -> ReportTable | None:
     columns: list[Cells[Cause]] = [
         said("Law", lambda one: one.law.text.capitalize() if one.law else one.name),
         measured("Amplitude [mrad or mm]", _amplitude),
@@ -94,8 +94,8 @@ def _gain(one: Cause) -> str:
     return f"{percent(one.gain.reduction)} ({percent(low)} to {percent(high)})"
 
 
-def _letters(answer: Answer) -> Table | None:
-    columns: list[Cells[Letter]] = [
+def _letters(answer: Answer) -> ReportTable | None:
+    columns: list[Cells[TableLetter]] = [
         said("Joint", lambda one: one.where),
         said("Parameter", lambda one: _NAMES.get(one.name, one.name)),
         number("Nominal [mm or deg]", lambda one: _scaled(one, one.nominal), plain),
@@ -115,7 +115,7 @@ def _letters(answer: Answer) -> Table | None:
     )
 
 
-def _together(answer: Answer) -> Table | None:
+def _together(answer: Answer) -> ReportTable | None:
     columns: list[Cells[TableCombination]] = [
         said("Combination", _sum),
         measured(
@@ -138,5 +138,5 @@ def _sum(one: TableCombination) -> str:
     return mix([entry.weight for entry in one.of], names)
 
 
-def _scaled(one: Letter, value: float) -> float:
+def _scaled(one: TableLetter, value: float) -> float:
     return 1e3 * value if one.unit == "m" else value * 57.29577951308232

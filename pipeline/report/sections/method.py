@@ -5,7 +5,7 @@ from __future__ import annotations
 from pipeline.answer.contract import Answer, Equilibrium, Input, Which
 from pipeline.base.quantities import plain, typeset
 from pipeline.report.columns import Cells, number, said, table_of
-from pipeline.report.record import Section, Table, Text, section_of
+from pipeline.report.record import Paragraph, ReportTable, Section, section_of
 
 _LEFT_OUT = (
     " and is left out of c = B x; where the noise is stated or estimated from repeats, the "
@@ -52,7 +52,7 @@ _BOTH = {key: f"{one} {_WEIGHED[key]}" for key, one in _PULLED.items()} | {
 
 def method(answer: Answer) -> Section | None:
     """How the stiffnesses were made, and from what."""
-    blocks = [Text(_told(answer)), _assumptions(answer), _inputs(answer), _versions(answer)]
+    blocks = [Paragraph(_told(answer)), _assumptions(answer), _inputs(answer), _versions(answer)]
     return section_of("method", "Method, assumptions, versions, inputs", blocks)
 
 
@@ -89,11 +89,11 @@ def _loads(answer: Answer) -> dict[str, str]:
     return _WEIGHED
 
 
-def _assumptions(answer: Answer) -> Table | None:
+def _assumptions(answer: Answer) -> ReportTable | None:
     return table_of("assumptions", "Assumptions", [said("Assumed", typeset)], answer.assumptions)
 
 
-def _inputs(answer: Answer) -> Table | None:
+def _inputs(answer: Answer) -> ReportTable | None:
     columns: list[Cells[Input]] = [
         said("File", lambda one: one.file, code=True),
         number("Bytes", lambda one: one.bytes, str),
@@ -102,6 +102,6 @@ def _inputs(answer: Answer) -> Table | None:
     return table_of("inputs", "Input files", columns, answer.inputs)
 
 
-def _versions(answer: Answer) -> Text:
+def _versions(answer: Answer) -> Paragraph:
     with_ = ", ".join(f"{name} {version}" for name, version in answer.versions.items())
-    return Text(f"Computed with {with_}.")
+    return Paragraph(f"Computed with {with_}.")

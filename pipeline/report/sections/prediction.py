@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 from pipeline.answer.contract import (
     Answer,
-    Deflection,
     PerTarget,
     Stretch,
+    TargetDeflection,
     TestPose,
     Tolerance,
     Validation,
@@ -18,7 +18,7 @@ from pipeline.base.quantities import percent, plain
 from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.record import Section, Table, Text, section_of
+from pipeline.report.record import Paragraph, ReportTable, Section, section_of
 from pipeline.report.summaries import Tables
 
 
@@ -39,18 +39,18 @@ def test_pose(answer: Answer, tables: Tables) -> Section | None:
     )
 
 
-def _asked(pose: TestPose | None) -> Text | None:
+def _asked(pose: TestPose | None) -> Paragraph | None:
     """What U holds."""
     if pose is None:
         return None
-    return Text(
+    return Paragraph(
         f"At the load point, where the force acts: {expanded(pose)}. U includes the uncertainty of "
         "the model and is never less than twice the cross-validation error, which includes the "
         "noise of the readings."
     )
 
 
-def _tolerance(asked: Tolerance | None) -> Table | None:
+def _tolerance(asked: Tolerance | None) -> ReportTable | None:
     """Stretch by stretch, what is decided of the path."""
     if asked is None or asked.path is None:
         return None
@@ -71,7 +71,7 @@ def _tolerance(asked: Tolerance | None) -> Table | None:
     return table_of("stretches", title, columns, asked.path.stretches, note)
 
 
-def _beside(answer: Answer) -> Table | None:
+def _beside(answer: Answer) -> ReportTable | None:
     """What joint springs alone predict; None where the answer stands for them."""
     other = words.beside(answer)
     if other is None:
@@ -81,8 +81,8 @@ def _beside(answer: Answer) -> Table | None:
     return _deflections("deflection-joint-springs", title, springs.test_pose_deflection)
 
 
-def _deflections(name: str, title: str, points: Sequence[Deflection]) -> Table | None:
-    columns: list[Cells[Deflection]] = [
+def _deflections(name: str, title: str, points: Sequence[TargetDeflection]) -> ReportTable | None:
+    columns: list[Cells[TargetDeflection]] = [
         said("Target", lambda point: point.target),
         measured("dx [mm]", lambda point: (point.dx_mm, point.std_mm[0])),
         measured("dy [mm]", lambda point: (point.dy_mm, point.std_mm[1])),
@@ -112,16 +112,16 @@ def validation(answer: Answer, tables: Tables) -> Section | None:
     )
 
 
-def _held_out(given: Validation) -> Text | None:
+def _held_out(given: Validation) -> Paragraph | None:
     if given.held_out_rms_mm is None:
         return None
-    return Text(
+    return Paragraph(
         f"Cross-validation error: {plain(given.held_out_rms_mm)} mm rms per coordinate, each pose "
         "predicted from all the others; the noise of its readings is in it."
     )
 
 
-def _mu_table(given: Validation) -> Table | None:
+def _mu_table(given: Validation) -> ReportTable | None:
     near, far = "around the test pose", "over the workspace"
     full, alone = "full covariance", "each stiffness by itself"
     kinds = [

@@ -11,10 +11,11 @@ from typing import Any
 import pandas as pd
 
 from pipeline.answer.contract import (
+    LEAST_CONTROLLED,
     Answer,
+    BaseResiduals,
     Growth,
     NoiseComponent,
-    Registration,
     Rejected,
     Stiffness,
     TestPose,
@@ -25,11 +26,16 @@ from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.figures.marks import each_row
-from pipeline.report.record import Column, Entry, Section, Table, Text, entry, section_of
+from pipeline.report.record import (
+    Column,
+    Paragraph,
+    ReportTable,
+    Section,
+    TableEntry,
+    entry,
+    section_of,
+)
 from pipeline.report.summaries import Tables, has, registration_by_target
-
-_LEAST = 10
-"""So many of the readings that are controlled least are shown."""
 
 _MOST_ROWS = 400
 """Rows of rejected readings shown; the rest is counted and stands in the tables."""
@@ -64,7 +70,7 @@ _Line = tuple[str, float, float | None]
 """What a line of the budget is about, its size [mm], its share of the variance [%]."""
 
 
-def _pose_table(pose: TestPose | None) -> Table | None:
+def _pose_table(pose: TestPose | None) -> ReportTable | None:
     """The budget of the deflection at the test pose, whose lines add up in quadrature."""
     if pose is None or not pose.budget or pose.std_mm is None:
         return None
@@ -96,7 +102,7 @@ def _fixed(digits: int, value: float | None) -> str:
     return f"below {least:.{digits}f}" if small else f"{value:.{digits}f}"
 
 
-def _budget_table(joints: Sequence[Stiffness]) -> Table | None:
+def _budget_table(joints: Sequence[Stiffness]) -> ReportTable | None:
     columns: list[Cells[str]] = [
         said("Source", words.source),
         *(_shares_of(joint) for joint in joints if joint.budget),
@@ -119,7 +125,7 @@ def _percent(share: float | None) -> str:
     return "below 0.1" if share is not None and share < 0.1 else roughly(share)
 
 
-def _calibrations(answer: Answer) -> Text | None:
+def _calibrations(answer: Answer) -> Paragraph | None:
     """What the budget holds of calibrations and of days; None without a budget."""
     sources = {part.source for joint in answer.stiffness for part in joint.budget}
     if not sources:
@@ -135,7 +141,7 @@ def _calibrations(answer: Answer) -> Text | None:
         else f"Day-to-day scatter: {percent(seen.relative_std)} of the displacements, from "
         f"{seen.poses} poses repeated on another day ({p_value(seen.p_value)})."
     )
-    return Text(" ".join((*said, days)))
+    return Paragraph(" ".join((*said, days)))
 
 
 _CALIBRATED = (
@@ -153,7 +159,7 @@ _CALIBRATED = (
 """Sources of error that a certificate states, and what to do where none does."""
 
 
-def _noise_table(found: Sequence[NoiseComponent]) -> Table | None:
+def _noise_table(found: Sequence[NoiseComponent]) -> ReportTable | None:
     columns: list[Cells[NoiseComponent]] = [
         said("Noise of", lambda one: words.source(one.name)),
         measured("Estimated over stated", lambda one: (one.found_over_stated, one.std)),
@@ -181,7 +187,7 @@ def registration(answer: Answer, tables: Tables) -> Section | None:
     )
 
 
-def _reflectors(tables: Tables) -> Table | None:
+def _reflectors(tables: Tables) -> ReportTable | None:
     if not has(tables, "registration"):
         return None
     parts = {"mean dx": "dx", "mean dy": "dy", "mean dz": "dz", "rms": "rms", "largest": "largest"}
@@ -195,11 +201,11 @@ def _reflectors(tables: Tables) -> Table | None:
     return table_of("registration", title, columns, rows)
 
 
-def _registration_text(given: Registration) -> Text:
+def _registration_text(given: BaseResiduals) -> Paragraph:
     rotation, translation = max(given.rotation_std_rad), max(given.translation_std_m)
     tested = "" if given.p_value is None else f" ({p_value(given.p_value)})"
     chi2 = f" chi² is {plain(given.chi2, 4)} for {given.dof} degrees of freedom{tested}."
-    return Text(
+    return Paragraph(
         f"The base reflectors fit their nominals to {plain(given.rms_mm)} mm rms, "
         f"{plain(given.max_mm)} mm at worst.{'' if given.chi2 is None else chi2} The standard "
         f"uncertainty of its orientation is {plain(1e6 * rotation, 2)} µrad. That of its origin is "
@@ -228,7 +234,7 @@ def reliability(answer: Answer, tables: Tables) -> Section | None:
     return section_of("reliability", "Reliability of the readings", [_harm(single), _least(single)])
 
 
-def _harm(single: pd.DataFrame) -> Text | None:
+def _harm(single: pd.DataFrame) -> Paragraph | None:
     """What the reading moves that does most harm by an error that nobody notices."""
     if single.empty:
         return None
@@ -236,17 +242,17 @@ def _harm(single: pd.DataFrame) -> Text | None:
     who = f"{row.reading}{f' along {row.axis}' if known(row.axis) else ''}"
     size = words.size(row.smallest_visible, row.unit)
     if not known(row.moves_sigmas):
-        return Text(
+        return Paragraph(
             f"{who} is an uncontrolled observation: no other reading checks it, and any error in "
             f"it shifts {row.moves_most}."
         )
-    return Text(
+    return Paragraph(
         f"An undetected error does most harm in {who}: one of up to {size} may go unnoticed "
         f"and shift {row.moves_most} by {plain(row.moves_sigmas, 2)} standard uncertainties."
     )
 
 
-def _least(single: pd.DataFrame) -> Table | None:
+def _least(single: pd.DataFrame) -> ReportTable | None:
     columns: list[Cells[Any]] = [
         said("Reading", lambda row: row.reading),
         said("Of", lambda row: words.source(row.source)),
@@ -257,7 +263,7 @@ def _least(single: pd.DataFrame) -> Table | None:
         number("Shifts by [σ]", lambda row: row.moves_sigmas, roughly),
         said("Which", lambda row: row.moves_most),
     ]
-    rows = each_row(single.nsmallest(_LEAST, "r"))
+    rows = each_row(single.nsmallest(LEAST_CONTROLLED, "r"))
     note = (
         "Redundancy is the part of an error that the residuals show, 0 to 1. The minimal "
         "detectable bias is found in 80 % of the cases at 0.1 % false alarms; the last two "
@@ -278,7 +284,7 @@ def rejected(answer: Answer) -> Section | None:
     more = len(given) - _MOST_ROWS
     note = f"{more} more are in result.json." if more > 0 else ""
     table = table_of("rejected", "Left out and why", columns, given[:_MOST_ROWS], note)
-    return section_of("rejected", "Rejected rows", [Text(_left_out(len(given))), table])
+    return section_of("rejected", "Rejected rows", [Paragraph(_left_out(len(given))), table])
 
 
 def _left_out(count: int) -> str:
@@ -288,5 +294,5 @@ def _left_out(count: int) -> str:
     return f"{rows} left out of the estimate; nothing was corrected silently."
 
 
-def _line(row: Rejected) -> Entry:
-    return Entry("whole file", 0) if row.line is None else entry(str(row.line), row.line)
+def _line(row: Rejected) -> TableEntry:
+    return TableEntry("whole file", 0) if row.line is None else entry(str(row.line), row.line)

@@ -35,10 +35,10 @@ from pipeline.report.columns import Cells, measured, number, roughly, said, tabl
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.record import (
     Column,
-    Entry,
+    Paragraph,
+    ReportTable,
     Section,
-    Table,
-    Text,
+    TableEntry,
     entry,
     section_of,
     text_entry,
@@ -58,7 +58,7 @@ def stiffness(answer: Answer, previous: Answer | None, wear: str | None = None) 
         "stiffness",
         "Joint stiffnesses",
         [
-            *(Text(finding, "finding") for finding in _findings(answer)),
+            *(Paragraph(finding, "finding") for finding in _findings(answer)),
             *(_changed(change, before, called) for change in since if change.sure and told),
             _stiffness_table(answer, since, before),
             _combinations_table(answer.combinations),
@@ -71,7 +71,7 @@ def stiffness(answer: Answer, previous: Answer | None, wear: str | None = None) 
     )
 
 
-def _springs_by(answer: Answer) -> Table | None:
+def _springs_by(answer: Answer) -> ReportTable | None:
     """Springs by weight and by pulls beside each other, where both were measured."""
     both = answer.springs_by
     if both is None:
@@ -109,8 +109,8 @@ def _findings(answer: Answer) -> Iterator[str]:
             yield joint.finding
 
 
-def _changed(change: Change, campaign: str, called: Mapping[str, str]) -> Text:
-    return Text(
+def _changed(change: Change, campaign: str, called: Mapping[str, str]) -> Paragraph:
+    return Paragraph(
         f"{called[change.name]} changed by "
         f"{bracketed(change.percent, change.percent_std)} % "
         f"since {campaign}, more than chance explains.",
@@ -118,7 +118,7 @@ def _changed(change: Change, campaign: str, called: Mapping[str, str]) -> Text:
     )
 
 
-def _stiffness_table(answer: Answer, since: Sequence[Change], before: str) -> Table | None:
+def _stiffness_table(answer: Answer, since: Sequence[Change], before: str) -> ReportTable | None:
     factor, letter = common_prefix(joint.value for joint in answer.stiffness)
     columns = [
         *_axis_columns(answer.stiffness),
@@ -165,16 +165,16 @@ def _value_columns(factor: float, letter: str) -> list[Cells[Stiffness]]:
     ]
 
 
-def _value(joint: Stiffness, factor: float) -> Entry:
+def _value(joint: Stiffness, factor: float) -> TableEntry:
     if not joint.identifiable:
-        return Entry("not determined")
+        return TableEntry("not determined")
     value = scaled(joint.value, factor)
     return entry(with_std(value, scaled(joint.std, factor)), value)
 
 
-def _interval(joint: Stiffness, factor: float) -> Entry:
+def _interval(joint: Stiffness, factor: float) -> TableEntry:
     if not joint.identifiable:
-        return Entry(MISSING)
+        return TableEntry(MISSING)
     low, high = (scaled(bound, factor) for bound in joint.ci95)
     return entry(interval((low, high), scaled(joint.std, factor)), low)
 
@@ -189,11 +189,11 @@ def _each_way_columns(joints: Sequence[Stiffness], factor: float) -> list[Cells[
     ]
 
 
-def _one_way(joint: Stiffness, way: str, factor: float) -> Entry:
+def _one_way(joint: Stiffness, way: str, factor: float) -> TableEntry:
     """The stiffness against a torque that turns the axis one way, or else the joint itself."""
     both = joint.by_sign
     if both is None:
-        return Entry(MISSING)
+        return TableEntry(MISSING)
     against = both.positive.axis_turns == "minus"
     one = both.positive if (way == "plus") != against else both.negative
     value = scaled(one.value, factor)
@@ -232,7 +232,7 @@ def _change_columns(since: Sequence[Change], before: str) -> list[Cells[Stiffnes
     return [measured(title, lambda joint: own.get(joint.name, (None, None)))] if own else []
 
 
-def _combinations_table(combinations: Sequence[Combination]) -> Table | None:
+def _combinations_table(combinations: Sequence[Combination]) -> ReportTable | None:
     """What is determined of joints that are not determined singly."""
     columns: list[Cells[Combination]] = [
         said("Combination of compliances", lambda one: one.formula),
@@ -249,12 +249,12 @@ def _combinations_table(combinations: Sequence[Combination]) -> Table | None:
     return table_of("combinations", title, columns, combinations, note)
 
 
-def _ends(one: Combination) -> Entry:
+def _ends(one: Combination) -> TableEntry:
     low, high = one.ci95
     return entry(f"{plain(low)} to {plain(high)}", low)
 
 
-def _hypotheses_table(hypotheses: Sequence[Weighed]) -> Table | None:
+def _hypotheses_table(hypotheses: Sequence[Weighed]) -> ReportTable | None:
     """What the values are averaged over; nothing where they are those of one model."""
     columns: list[Cells[Weighed]] = [
         said("Beside the joint springs", lambda one: " and ".join(map(_believed, one.causes))),
@@ -269,7 +269,7 @@ def _believed(cause: Believed) -> str:
     return name if cause.in_catalogue else f"an effect outside the catalogue that resembles {name}"
 
 
-def _compliance_table(joints: Sequence[Stiffness]) -> Table | None:
+def _compliance_table(joints: Sequence[Stiffness]) -> ReportTable | None:
     columns: list[Cells[Stiffness]] = [
         *_axis_columns(joints),
         _JOINT,
@@ -280,12 +280,12 @@ def _compliance_table(joints: Sequence[Stiffness]) -> Table | None:
     return table_of("compliance", "Compliances, as estimated", columns, told)
 
 
-def _fit_text(fit: Fit) -> Text:
+def _fit_text(fit: Fit) -> Paragraph:
     tested = (
         f" Weighted by the noise, chi² is {plain(fit.chi2, 4)} for {fit.dof} degrees of freedom "
         f"({p_value(fit.p_value)})."
     )
-    return Text(
+    return Paragraph(
         f"The fit leaves {plain(fit.rms_mm)} mm rms per coordinate."
         f"{'' if fit.p_value is None else tested} {fit.noise_statement} The residual standard "
         f"deviation is {plain(fit.residual_std_mm)} mm."

@@ -8,7 +8,7 @@ from pipeline.answer.contract import (
     AxisValue,
     BestPose,
     BlindSpot,
-    Cell,
+    CellLimits,
     JointType,
     NextPose,
     Stiffness,
@@ -20,7 +20,7 @@ from pipeline.base.quantities import common_prefix, percent, plain, prefixed
 from pipeline.diagnosis.facts import APART
 from pipeline.report import words
 from pipeline.report.columns import Cells, number, roughly, said, table_of
-from pipeline.report.record import Block, Column, Table, Text, entry, present
+from pipeline.report.record import Block, Column, Paragraph, ReportTable, entry, present
 
 _ARRIVES = {
     1.0: "carriage approaches in the positive direction",
@@ -35,7 +35,9 @@ _Best = tuple[int, BestPose]
 _Placed = tuple[int, ToMeasure]
 
 
-def next_poses(poses: Sequence[NextPose], cell: Cell | None, axes: words.Axes) -> Table | None:
+def next_poses(
+    poses: Sequence[NextPose], cell: CellLimits | None, axes: words.Axes
+) -> ReportTable | None:
     """The proposed poses and what each of them would tell apart; None without any."""
     columns: list[Cells[_Numbered]] = [
         number("Pose", lambda one: one[0], str),
@@ -65,7 +67,7 @@ def _settles(poses: Sequence[NextPose]) -> str:
     )
 
 
-def _fits(cell: Cell | None) -> str:
+def _fits(cell: CellLimits | None) -> str:
     """What the poses were checked for, and what they were not."""
     if cell is None:
         return "Lines of sight and collisions are not checked: campaign.toml has no [cell]."
@@ -80,8 +82,8 @@ def _how(pose: ToMeasure) -> str:
 
 
 def best_pose(
-    pose: BestPose | None, cell: Cell | None, joints: Sequence[Stiffness]
-) -> Table | None:
+    pose: BestPose | None, cell: CellLimits | None, joints: Sequence[Stiffness]
+) -> ReportTable | None:
     """The pose that would determine the joint that is known worst; None without one."""
     called = {joint.name: joint for joint in joints}
     columns: list[Cells[_Best]] = [
@@ -111,7 +113,9 @@ def _worth(pose: BestPose | None, called: Mapping[str, Stiffness]) -> str:
     return f"Relative to the typical compliance, as the joint has no value yet. {alone}"
 
 
-def next_joint_values(poses: Sequence[ToMeasure], joints: Sequence[Stiffness]) -> Table | None:
+def next_joint_values(
+    poses: Sequence[ToMeasure], joints: Sequence[Stiffness]
+) -> ReportTable | None:
     """Where axes or joints stand in them [m] and [deg]; None without any."""
     first = poses[0].axes if poses else ()
     places = range(len(first or joints))
@@ -144,13 +148,13 @@ def blind_spots(spots: Sequence[BlindSpot]) -> list[Block]:
         return []
     never = [spot for spot in spots if spot.smallest_visible is None]
     small = [spot for spot in spots if spot.smallest_visible is not None]
-    return list(present([Text(f"{unnoticed(len(spots))}."), _never(never), _small(small)]))
+    return list(present([Paragraph(f"{unnoticed(len(spots))}."), _never(never), _small(small)]))
 
 
 _Group = list[BlindSpot]
 
 
-def _never(spots: Sequence[BlindSpot]) -> Table | None:
+def _never(spots: Sequence[BlindSpot]) -> ReportTable | None:
     columns: list[Cells[_Group]] = [
         *_who(),
         said("Why", lambda group: "; ".join(dict.fromkeys(spot.why for spot in group))),
@@ -160,7 +164,7 @@ def _never(spots: Sequence[BlindSpot]) -> Table | None:
     return table_of("blind-spots-never", title, columns, _alike(spots))
 
 
-def _small(spots: Sequence[BlindSpot]) -> Table | None:
+def _small(spots: Sequence[BlindSpot]) -> ReportTable | None:
     columns: list[Cells[_Group]] = [
         *_who(),
         _sizes("Typical magnitude", lambda spot: spot.typical),
