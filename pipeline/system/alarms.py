@@ -49,7 +49,7 @@ SCATTER = 0.05 * MOST
 """The same of a scatter beyond `TOLERATED` times the stated one [1]; it is no fault of the model,
 and the joint springs stay."""
 
-LAW = 0.10 * MOST
+LAW = 0.075 * MOST
 """The same of a law that nobody listed, in displacements or in positions [1]."""
 
 GEOMETRY = 0.05 * MOST
@@ -105,5 +105,6 @@ TOGETHER = {
     **ACCUSING,
     **{f"{what}, of positions": rate for what, rate in OF_POSITIONS.items()},
     "springs that disagree": MISFIT,
+    "tables that disagree": GEOMETRY,
 }
 """The same of a campaign of both, the most that is ever asked of one: the whole budget."""
