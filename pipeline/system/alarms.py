@@ -20,7 +20,7 @@ PLANNED = SUSPECT / 70
 """The same of one suspect where a campaign is planned: a measured one finds its own threshold
 (`detect.threshold`), that of some 70 independent tests with the catalogue of a robot on a rail."""
 
-LACK_OF_FIT = 0.05 * MOST
+LACK_OF_FIT = 0.025 * MOST
 """The same of each of the two tests of lack of fit, by poses and by pulls [1]."""
 
 READING = 0.02 * MOST
@@ -49,7 +49,7 @@ SCATTER = 0.05 * MOST
 """The same of a scatter beyond `TOLERATED` times the stated one [1]; it is no fault of the model,
 and the joint springs stay."""
 
-LAW = 0.075 * MOST
+LAW = 0.10 * MOST
 """The same of a law that nobody listed, in displacements or in positions [1]."""
 
 GEOMETRY = 0.05 * MOST
