@@ -20,7 +20,7 @@ PLANNED = SUSPECT / 70
 """The same of one suspect where a campaign is planned: a measured one finds its own threshold
 (`detect.threshold`), that of some 70 independent tests with the catalogue of a robot on a rail."""
 
-LACK_OF_FIT = 0.05 * MOST
+LACK_OF_FIT = 0.025 * MOST
 """The same of each of the two tests of lack of fit, by poses and by pulls [1]."""
 
 READING = 0.02 * MOST
@@ -105,5 +105,6 @@ TOGETHER = {
     **ACCUSING,
     **{f"{what}, of positions": rate for what, rate in OF_POSITIONS.items()},
     "springs that disagree": MISFIT,
+    "tables that disagree": GEOMETRY,
 }
 """The same of a campaign of both, the most that is ever asked of one: the whole budget."""

@@ -27,8 +27,9 @@ def test_all_tests_together_accuse_one_clean_campaign_in_a_hundred(table):
 
 def test_a_campaign_of_both_is_asked_all_that_either_is_and_whether_they_agree():
     """Its table holds every test of both, none of them twice under one name."""
-    assert len(alarms.TOGETHER) == len(alarms.ACCUSING) + len(alarms.OF_POSITIONS) + 1
-    both = math.fsum([*alarms.ACCUSING.values(), *alarms.OF_POSITIONS.values(), alarms.MISFIT])
+    assert len(alarms.TOGETHER) == len(alarms.ACCUSING) + len(alarms.OF_POSITIONS) + 2
+    each = [*alarms.ACCUSING.values(), *alarms.OF_POSITIONS.values()]
+    both = math.fsum([*each, alarms.MISFIT, alarms.GEOMETRY])
     assert math.fsum(alarms.TOGETHER.values()) == pytest.approx(both, rel=1e-12)
 
 
