@@ -27,7 +27,7 @@ from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.joined import Agreement, agreement, joined
 from pipeline.diagnosis.verdict import of_both, verdict
-from pipeline.geometry.stance import beside_pulls, lighter, standing
+from pipeline.geometry.stance import beside_pulls, elsewhere, lighter, standing
 from pipeline.reduction.bring import Keep, Step, bring
 from pipeline.reduction.case import Case
 from pipeline.system import alarms
@@ -75,7 +75,9 @@ class Both:
         one = diagnosis.hypotheses[0] if diagnosis.hypotheses else joint_springs(stands).first
         now = joined(one, stands.data)
         held = agreement(one, now, stance, self.lighter)
-        found = lighter(self.said.found.final, self.lighter)
+        found = self.said.found.final
+        held = replace(held, table_p=elsewhere(found, stance, stands.data, self.case.tool))
+        found = lighter(found, self.lighter)
         if held.p >= alarms.MISFIT:
             found = beside_pulls(found, stance, now.value, now.cov)
         return replace(self, said=self.said.ending(self.said.found.ending(found)), agreement=held)

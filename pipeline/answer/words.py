@@ -346,14 +346,12 @@ def _of_table(facts: Facts) -> str:
 
 
 def _tables_disagree(facts: Facts) -> str:
-    gain = facts.unloaded.gain
-    assert gain is not None
+    assert facts.agreement is not None
     return (
-        f"In cross-validation the unloaded reflectors of the pulls are "
-        f"{plain(1e3 * gain.rms_before_m, 2)} mm rms per coordinate from where the DH parameters "
-        "identified from the positions place them, and "
-        f"{plain(1e3 * gain.rms_after_m, 2)} mm from where their own do: positions and pulls are "
-        "not of one robot, or of one before and after a collision, repair or mastering."
+        "The unloaded reflectors of the pulls do not stand where the robot identified from the "
+        f"positions has them ({plain(1e3 * facts.unloaded.miss_m, 2)} mm rms, "
+        f"{p_value(facts.agreement.table_p)} beside its uncertainty): positions and pulls are not "
+        "of one robot, or of one before and after a collision, repair or mastering."
     )
 
 

@@ -14,6 +14,7 @@ from pipeline.app.commands._shared import AsJson, Root, Steps, at_work
 from pipeline.base import files
 from pipeline.base.errors import InputError, Interrupted, UsageError
 from pipeline.base.shown import lines, typed
+from pipeline.design.language import Language
 
 if TYPE_CHECKING:
     from pipeline.base.arrays import Array
@@ -46,6 +47,9 @@ def design(
     rounds: Annotated[
         int, Option(min=1, help="Number of search rounds from new random starts.")
     ] = 2,
+    language: Annotated[
+        Language, Option(help="Language of the measurement sheet: en, de or fr.")
+    ] = Language.EN,
     wanted: Annotated[
         bool | None,
         Option("--write/--no-write", help="Write plan file and sheet; off with --json."),
@@ -77,13 +81,16 @@ def design(
     made = make(asked, seed, Effort(rounds=rounds), at_work)
     if wanted or (wanted is None and not as_json):
         more = f" --add-to {typed(add_to)}" if add_to else ""
-        made = write(root, made, seed, f" --seed {seed} --rounds {rounds}{more}")
+        more += f" --language {language}" if language is not Language.EN else ""
+        made = write(root, made, seed, f" --seed {seed} --rounds {rounds}{more}", language)
     typer.echo(made.as_json() if as_json else lines(made.as_text()))
     if made.interrupted:
         raise Interrupted("Interrupted; this is the best plan so far.")
 
 
-def write(root: Path, made: Made, seed: int, by: str = "") -> Made:
+def write(
+    root: Path, made: Made, seed: int, by: str = "", language: Language = Language.EN
+) -> Made:
     """Write plan file, measurement sheet and pictures of a design.
 
     Args:
@@ -91,6 +98,7 @@ def write(root: Path, made: Made, seed: int, by: str = "") -> Made:
         made: The design.
         seed: Of its searches; the curves use it too.
         by: Options with which the problem gives this plan again.
+        language: Of the sheet.
 
     Raises:
         UsageError: A plan of that name was written by hand.
@@ -112,7 +120,7 @@ def write(root: Path, made: Made, seed: int, by: str = "") -> Made:
     robot = made.proposal.problem.robot
     if made.proposal.problem.spec.robot not in SHIPPED:  # beside the plan, which names it
         files.write(plan.parent / Path(made.proposal.problem.spec.robot).name, robot.text.encode())
-    for inner, data in plan_files(made.proposal, made.seconds, seed).items():
+    for inner, data in plan_files(made.proposal, made.seconds, seed, language).items():
         files.write(folder / inner, data)
     files.write(folder / "design.json", content)
     for inner, data in driven.items():

@@ -15,6 +15,7 @@ import xlsxwriter
 
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import MM
+from pipeline.design.language import Say
 from pipeline.design.made import printed
 from pipeline.design.plan_sheet import expected, turnings
 from pipeline.design.propose import Proposal
@@ -39,11 +40,12 @@ _SET_UP = (
 _BASE = ("B1", "B2", "B3", "B4")
 
 
-def book(proposal: Proposal) -> bytes:
+def book(proposal: Proposal, say: Say = str) -> bytes:
     """sheet.xlsx.
 
     Args:
         proposal: The plan.
+        say: Its texts in another language; keys and names of its sheets are the same in all.
     """
     out = io.BytesIO()
     with xlsxwriter.Workbook(out, {"in_memory": True}) as made:
@@ -52,17 +54,18 @@ def book(proposal: Proposal) -> bytes:
             "open": made.add_format({"bg_color": "#FFF3B0", "border": 1}),
             "free": made.add_format({"bg_color": "#FFF3B0", "border": 1, "num_format": "0.000###"}),
         }
-        _put(made, styles, "set-up", _SET_UP, _SET_UP_TITLES, list(_set_up(proposal)), (3, 9))
+        _put(made, styles, say, "set-up", _SET_UP, _SET_UP_TITLES, list(_set_up(proposal)), (3, 9))
         titles, rows, first = _pulls(proposal)
-        _put(made, styles, "pulls", _PULLS, titles, rows, (first, first + 3))
+        _put(made, styles, say, "pulls", _PULLS, titles, rows, (first, first + 3))
         titles, rows = _axes(proposal)
-        _put(made, styles, "axes", _AXES, titles, rows, (2, len(titles)))
+        _put(made, styles, say, "axes", _AXES, titles, rows, (2, len(titles)))
     return out.getvalue()
 
 
 def _put(
     made: xlsxwriter.Workbook,
     styles: dict[str, Any],
+    say: Say,
     name: str,
     told: str,
     titles: Sequence[str],
@@ -71,7 +74,9 @@ def _put(
 ) -> None:
     """A sheet: what to do, titles, rows; columns from `free[0]` to before `free[1]` are open."""
     page = made.add_worksheet(name)
-    page.write(0, 0, told)
+    titles = list(map(say, titles))
+    rows = [[say(one) if isinstance(one, str) else one for one in row] for row in rows]
+    page.write(0, 0, say(told))
     page.write_row(2, 0, titles, styles["bold"])
     for k, row in enumerate(rows, 3):
         page.write_row(k, 0, row)

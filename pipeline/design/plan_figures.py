@@ -14,6 +14,7 @@ from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
 from pipeline.design.curves import ByAnchor, BySize
 from pipeline.design.discriminate import Sight
+from pipeline.design.language import Say
 from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem
 from pipeline.machine.robot import configure
@@ -26,7 +27,9 @@ _EDGE = 30.0
 """Typical sizes at the right edge, where a cause stands that is seen at no size."""
 
 
-def pose_picture(problem: Problem, measurement: Measurement, number: int) -> Drawing:
+def pose_picture(
+    problem: Problem, measurement: Measurement, number: int, say: Say = str
+) -> Drawing:
     """One pose from the side and from above, with rail, floor, chain and anchor."""
     robot = problem.robot
     at = configure(robot, measurement.q[number][None])
@@ -39,7 +42,9 @@ def pose_picture(problem: Problem, measurement: Measurement, number: int) -> Dra
         canvas.set_size_inches(5.6, 2.9)
         for axes, (h, v, name) in zip(canvas.subplots(1, 2), views, strict=True):
             _view(axes, problem, arm, tool, measurement.anchor, (h, v))
-            title(axes, name)
+            title(axes, say(name))
+            for one, label in zip(*axes.get_legend_handles_labels(), strict=True):
+                one.set_label(say(label))
         legend_below(canvas)
         return {}
 

@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from pipeline.base.quantities import MM
 from pipeline.design.control import controls
 from pipeline.design.curves import ByAnchor, BySize, by_anchor, by_size
+from pipeline.design.language import Language, Say, said, spoken
 from pipeline.design.plan_book import book
 from pipeline.design.plan_figures import anchor_curve, pose_picture, sight_chart, size_curves
 from pipeline.design.plan_sheet import Extras, sheet
@@ -21,13 +24,16 @@ _PLACES = 9
 """Places of the anchor along an axis that the sheet shows."""
 
 
-def plan_files(proposal: Proposal, seconds: float, seed: int) -> dict[str, bytes]:
+def plan_files(
+    proposal: Proposal, seconds: float, seed: int, language: Language = Language.EN
+) -> dict[str, bytes]:
     """Every file of a measurement sheet.
 
     Args:
         proposal: The plan.
         seconds: How long its search took.
         seed: Of the searches for the curves.
+        language: Of the sheet.
 
     Returns:
         Content by path: sheet.html, sheet.pdf, sheet.xlsx, figures/*.svg.
@@ -38,11 +44,13 @@ def plan_files(proposal: Proposal, seconds: float, seed: int) -> dict[str, bytes
         _anchors(proposal, seed),
         controls(proposal.problem, proposal.measurement),
     )
-    report = sheet(proposal, extras, seconds)
-    drawings = _drawn(proposal, extras)
+    say = spoken(language)
+    report = said(sheet(proposal, extras, seconds), say)
+    report = replace(report, frame=replace(report.frame, language=language.value))
+    drawings = _drawn(proposal, extras, say)
     return {
         "sheet.html": page(report, {n: d.inline for n, d in drawings.items()}).encode(),
-        "sheet.xlsx": book(proposal),
+        "sheet.xlsx": book(proposal, say),
         "sheet.pdf": pdf(report, {n: d.svg for n, d in drawings.items()}),
         **{f"figures/{n}.svg": d.svg.encode() for n, d in drawings.items()},
     }
@@ -64,10 +72,10 @@ def _anchors(proposal: Proposal, seed: int) -> ByAnchor | None:
     return by_anchor(problem, proposal.plan, at, seed, axis)
 
 
-def _drawn(proposal: Proposal, extras: Extras) -> dict[str, Drawing]:
+def _drawn(proposal: Proposal, extras: Extras, say: Say) -> dict[str, Drawing]:
     problem, measurement = proposal.problem, proposal.measurement
     out = {
-        f"pose-{number + 1}": pose_picture(problem, measurement, number)
+        f"pose-{number + 1}": pose_picture(problem, measurement, number, say)
         for number in range(len(measurement.q))
     }
     out["sights"] = sight_chart(extras.sights, words.axes_of(proposal.problem.robot))

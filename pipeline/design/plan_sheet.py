@@ -163,7 +163,7 @@ def _setting_up(problem: Problem, measurement: Measurement) -> Section | None:
 
 
 _ONCE = (
-    "Date, begin and end",
+    "Date",
     "Operator",
     "Temperature of base and robot [degC], at the begin and at the end",
     "Weight that hangs at the load point all the time [kg]",

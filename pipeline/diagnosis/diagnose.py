@@ -110,7 +110,6 @@ def diagnose(
         case, spread = case_of(cell, data, estimate, whole, known, noise)
     case = replace(case, refuted=stood.visible, shape=shape, room=room)
     case, spread, found = _searched(case, spread, estimate.value, rng)
-    case, found = beyond(case, found, estimate.value)
     worth = _gain(case, found, rng)
     facts = replace(_facts(case, found, spread), gain=worth)
     sets = hypotheses(case, found, stood.believed, facts.helps)
@@ -271,15 +270,16 @@ def _searched(
     """Search with the scale's stated scatter; with a larger one only if that finds no cause.
 
     A cause not yet identified looks like scatter of the scale, pull by pull: only what no cause
-    explains may be scatter.
+    explains, and no law that nobody listed, may be scatter.
     """
     stated = replace(case, force_noise=1.0)
-    found = search(stated, start, rng)
+    asked, found = beyond(stated, search(stated, start, rng), start)
     if case.force_noise > 1 and found.detected and not found.explains:
         other = search(case, start, rng)
         if other.explains or not other.detected:
+            case, other = beyond(case, other, start)
             return case, spread, other
-    return stated, replace(spread, force=1.0, force_std=0.0, force_p=1.0), found
+    return asked, replace(spread, force=1.0, force_std=0.0, force_p=1.0), found
 
 
 def case_of(

@@ -46,6 +46,8 @@ class Agreement(Locked):
         factor: By how much springs are softer than with an arm of usual weight, where no masses are
             stated; None where they are [1].
         common: The same where masses are stated, if nothing else parts the two; None where it does.
+        table_p: Chance that the unloaded readings of the pulls are so far from where the positions
+            have the robot.
     """
 
     chi2: float
@@ -54,6 +56,7 @@ class Agreement(Locked):
     pulls: Array
     factor: float | None
     common: CommonSoftness | None = None
+    table_p: float = 1.0
 
     @property
     def most(self) -> tuple[int, float]:

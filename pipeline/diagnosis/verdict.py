@@ -89,9 +89,13 @@ _UNLOADED = (
     VerdictRow(
         Finding.TABLES_DISAGREE,
         Verdict.UNEXPLAINED,
-        lambda f: f.agreement is not None and f.unloaded.corrects,
+        lambda f: f.agreement is not None and f.agreement.table_p < alarms.GEOMETRY,
     ),
-    VerdictRow(Finding.ROUGH_TABLE, Verdict.ADEQUATE, lambda f: f.unloaded.corrects),
+    VerdictRow(
+        Finding.ROUGH_TABLE,
+        Verdict.ADEQUATE,
+        lambda f: f.unloaded.corrects and f.agreement is None,
+    ),
 )
 
 _DISPLACEMENTS = (

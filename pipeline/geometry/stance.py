@@ -6,16 +6,26 @@ from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+import scipy.linalg
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.base.tails import chi2_beyond
-from pipeline.geometry.estimate import rows, softened
+from pipeline.geometry.estimate import between_knots, padded, precision, rows, softened
 from pipeline.geometry.identify import Identified
-from pipeline.geometry.mechanism import ArmWeights, Mechanism, layout, linearised
+from pipeline.geometry.mechanism import (
+    ArmWeights,
+    Mechanism,
+    by_frame,
+    derivatives,
+    layout,
+    linearised,
+)
+from pipeline.machine.cell import Tool
 from pipeline.machine.stance import Stance
 from pipeline.reduction.bring import bring
 from pipeline.reduction.case import Case
+from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.estimate import identify as estimate_of
 
@@ -74,7 +84,9 @@ def stance(found: Identified, targets: Collection[str]) -> Stance:
         held=tuple(mechanism.elements[k] for k, _ in held),
         yields=z[n:s],
         cov=C + factor * np.outer(along, along),
-        unloaded=_Unloaded(mechanism, found.weights, np.array(which, dtype=np.int64)),
+        unloaded=_Unloaded(
+            mechanism, found.weights, np.array(which or range(len(mechanism.tool)), dtype=np.int64)
+        ),
         factor=factor,
         moments=mechanism.moments,
         gravity=found.weights.gravity,
@@ -176,6 +188,9 @@ def lighter(found: Identified, factor: float) -> Identified:
         yields=there.yields * factor,
         moments=there.moments / factor,
     )
+    known, weight = found.known, scale[: len(found.known.std)].copy()
+    weight[where.compliance] = weight[where.yields] = 1.0
+    found = replace(found, known=replace(known, mean=known.mean * weight, std=known.std * weight))
     return _about(found, moved, found.solution.cov * scale * scale[:, None])
 
 
@@ -186,9 +201,14 @@ def beside_pulls(found: Identified, known: Stance, value: Array, cov: Array) -> 
 
         N = C_z^-1 - C0^-1,    N z1 = C_z^-1 z - C0^-1 z0,
 
-    and what goes with z = T x in the whole model moves with it:
+    which stands beside rows and priors of the positions as one more: with z = T x
 
-        C' = C - C T' (1 + N C_T)^-1 N T C,    x' = x + C T' (1 + N C_T)^-1 N (z1 - T x).
+        (X'X + P + T'N T) x = X'y + P m + T'N z1,
+
+    linearised anew where that leads, as a weight and the spring that it turns are a product.
+
+    The whole model has the masses of the file, and springs as soft as these make them: of those
+    the pulls say as much less as masses are uncertain (M, `by_masses`), (1 + N M)^-1 N.
 
     Args:
         found: The estimate from the positions alone, of an arm of the weight that pulls tell.
@@ -196,25 +216,121 @@ def beside_pulls(found: Identified, known: Stance, value: Array, cov: Array) -> 
         value: z, springs and elements, and errors of letters and points, shape (s,).
         cov: Their covariance C_z, shape (s, s).
     """
-    there, where, C = found.mechanism, layout(found.mechanism), found.solution.cov
+    there, where = found.mechanism, layout(found.mechanism)
     targets, places = found.readings.targets.tolist(), list(_places(there))
     held = [k for one in known.held for k in places[there.elements.index(one)]]
-    T = _chosen(found, held, [targets.index(name) for name in known.points])
     size = np.sqrt(np.diag(known.cov))
-    T = T / size[:, None]
-    own = T @ C @ T.T
+    T = _chosen(found, held, [targets.index(name) for name in known.points]) / size[:, None]
     before, after = (linear.inverse(one / size / size[:, None]) for one in (known.cov, cov))
     share, along = linear.directions(after - before)
     N = (along * np.maximum(share, 0.0)) @ along.T
     zero = np.zeros(len(T) - known.springs)
     z0 = np.concatenate([known.compliance, known.yields, zero]) / size
     now = np.concatenate([(T @ there.at(where))[: known.springs], zero])  # letters count from here
-    said = after @ (value / size) - before @ z0
+    said = after @ (value / size) - before @ z0 - N @ now
     less = linear.solve(np.eye(len(T)) + N @ T @ by_masses(found) @ T.T, np.column_stack([N, said]))
-    N, said = less[:, :-1], less[:, -1] - less[:, :-1] @ now
-    gain = C @ T.T @ linear.solve(np.eye(len(T)) + N @ own, np.column_stack([N, said]))
-    moved = there.moved(there.at(where) + gain[:, -1], where)
-    return _about(found, moved, C - gain[:, :-1] @ T @ C)
+    return _with(found, T.T @ less[:, :-1] @ T, T.T @ less[:, -1])
+
+
+def _with(found: Identified, N: Array, said: Array) -> Identified:
+    """The estimate with N u = said of how far it moves, u, as one more kind of reading."""
+    where, mean = layout(found.mechanism), padded(found.known.mean, len(said))
+    P, gone = precision(found.mechanism, found.known)[0], np.zeros(len(said))
+    begun = found.mechanism.at(where)
+    for _ in range(_TURNS):
+        here = found.mechanism.at(where)
+        left = replace(found.rows, y=found.rows.y - found.rows.along(here))
+        whole = linear.cholesky(left.N + P + N)
+        step = whole.solve(left.b - P @ (begun + gone - mean) + said - N @ gone)
+        gone += step
+        found = _about(
+            found, found.mechanism.moved(here + step, where), whole.solve(np.eye(len(step)))
+        )
+    return found
+
+
+_TURNS = 4
+"""Linearisations beside pulls; each leaves the square of what the one before it did."""
+
+
+def elsewhere(found: Identified, known: Stance, data: Measured, tool: Tool) -> float:
+    """Chance that a robot as its positions have it has its targets where pulls begin.
+
+    Chi-square of the unloaded readings about the whole model, in its covariance, the scatter of its
+    joints and their noise, where the instrument's frame is free; 1 where too few were read.
+
+    Args:
+        found: The whole model, from the positions alone.
+        known: `stance` of it.
+        data: The pulls, brought where their robot stands by it.
+        tool: Their targets.
+    """
+    row = np.unique(data.zero, return_index=True)[1]
+    row = row[np.isfinite(data.unloaded[row]).all(axis=1)]
+    names = data.name[row]
+    fresh = [k for k, name in enumerate(tool.targets) if name not in known.points]
+    wide, cov = _with_targets(found, tool.points[fresh])
+    if len(row) <= _FRAME + len(fresh) or data.poses:
+        return 1.0
+    turned, read = data.pulls.q[data.pull[row]], found.readings.targets.tolist()
+    order = [*read, *tool.targets[fresh].tolist()]
+    target = np.array([len(order) - 1 - order[::-1].index(str(name)) for name in names])
+    at, X, S = _there(found, wide, turned - known.unloaded(turned)[0], target)
+    left = (data.unloaded[row] + known.moved(turned, names) - at).ravel()
+    pose = np.repeat(data.pulls.pose[data.pull[row]], 3)
+    V = X @ cov @ X.T + (S @ S.T) * (pose[:, None] == pose)
+    W = linear.whitening(V + scipy.linalg.block_diag(*data.zero_cov[row]))
+    frame = by_frame(at[:, None])[:, :3].reshape(len(left), _FRAME)
+    white = linear.complement(W @ frame).T @ W @ left
+    return float(chi2_beyond(float(white @ white), len(white)))
+
+
+def _with_targets(found: Identified, points: Array) -> tuple[Mechanism, Array]:
+    """The mechanism with further points of its tool, (t, 3), of which nobody knows the place."""
+    frames = np.tile(np.eye(4), (len(points), 1, 1))
+    frames[:, :3, 3] = points
+    wide = replace(found.mechanism, tool=np.concatenate([found.mechanism.tool, frames]))
+    last, where = layout(found.mechanism).tool.stop, layout(wide)
+    fresh = np.arange(last, where.tool.stop)
+    cov, old = np.zeros((where.size, where.size)), np.delete(np.arange(where.size), fresh)
+    cov[np.ix_(old, old)] = found.solution.cov
+    cov[fresh, fresh] = _ANYWHERE_M**2
+    return wide, cov
+
+
+_ANYWHERE_M = 0.01
+"""How far a reflector that only the pulls read may be from its place in [tool]."""
+
+
+def _there(
+    found: Identified, mechanism: Mechanism, q: Array, target: Ints
+) -> tuple[Array, Array, Array]:
+    """Where a target stands unloaded at each of some joint values, as `Stance.unloaded`.
+
+    Returns:
+        Places [m], F_b, (m, 3), and what moves them: all parameters (3 m, k), and the error of
+        each joint in its standard deviation (3 m, n).
+    """
+    m = len(q)
+    never, weights = np.full(m, np.nan), replace(found.weights, carried=np.zeros(m, dtype=np.int64))
+    stand = mechanism.stand(q, weights, never, never, never)
+    D, Z = derivatives(mechanism, stand, weights)
+    K, knot = between_knots(mechanism.curves, q, Z)
+    X = np.zeros((*D.shape[:2], layout(mechanism).size))
+    X[..., : D.shape[2]] = D
+    for k in range(knot.shape[1]):
+        X[np.arange(m), :, D.shape[2] + knot[:, k]] += K[..., k]
+    mine = np.arange(m)[:, None], 6 * target[:, None] + np.arange(3)
+    S = Z[..., : mechanism.table.n] * found.scatter.joints
+    return (
+        stand.at[np.arange(m), target],
+        X[mine].reshape(3 * m, -1),
+        S[mine].reshape(3 * m, -1),
+    )
+
+
+_FRAME = 6
+"""Coordinates of a frame."""
 
 
 def _about(found: Identified, moved: Mechanism, cov: Array) -> Identified:

@@ -202,7 +202,7 @@ def _asked(said: Proposal, robot: str | None, given: Known) -> Known:
     sigma_n, mass_sigma_kg = _of_loads(said, given)
     warm = given.temperature_c
     if said.exports and warm is None:
-        warm = _number("Temperature of rail and base [degC]", "Enter: not known")
+        warm = _number("Temperature of base, and rail if any [degC]", "Enter: not known")
     return replace(
         given,
         robot=robot,

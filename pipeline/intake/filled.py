@@ -26,6 +26,7 @@ from pipeline.reduction.settings import HALL_M, REACH_M
 
 _SHEET = "set-up"
 _HEAD = ("key", "what", "unit")
+_KEY = ("key", "schlüssel", "clé")
 _FRAMES = {"tool": REACH_M, "base_frame": HALL_M}
 _WORDS = ("robot", "operator", "robot_unit.serial", "instrument.model", "instrument.serial",
           "scale.serial")  # fmt: skip
@@ -72,7 +73,7 @@ def _rows(name: str, data: bytes) -> Iterator[_Row]:
         if below and len(cells) > len(_HEAD) and any(cells[len(_HEAD) :]):
             key, what, unit, *rest = cells
             yield _Row(line, key, what, unit, tuple(one for one in rest if one))
-        below = below or tuple(one.lower() for one in cells[: len(_HEAD)]) == _HEAD
+        below = below or (cells[:1] != [] and cells[0].lower() in _KEY)
 
 
 def _known(name: str, rows: list[_Row]) -> tuple[Known, list[str]]:

@@ -22,7 +22,8 @@ class Law:
         variable: What it is of: angle [rad], torque [N m], position [m] along the rail, direction
             of the force [1], time [s], force [N].
         source: Joint whose angle, torque or position that is, from 1; 0 for all else.
-        order: Periods per turn, or per metre; power of a smooth law; 0 of a step.
+        order: Periods per turn, or per metre; power of a smooth law; of a step
+            0 where it is there beyond its place, 1 where it is there up to it.
         low: Smallest value of the variable where it was taught.
         high: The largest.
         at: Where a step or a knee sits, in the unit of the variable.

@@ -59,7 +59,8 @@ class Stance(Locked):
         yields: Their parameters, one after the other, shape (e,).
         cov: C, of springs, elements, letters of the table and points, (n + e + k + 3 t) squared.
         unloaded: Joint values of the controller (m, n) -> how far the joints are from them (m, n)
-            and the points from where the corrected table then has them [m], F_b, (m, t, 3).
+            and the points from where the corrected table then has them [m], F_b, (m, t, 3); where
+            no pull reads one of the points, all that were read.
         factor: Variance of the factor by which all springs may be softer under masses lighter by
             it, which moves nothing; 0 where the robot file states the masses [1].
         moments: Mass [kg] and first moment in its frame [kg m] of each link, shape (n, 4).
@@ -172,11 +173,8 @@ class Stance(Locked):
 
         Args:
             q: Joint values [m] or [rad], shape (m, n).
-            names: Of one point each, shape (m,); one that was not read moves as the others' mean,
-                and NaN says that none was.
+            names: Of one point each, shape (m,); one that was not read moves as the others' mean.
         """
-        if not self.points:
-            return np.full((len(q), 3), np.nan)
         off = self.unloaded(q)[1]
         out = off.mean(axis=1)
         for k, name in enumerate(self.points):

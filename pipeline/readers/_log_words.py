@@ -12,18 +12,21 @@ _CALLED = {
         "pose", "stellung", "messpose", "posenummer", "configuration", "konfiguration", "position",
         "pos", "messposition",
     },
-    "repeat": {"repeat", "zug", "wiederholung", "wdh", "pull", "step", "load step", "laststufe"},
+    "repeat": {
+        "repeat", "zug", "wiederholung", "wdh", "pull", "step", "load step", "laststufe",
+        "répétition", "palier",
+    },
     "force": {
         "f", "force", "kraft", "istkraft", "messkraft", "zugkraft", "last", "load", "federwaage",
         "waage", "dynamometer",
     },
     "branch": {
         "branch", "ast", "richtung", "direction", "lastrichtung", "belastungsrichtung",
-        "load direction", "direction of load", "verlauf",
+        "load direction", "direction of load", "verlauf", "sens",
     },
     "remark": {
         "remark", "remarks", "bemerkung", "bemerkungen", "kommentar", "anmerkung", "notiz",
-        "comment", "comments", "note", "notes",
+        "comment", "comments", "note", "notes", "remarque", "remarques",
     },
     "mass": {"mass", "masse", "gewicht", "weight"},
     "rail": {
@@ -34,11 +37,12 @@ _CALLED = {
 _BRANCH = {
     "up": {
         "up", "auf", "aufwärts", "aufwaerts", "hin", "steigend", "belasten", "belastung", "loading",
-        "increasing", "rising", "ascending", "forward",
+        "increasing", "rising", "ascending", "forward", "montée",
     },
     "down": {
         "down", "ab", "abwärts", "abwaerts", "zurück", "zurueck", "rück", "fallend", "entlasten",
         "entlastung", "unloading", "decreasing", "falling", "descending", "back", "return",
+        "descente",
     },
 }  # fmt: skip
 """Which way the turnbuckle was last turned."""

@@ -242,6 +242,17 @@ class Headline:
 
 
 @dataclass(frozen=True)
+class Frame:
+    """The few words of page and paper that are no part of what is said, and their language."""
+
+    language: str = "en"
+    skip: str = "Skip to the report"
+    made: str = "Made by pipeline"
+    took: str = "Run time"
+    figure: str = "Figure"
+
+
+@dataclass(frozen=True)
 class Report:
     """Everything that is said on one page.
 
@@ -257,6 +268,7 @@ class Report:
         run_time: How long the run took, or None.
         judged: What a tolerance decides, told before the verdict; None without one.
         certificate: The first page; None of a report that is none of a campaign.
+        frame: Words of page and paper.
     """
 
     kicker: str
@@ -270,6 +282,7 @@ class Report:
     run_time: str | None = None
     judged: Headline | None = None
     certificate: Certificate | None = None
+    frame: Frame = Frame()
 
     @property
     def worst(self) -> str:

@@ -68,9 +68,12 @@ class Blocks(Locked):
         return padded
 
     def solve(self, A: Array, padded: Array) -> Array:
-        """Solutions of the regular A x = y of each block, (p, s, s) and (p, s, j), likewise."""
+        """Solutions of the regular A x = y of each block, (p, s, s) and (p, s, j), likewise.
+
+        By the inverse, which is twice as fast where there are more columns y than rows.
+        """
         if not self.uneven:
-            return linear.solve(A, padded)
+            return linear.regular_inverse(A) @ padded
         out = np.zeros_like(padded)
         for one, a, y, n in zip(out, A, padded, self.count, strict=True):
             one[:n] = linear.solve(a[:n, :n], y[:n])

@@ -135,14 +135,17 @@ def test_init_asks_again_for_what_is_no_size(tmp_path):
     assert content["tracker"]["sigma_m"] == pytest.approx(5e-5)
 
 
-def test_init_refuses_a_robot_before_it_asks_further(tmp_path):
-    """Nobody answers three questions in vain."""
+def test_init_asks_for_a_robot_again_before_it_asks_further(tmp_path):
+    """A brand name finds its robots; nobody answers three questions in vain, or begins anew."""
     command = [*PIPELINE, "init", "a", "--root", str(tmp_path)]
-    _, err, code = on_a_terminal(command, ["kuka"])
+    _, err, code = on_a_terminal(command, ["KR 500 FORTEC", "kr501", "kr500_rail", "", "", ""])
+    before, _, asked = err.partition("kr500_rail_kuka")
 
-    assert code == 2
-    assert "kuka" in err
-    assert "Standard uncertainty" not in err
+    assert code == 0
+    assert 'no robot "KR 500 FORTEC"' in before
+    assert "did you mean" in before
+    assert "Tracker, as" not in before
+    assert "Tracker, as" in asked
 
 
 CTRL_C = """

@@ -12,6 +12,7 @@ from pipeline.app import cli
 from pipeline.base import toml
 from pipeline.design import problem
 from pipeline.design import spec as specs
+from pipeline.design.language import Language, spoken
 from pipeline.design.plan_book import book
 from pipeline.design.planfile import plan_content
 from pipeline.design.propose import Proposal
@@ -62,7 +63,7 @@ def cell(page, title, row):
     return page.cell(3 + row, column)
 
 
-def by_hand(data, measured, comma, away=0.0):
+def by_hand(data, measured, comma, away=0.0, say=str):
     """The workbook as somebody fills it in: forces as text with a decimal comma, some as numbers.
 
     The second pull is left empty and has a remark; A1 of the first pose is `away` [deg].
@@ -72,11 +73,11 @@ def by_hand(data, measured, comma, away=0.0):
     pulls, axes, once = filled["pulls"], filled["axes"], filled["set-up"]
     for k, one in enumerate(rows(measured["loads.csv"]), 1):
         as_text = f"{float(one['force_n']):.1f}".replace(".", ",")
-        force = cell(pulls, "Force [N]", k)
+        force = cell(pulls, say("Force [N]"), k)
         force.value = as_text if comma and k % 3 else round(float(one["force_n"]), 1)
-    cell(pulls, "Force [N]", 2).value = None
-    cell(pulls, "Remark", 2).value = "Kette gerutscht, später wiederholen"
-    cell(pulls, "Clock", 1).value = "10:15"
+    cell(pulls, say("Force [N]"), 2).value = None
+    cell(pulls, say("Remark"), 2).value = "Kette gerutscht, später wiederholen"
+    cell(pulls, say("Clock"), 1).value = "10:15"
     a1 = cell(axes, "A1 [deg]", 1)
     a1.value = a1.value + away
     pulls.cell(pulls.max_row + 2, 1).value = None
@@ -94,7 +95,7 @@ def by_hand(data, measured, comma, away=0.0):
     for row in once.iter_rows(min_row=4):
         for column, value in enumerate(typed.get(row[0].value, [])):
             row[3 + column].value = value
-        if row[1].value.startswith("Weight that hangs"):
+        if row[1].value == say("Weight that hangs at the load point all the time"):
             row[3].value = 12
     out = io.BytesIO()
     filled.save(out)
@@ -108,15 +109,19 @@ def command(capsys, *words):
     return ended.value.code, *capsys.readouterr()
 
 
-@pytest.mark.parametrize("comma", [True, False])
+@pytest.mark.parametrize(
+    ("comma", "language"), [(True, "en"), (False, "en"), (True, "de"), (True, "fr")]
+)
 def test_a_filled_in_workbook_is_the_log_of_a_campaign(
-    proposal, measured, comma, tmp_path, monkeypatch, capsys
+    proposal, measured, comma, language, tmp_path, monkeypatch, capsys
 ):
     """`init` asks nothing, `check` says the remark, and what was typed is what is used."""
     monkeypatch.chdir(tmp_path)
     folder = tmp_path / "data" / "raw" / "hall"
     folder.mkdir(parents=True)
-    (folder / "sheet.xlsx").write_bytes(by_hand(book(proposal), measured, comma))
+    say = spoken(Language(language))
+    sheet = by_hand(book(proposal, say), measured, comma, say=say)
+    (folder / "sheet.xlsx").write_bytes(sheet)
     (folder / "tracker.csv").write_bytes(measured["tracker.csv"])
     code, _, told = command(capsys, "init", "hall")
     assert code == 0

@@ -27,7 +27,8 @@ from pipeline.prediction.model import IdentifiedModel, dumps, part
 from pipeline.prediction.model import parse as parse_model
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.reduction.pose_of_interest import place_of_interest
-from pipeline.run import ingested
+from pipeline.run import answered, ingested
+from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 from pipeline.system import detect
 from pipeline.system.beside import by_products
@@ -207,6 +208,58 @@ def test_a_zero_of_the_scale_that_jumps_adds_the_same_force_to_every_later_pull(
     assert after - before.mean() == pytest.approx(1)
     assert one.called.startswith("zero that jumps at ")
     assert one.parameters[0].unit == "N"
+
+
+def test_a_dead_band_adds_the_same_force_to_every_small_pull():
+    """A spring whose first newtons are lost up to some force, which all larger pulls have back."""
+    sticks = unlisted.effect(KR500, law("scale", "zero", "step", "force", 0, 1.0, at=1500.0))
+    loaded = load(CELL, PULLS, KR500.nominal_compliance)
+    size = np.linalg.norm(PULLS.force, axis=1)
+
+    point, force = sticks.wrench(loaded, np.array([-40.0]))
+
+    lost = np.where(size <= 1500.0, 40.0, 0.0)
+    assert np.linalg.norm(force, axis=1) == pytest.approx(size - lost)
+    assert 0 < lost.sum() < 40.0 * len(size)
+    np.testing.assert_array_equal(point, loaded.load_point)
+
+
+def test_a_jump_is_sought_between_all_pulls_and_not_the_first_of_each_pose():
+    """Of the force, steps lie between any two pulls that differ."""
+    laws = unlisted.effects(KR500, load(CELL, PULLS, KR500.nominal_compliance))
+    at = [one.law.at for one in laws if one.law.of[:3] == ("scale", "zero", "force")]
+    size = np.sort(np.linalg.norm(PULLS.force, axis=1))
+    assert len(at) == min(len(size) - 5, 60)
+    assert size[2] < min(at) < size[3]
+    assert size[-4] < max(at) < size[-3]
+
+
+@pytest.mark.parametrize("lost_n", [150.0])
+def test_a_scale_with_a_dead_band_is_named_and_leaves_the_springs_alone(lost_n):
+    """Written into the log by hand: pulls below 1800 N read 150 N too little."""
+    plan = Plan(
+        name="sticks",
+        seed=8,
+        poses={"count": 12},
+        pulls={"steps_n": [900.0, 1600.0, 2400.0, 3200.0]},
+    )
+    files = dict(simulate(plan).files)
+    clean = answered("clean", in_memory(dict(files))).answer
+    head, *rows = [row.split(",") for row in files["loads.csv"].decode().splitlines()]
+    at = head.index("force_n")
+    for row in rows:
+        force = float(row[at])
+        row[at] = f"{force - lost_n * (force < 1800.0):.2f}"
+    files["loads.csv"] = ("\n".join(",".join(row) for row in [head, *rows]) + "\n").encode()
+
+    said = answered("sticks", in_memory(files)).answer
+
+    assert str(said.diagnosis.verdict) == "explained"
+    (cause,) = [one for one in said.diagnosis.causes if one.probability > 0.9]
+    assert (cause.name, cause.where, cause.form) == ("unlisted_law", "scale", "step")
+    for one, true in zip(said.stiffness, clean.stiffness, strict=True):
+        if one.value and true.value:
+            assert abs(one.value - true.value) < 3 * np.hypot(one.std, true.std)
 
 
 def test_every_law_has_a_share_of_the_odds_and_a_form_that_a_file_can_hold():

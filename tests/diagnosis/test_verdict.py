@@ -135,10 +135,7 @@ ROWS = {
         Verdict.ADEQUATE,
     ),
     Finding.TABLES_DISAGREE: (
-        Facts(
-            unloaded=replace(MISPLACED, gain=gain(0.9, 0.8), rough=True),
-            agreement=replace(APART, chi2=0.0),
-        ),
+        Facts(agreement=replace(APART, chi2=0.0, table_p=1e-4)),
         Verdict.UNEXPLAINED,
     ),
     Finding.REFLECTORS_LOOSE: (replace(FOUND, loose_p=1e-6), Verdict.UNEXPLAINED),

@@ -62,10 +62,15 @@ def test_the_six_coordinates_are_shift_and_turn_of_a_rigid_motion():
     assert np.sum((loose - rigid) * rigid) == pytest.approx(0, abs=1e-9)
 
 
-def test_a_6d_campaign_is_adequate_and_its_springs_are_right():
+@pytest.fixture(scope="module")
+def answer():
+    """What is said of sixteen poses read as such by a robot as delivered."""
+    return answered("six", in_memory(made(poses=16, tracker=SIX))).answer
+
+
+def test_a_6d_campaign_is_adequate_and_its_springs_are_right(answer):
     """Six rows to a pull, noise from repeats and residuals, whatever is not said."""
     files = made(poses=16, tracker=SIX)
-    answer = answered("six", in_memory(files)).answer
     quiet = answered("six", in_memory(silent(files))).answer
     case = case_of(files)
     x = case.robot.nominal_compliance
@@ -211,19 +216,19 @@ def test_an_instrument_that_cannot_be_is_refused(name):
         parse(text)
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
-    "hidden", ["link_length:4=0.02", "joint_offset:3=3e-3", "link_twist:5=5e-3"]
+    "hidden", ["link_twist:5=5e-3", "link_length:4=0.02", "joint_offset:3=3e-3"]
 )
-def test_a_wrong_entry_of_the_table_is_identified_from_6d_poses(hidden):
+def test_a_wrong_entry_of_the_table_is_identified_from_6d_poses(answer, hidden):
     """In size too, and springs rest on the corrected table as they do on a right one."""
     name, _, rest = hidden.partition(":")
     joint, _, size = rest.partition("=")
     files = made(poses=16, tracker=SIX, hidden={"effects": [hidden]})
     said = answered("six", in_memory(files)).answer
-    plain_said = answered("six", in_memory(made(poses=16, tracker=SIX))).answer
     (cause,) = said.diagnosis.causes
     (found,) = cause.parameters
-    springs = zip(said.stiffness, plain_said.stiffness, strict=True)
+    springs = zip(said.stiffness, answer.stiffness, strict=True)
 
     assert (cause.name, cause.where) == (name, int(joint))
     assert found.value == pytest.approx(float(size), abs=4 * found.std)
@@ -232,7 +237,7 @@ def test_a_wrong_entry_of_the_table_is_identified_from_6d_poses(hidden):
     assert all(abs(a.compliance - b.compliance) < 0.5 * b.compliance_std for a, b in springs)
     before, after = said.diagnosis.unloaded_off_mm
     assert after < 0.05 < 1 < before
-    assert plain_said.recommended.table == "as_delivered"
+    assert answer.recommended.table == "as_delivered"
 
 
 def test_positions_and_rotations_of_6d_poses_are_weighed_by_what_is_stated_of_each():

@@ -48,13 +48,13 @@ def judged(model, readings):
     return off, told.std[:, 0, :3]
 
 
-def test_every_tenth_pose_tells_the_table(campaign):
+def test_every_twentieth_pose_tells_the_table(campaign):
     """Too few for curves: table and springs, and poses between are nearer than by the table."""
     _, read = campaign
-    tenth = np.arange(len(read.readings)) % 10 == 0
+    few = np.arange(len(read.readings)) % 20 == 0
 
-    found, model = taught(campaign, tenth)
-    off, _ = judged(model, read.readings.part(~tenth))
+    found, model = taught(campaign, few)
+    off, _ = judged(model, read.readings.part(~few))
 
     assert np.linalg.norm(off, axis=1).mean() < 0.45e-3
     letters = found.final.mechanism

@@ -193,7 +193,8 @@ def test_a_plan_on_top_of_a_campaign_has_the_name_that_is_typed(tmp_path, monkey
         )  # fmt: skip
 
     assert code == 0, err
-    assert [one.name for one in (tmp_path / "data" / "plans").iterdir()] == ["more.toml"]
+    plans = sorted(one.name for one in (tmp_path / "data" / "plans").iterdir())
+    assert plans == ["more.problem.toml", "more.toml"]
 
 
 def test_the_picture_of_a_pose_stands_on_its_page(designed):

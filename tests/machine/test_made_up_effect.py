@@ -5,6 +5,7 @@ Its name stands nowhere else, so whatever knows effects by name is found out her
 
 import numpy as np
 import pytest
+from conftest import without_drawings
 
 from pipeline.answer.contract import Which
 from pipeline.base.arrays import Parameter
@@ -76,7 +77,8 @@ def test_a_made_up_effect_goes_from_simulator_to_report(catalogued, tmp_path):
         (folder / name).write_bytes(content)
 
     found = find(tmp_path, "zigzag")
-    answer = run(found)
+    with without_drawings():
+        answer = run(found)
 
     (cause,) = answer.diagnosis.causes
     assert answer.diagnosis.verdict == "explained"

@@ -145,6 +145,16 @@ def test_every_robot_states_payload_source_and_axes_of_its_controller():
     assert fanuc[2] == 15
 
 
+@pytest.mark.parametrize("name", SHIPPED)
+def test_axes_of_the_controller_become_joints(name):
+    """The matrix of the file, mm and degrees; what `axes.shown` shows comes back."""
+    robot = load(name)
+    q = np.random.default_rng(4).uniform(-1, 1, (3, robot.n))
+
+    assert robot.from_controller(axes.shown(robot, q)) == pytest.approx(q, abs=1e-12)
+    assert robot.from_controller(axes.shown(robot, q)[0]).shape == (robot.n,)
+
+
 def test_no_two_robots_that_ship_have_one_geometry():
     """Nothing could tell them apart, and a wrong choice would be named by chance."""
     q = np.random.default_rng(1).uniform(-1, 1, (4, 7))

@@ -243,6 +243,12 @@ def bared(value, model=Answer):
     return {key: bared(value[key], hints[name]) for key, name in here.items()}
 
 
+@pytest.fixture(scope="module")
+def whole(sample):
+    """The parts of its report by their keys."""
+    return {section.key: section for section in compose(*sample).sections}
+
+
 def test_what_is_null_leaves_its_part_out_and_nothing_else(sample):
     """Whatever an answer may leave open is null, in every joint, too: there still is a report."""
     answer, tables = sample
@@ -278,7 +284,7 @@ def test_what_is_null_leaves_its_part_out_and_nothing_else(sample):
     ],
     ids=lambda path: ".".join(map(str, path)),
 )
-def test_a_fact_that_is_open_changes_its_own_part_only(sample, path):
+def test_a_fact_that_is_open_changes_its_own_part_only(sample, whole, path):
     """One null: every other part says what it said."""
     answer, tables = sample
 
@@ -288,7 +294,6 @@ def test_a_fact_that_is_open_changes_its_own_part_only(sample, path):
             content = content[key]
         content[last] = None
 
-    whole = {section.key: section for section in compose(answer, tables).sections}
     said = compose(report_sample.revised(answer, forget), tables)
 
     changed = {s.key for s in said.sections if s != whole[s.key]}
@@ -398,11 +403,11 @@ def test_an_identified_cause_is_compared_as_large_as_it_was_found(sample):
     told = {**tables, "separability": pairs.assign(sigmas_found=np.where(own, 2.25, np.nan))}
 
     caption = next(f for f in compose(answer, told).figures if f.name == "separability").caption
-    page = render(answer, told)["index.html"].decode()
+    drawn = draw("separability", answer, told).inline
 
     assert "3 could not be" in caption
     assert "at the magnitude that these readings give" in caption
-    tips = re.findall(r'data-tip="([^"]* or [^"]* σ[^"]*)"', page)
+    tips = re.findall(r'data-tip="([^"]* or [^"]* σ[^"]*)"', drawn)
     assert sorted(tips) == [
         "tilt of the bearing in joint 2 or roll of the carriage about the rail: 0.80 σ",
         "wrong zero of the spring scale or roll of the carriage about the rail: 2.2 σ, "

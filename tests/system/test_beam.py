@@ -48,10 +48,24 @@ def test_a_tracker_of_its_data_sheet_has_no_tails(world):
     assert parts["along_beam"]["found_over_stated"] < parts["across_beam"]["found_over_stated"]
 
 
-@pytest.mark.sampled(1)
+@pytest.mark.parametrize(
+    ("world", "tailed"), [("at960_student3", True), ("vantage_bursts", True), ("ot2_rms", False)]
+)
+def test_tails_are_seen_beside_the_beam(world, tailed):
+    """Readings of such a tracker that scatter with tails or in bursts are known from others."""
+    found = fitted(world)
+    springs = CurrentModel(found.case.cell, found.estimate.value, found.case.robot.n)
+
+    seen = shape(linearise(springs, found.plain, ()), ())
+
+    assert seen.beam.better
+    assert seen.tailed is tailed
+
+
+@pytest.mark.slow
 @pytest.mark.parametrize("world", ["at960_student3", "vantage_bursts"])
-def test_tails_are_seen_beside_the_beam(world):
-    """Readings of such a tracker that scatter with tails or in bursts still are named."""
+def test_tails_beside_the_beam_are_named(world):
+    """By the answer, which accuses nobody for them."""
     answer = asked(written(world)[3]).answer
 
     assert answer["diagnosis"]["verdict"] == "adequate"

@@ -47,6 +47,9 @@ _PER_RAIL = (1, 2, 3, 4, 5, 6)
 _STEPS = 12
 """So many places of a step are tried."""
 
+_FORCES = 60
+"""The same of a step in the force, which every pull has another of."""
+
 _SIDES = 3
 """Poses on either side of a step, at least."""
 
@@ -192,6 +195,8 @@ def _laws(robot: Robot, loaded: Loaded) -> Iterator[Law]:
     yield from _of_time(pulls, "scale", "reading")
     yield from _of_time(pulls, "scale", "zero")
     yield from _of_force(pulls, "scale", "reading")
+    yield from _jumps(pulls, "reading", _ABOVE)
+    yield from _jumps(pulls, "zero", _BELOW)
     yield Law("scale", "reading", "smooth", "direction", 0, 1.0, -1.0, 1.0)
     if _varies(pulls.time) and np.isfinite(pulls.time_zero).all():
         for power in (0.5, 2.0):
@@ -275,9 +280,17 @@ def _of_force(pulls: Pulls, where: str, part: str) -> Iterator[Law]:
     low, high = _ends(np.linalg.norm(pulls.force, axis=1))
     for power in (0.5, 2 / 3, 2.0, 3.0):
         yield Law(where, part, "smooth", "force", 0, power, low, high)
-    if part == "reading":
-        for at in _cuts(np.linalg.norm(pulls.force, axis=1), pulls):
-            yield Law(where, part, "step", "force", 0, 0.0, low, high, at)
+
+
+_ABOVE, _BELOW = 0.0, 1.0
+"""Order of a step: where it is there. What sticks or has a dead band reads small forces wrong."""
+
+
+def _jumps(pulls: Pulls, part: str, order: float) -> Iterator[Law]:
+    """A scale that reads otherwise beyond some force, or up to it; places between all pulls."""
+    size = np.linalg.norm(pulls.force, axis=1)
+    for at in _between(np.sort(size), _FORCES):
+        yield Law("scale", part, "step", "force", 0, order, *_ends(size), at)
 
 
 def _ends(v: Array) -> tuple[float, float]:
@@ -291,11 +304,15 @@ def _varies(v: Array) -> bool:
 def _cuts(v: Array, pulls: Pulls) -> list[float]:
     """Where a step in v (m,) leaves some poses on either side, spread evenly."""
     _, first = np.unique(pulls.pose, return_index=True)
-    each = np.sort(v[first])
+    return _between(np.sort(v[first]))
+
+
+def _between(each: Array, most: int = _STEPS) -> list[float]:
+    """The same of values that ascend, `most` places at most."""
     cuts = ((each[1:] + each[:-1]) / 2)[_SIDES - 1 : len(each) - _SIDES]
     if not len(cuts):
         return []
-    chosen = np.unique(np.linspace(0, len(cuts) - 1, _STEPS).round().astype(int))
+    chosen = np.unique(np.linspace(0, len(cuts) - 1, most).round().astype(int))
     return [float(cut) for cut in cuts[chosen]]
 
 
@@ -662,7 +679,7 @@ def _shape(law: Law, v: Array) -> Array:
         phase = law.order * v * (2 * np.pi if law.variable == "position" else 1.0)
         return np.stack([np.cos(phase), np.sin(phase)], axis=1)
     if law.kind == "step":
-        return (v > law.at)[:, None].astype(float)
+        return ((v > law.at) != (law.order == _BELOW))[:, None].astype(float)
     if law.variable in ("time", "force"):
         return np.asarray((v / law.high).clip(0.0, 1.0)[:, None] ** law.order)
     middle, half = (law.low + law.high) / 2, max((law.high - law.low) / 2, 1e-12)

@@ -64,9 +64,7 @@ def shown(robot: Robot, q: Array) -> Array:
 
 def from_shown(robot: Robot, values: Array) -> Array:
     """The inverse of `shown`, to m and rad, (..., n)."""
-    mapped = of(robot)
-    si = np.where(mapped.slides, 1e-3 * np.asarray(values), np.deg2rad(values))
-    return mapped.joints(np.atleast_2d(si)).reshape(*np.shape(values)[:-1], robot.n)
+    return robot.from_controller(values)
 
 
 def joints(robot: Robot) -> Axes:

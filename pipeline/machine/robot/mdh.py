@@ -310,6 +310,19 @@ class Robot(Locked):
         values = np.asarray(q, dtype=float)
         return np.where(self.prismatic, values, np.deg2rad(values))
 
+    def from_controller(self, axes: ArrayLike) -> Array:
+        """Joint values [m] or [rad] of axes as the controller shows them, (n,) or (m, n).
+
+        Args:
+            axes: In mm and degrees, in the order of `controller`; (k,) or (m, k).
+        """
+        values = np.asarray(axes, dtype=float)
+        if not self.controller:
+            return np.where(self.prismatic, 1e-3 * values, np.deg2rad(values))
+        slides = self.prismatic.astype(float) @ np.abs(self.controller_matrix) > 0
+        si = np.where(slides, 1e-3 * values, np.deg2rad(values))
+        return np.asarray(si @ self.controller_matrix.T + self.controller_offset)
+
     @cached_property
     def nominal_compliance(self) -> Array:
         """1 / nominal (or typical) stiffness [m/N] or [rad/(N m)], shape (n,)."""
@@ -499,8 +512,11 @@ def meant(typed: str) -> list[str]:
     plain = {name: _plain(name) for name in SHIPPED}
     word = _plain(typed)
     found = [one for one in SHIPPED if word in plain[one] or word in _plain(load(one).description)]
-    near = get_close_matches(word, plain.values(), 3)
-    return found or [name for name in SHIPPED if plain[name] in near]
+    heads = [one[: len(word)] for one in plain.values()]  # kr501: a type without its variant
+    near = get_close_matches(word, dict.fromkeys(heads), 3)
+    return found or [
+        name for one in near for name, own in zip(SHIPPED, heads, strict=True) if own == one
+    ]
 
 
 def _plain(words: str) -> str:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 
-from pipeline.answer.contract import Answer, Identity, Measuring, Unit
+from pipeline.answer.contract import Answer, Identity, JointType, Measuring, Unit
 from pipeline.base.quantities import plain
 from pipeline.report.columns import Cells, said, table_of
 from pipeline.report.record import Section, section_of
@@ -42,7 +42,7 @@ def rows(answer: Answer, blank: str = "") -> Iterator[Row]:
         ("Robot", _list(answer.robot, _unit(answer.robot_unit, blank))),
         ("Instrument", _instrument(answer.instrument, blank)),
         ("Scale", "" if found.force_n is None else _unit(found.scale, blank)),
-        ("Temperature of rail and base", _warm(found)),
+        (f"Temperature of {'rail and base' if _slides(answer) else 'base'}", _warm(found)),
         ("Poses and pulls", _counts(found)),
         ("Software", f"pipeline {answer.versions.get('pipeline', _BLANK)}"),
     )
@@ -50,6 +50,11 @@ def rows(answer: Answer, blank: str = "") -> Iterator[Row]:
     for name, text in every:
         if (text or blank) and (pulled or name != "Scale"):
             yield name, text or ""
+
+
+def _slides(answer: Answer) -> bool:
+    """Whether the robot stands on a rail."""
+    return any(one.joint_type == JointType.PRISMATIC for one in answer.stiffness)
 
 
 def _list(*parts: str) -> str:
