@@ -8,8 +8,9 @@ from typing import Annotated
 import typer
 
 from pipeline.app import cli
-from pipeline.app.commands._shared import Jobs, On, Root, executor
+from pipeline.app.commands._shared import Jobs, On, Root
 from pipeline.service.executor import Processes
+from pipeline.service.many import executor
 
 command = typer.Typer(pretty_exceptions_enable=False, rich_markup_mode=None)
 

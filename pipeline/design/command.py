@@ -69,7 +69,7 @@ def design(
         "robot": robot,
         "plan": {"poses": poses, "readings": readings, "unloaded": unloaded},
         "pull": {"steps_n": step},
-        "anchor": dict(zip(("x_m", "y_m", "z_m"), anchor, strict=True)) if anchor else None,
+        "anchor": anchor and dict(zip(("x_m", "y_m", "z_m"), anchor, strict=True)),
         "criterion": {"kind": criterion},
     }
     campaign = load_campaign(add_to, root=root) if add_to else None
@@ -80,12 +80,17 @@ def design(
         asked = added_to(asked, campaign, name)
     made = make(asked, seed, Effort(rounds=rounds), at_work)
     if wanted or (wanted is None and not as_json):
-        more = f" --add-to {typed(add_to)}" if add_to else ""
-        more += f" --language {language}" if language is not Language.EN else ""
-        made = write(root, made, seed, f" --seed {seed} --rounds {rounds}{more}", language)
+        again = f" --seed {seed} --rounds {rounds}{_more(add_to, language)}"
+        made = write(root, made, seed, again, language)
     typer.echo(made.as_json() if as_json else lines(made.as_text()))
     if made.interrupted:
         raise Interrupted("Interrupted; this is the best plan so far.")
+
+
+def _more(add_to: str | None, language: Language) -> str:
+    """Options of a command that gives the same plan again."""
+    more = f" --add-to {typed(add_to)}" if add_to else ""
+    return more + (f" --language {language}" if language is not Language.EN else "")
 
 
 def write(

@@ -62,6 +62,14 @@ def book(proposal: Proposal, say: Say = str) -> bytes:
     return out.getvalue()
 
 
+def _widen(page: Any, titles: Sequence[str], rows: Sequence[_Row]) -> None:
+    """Columns as wide as what stands in them."""
+    for column, title in enumerate(titles):
+        cells = [title.split(" (")[0], *(row[column] for row in rows if column < len(row))]
+        widest = max(len(str(one)) for one in cells if one is not None)
+        page.set_column(column, column, min(60, max(9, widest + 1)))
+
+
 def _put(
     made: xlsxwriter.Workbook,
     styles: dict[str, Any],
@@ -83,10 +91,7 @@ def _put(
         for column in range(*free):
             value = row[column] if column < len(row) else None
             page.write(k, column, value, styles["free" if value is not None else "open"])
-    for column, title in enumerate(titles):
-        cells = [title.split(" (")[0], *(row[column] for row in rows if column < len(row))]
-        widest = max(len(str(one)) for one in cells if one is not None)
-        page.set_column(column, column, min(60, max(9, widest + 1)))
+    _widen(page, titles, rows)
     page.freeze_panes(3, 1)
     page.set_landscape()
     page.fit_to_pages(1, 0)

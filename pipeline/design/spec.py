@@ -28,7 +28,7 @@ from pipeline.base.toml import loads, merged
 from pipeline.design.schedule import POSE_S, READING_S, TIGHTEN_S, counts
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.surroundings import Surrounded
-from pipeline.reduction.settings import Point, TestPoseSettings
+from pipeline.reduction.settings import AskedPose, Point
 
 SHIPPED = ("paper_reference", "paper_cell", "diagnosis_reference")
 
@@ -103,7 +103,7 @@ class CriterionSpec(Strict):
         return said
 
 
-class WeightedPose(TestPoseSettings):
+class WeightedPose(AskedPose):
     """A test pose and how much it matters."""
 
     weight: Positive = 1.0

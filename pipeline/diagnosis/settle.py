@@ -18,7 +18,7 @@ from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import drift
 from pipeline.diagnosis.facts import Diagnosed
 from pipeline.faults.base_reading import astray
-from pipeline.faults.screen import Screened, TestBase, files_of, singles_of
+from pipeline.faults.screen import Screened, ScreeningBase, files_of, singles_of
 from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.room import room_of
 from pipeline.reduction.bring import Reduced, Step, bring
@@ -115,7 +115,7 @@ def _screened(files: Screened, end: Settled) -> Screened:
     nothing = not end.screened.findings and not end.screened.doubted
     if nothing and cell is not richer:
         return end.screened
-    return singles_of(files, None, TestBase(cell, start, family))
+    return singles_of(files, None, ScreeningBase(cell, start, family))
 
 
 def _tails(files: Screened, end: Settled) -> Family | None:

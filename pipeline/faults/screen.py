@@ -51,7 +51,7 @@ class Screened:
 
 
 @dataclass(frozen=True, eq=False)
-class TestBase:
+class ScreeningBase:
     """What single readings and pulls are tested beside.
 
     Attributes:
@@ -82,7 +82,7 @@ def files_of(case: Case, reduced: Reduced) -> Screened:
     return Screened(tuple(findings), case)
 
 
-def screen(case: Case, reduced: Reduced, beside: TestBase | None = None) -> Screened:
+def screen(case: Case, reduced: Reduced, beside: ScreeningBase | None = None) -> Screened:
     """Name mistakes, from those that spoil everything to those that spoil one reading.
 
     Args:
@@ -95,7 +95,7 @@ def screen(case: Case, reduced: Reduced, beside: TestBase | None = None) -> Scre
 
 
 def singles_of(
-    given: Screened, reduced: Reduced | None, beside: TestBase | None = None
+    given: Screened, reduced: Reduced | None, beside: ScreeningBase | None = None
 ) -> Screened:
     """Name what is wrong with single readings and pulls, those that spoil most first.
 
@@ -105,7 +105,7 @@ def singles_of(
         beside: What they are tested beside; the joint springs when not given.
     """
     case, findings = given.case, list(given.findings)
-    beside = beside or TestBase(case.cell, case.robot.nominal_compliance)
+    beside = beside or ScreeningBase(case.cell, case.robot.nominal_compliance)
     asked = Screening(case, beside.cell, beside.start, reduced, beside.family)
     family, tests, doubted = beside.family, _asked(case, in_files=False), list[Mistake]()
     for _ in range(_MOST):

@@ -72,6 +72,13 @@ def init(
               f"pipeline check {typed(folder.name)}")  # fmt: skip
 
 
+def _all_known(said: Proposal, robot: str | None, given: Known, ask: bool) -> Known:
+    """What a sheet says, and what a person does who may be asked."""
+    if ask:
+        return _asked(said, robot, given)
+    return replace(given, robot=robot, instrument=given.words.get("instrument.model"))
+
+
 def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
     """A campaign.toml for what lies in the folder, with what is known or asked."""
     from pipeline.intake import blank
@@ -88,11 +95,7 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
         _tell(line)
     if robot is None:
         robot = _named(root, folder, given) or _robot(root, folder, said, ask)
-    known = (
-        _asked(said, robot, given)
-        if ask
-        else replace(given, robot=robot, instrument=given.words.get("instrument.model"))
-    )
+    known = _all_known(said, robot, given, ask)
     if made := blank.simulated(root, folder.name, files):
         known = replace(known, simulated=True)
         _tell(f"{listed(made)} are those of the rehearsal: campaign.toml says simulated = true.")

@@ -227,9 +227,8 @@ def tabled(name: str, data: bytes, targets: Sequence[Target]) -> Forces:
         said, names = map(_plain, log.word["target"]), [_plain(one.name) for one in targets]
     rows = np.column_stack([log.number[one.stem] for one in FORCES])
     each = dict(zip(said, map(Section, log.line.tolist(), rows), strict=True))
-    where = "in line " if by_line else ""
     if strange := [one for one in each if one not in names]:
-        thing = f'the program has no target {where}"{strange[0]}"'
+        thing = f'the program has no target {"in line " * by_line}"{strange[0]}"'
         raise InputError(thing, "correct the row", file=name, line=each[strange[0]].line)
     return Forces(tuple(each.get(one, NONE) for one in names))
 

@@ -9,7 +9,7 @@ import numpy as np
 from pipeline.base.arrays import Array
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Robot
-from pipeline.reduction.settings import TestPoseSettings
+from pipeline.reduction.settings import AskedPose
 
 
 @dataclass(frozen=True, eq=False)
@@ -27,7 +27,7 @@ class Where:
     stated: bool
 
 
-def place_of_interest(stated: TestPoseSettings | None, robot: Robot, pulls: Pulls) -> Where:
+def place_of_interest(stated: AskedPose | None, robot: Robot, pulls: Pulls) -> Where:
     """The campaign's test pose, or its strongest pull where campaign.toml has none.
 
     Raises:

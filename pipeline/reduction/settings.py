@@ -244,7 +244,7 @@ class PositionsSettings(LogForm):
         return [*dict.fromkeys(self.files.values())] or [self.file]
 
 
-class TestPoseSettings(Strict):
+class AskedPose(Strict):
     """Where a good prediction matters most, Eqs. (12), (13); N in F_b.
 
     Attributes:
@@ -268,7 +268,7 @@ class TestPoseSettings(Strict):
         return force
 
     @model_validator(mode="after")
-    def one_of_both(self) -> TestPoseSettings:
+    def one_of_both(self) -> AskedPose:
         """Joints or axes."""
         if (self.q is None) == (self.axes is None):
             raise ValueError(
@@ -485,7 +485,7 @@ class Settings(Surrounded):
     robot_unit: UnitSettings = UnitSettings()
     tool: dict[Name, Point] = Field(default_factory=dict)
     tool_uncertainty: ToolUncertainty = ToolUncertainty()
-    test_pose: TestPoseSettings | None = None
+    test_pose: AskedPose | None = None
     tolerance: ToleranceSettings | None = None
     model: ModelSettings = ModelSettings()
     priors: dict[Name, CausePrior] = Field(default_factory=dict)

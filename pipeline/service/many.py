@@ -27,13 +27,18 @@ if TYPE_CHECKING:  # its types bring the numerical libraries, which take a secon
     from pipeline.answer.contract import Answer
 
 
-def several(jobs: int | None, on: str | None) -> Several:
-    """Where many campaigns are worked on: so many processes of this machine, or a cluster."""
+def executor(jobs: int | None, on: str | None) -> Executor | None:
+    """Where many things are worked on; None where nobody says."""
     if on is None:
-        return partial(outcomes, Processes(jobs) if jobs else Processes())
+        return Processes(jobs) if jobs else None
     from pipeline.service.cluster import Cluster
 
-    return partial(outcomes, Cluster(on))
+    return Cluster(on)
+
+
+def several(jobs: int | None, on: str | None) -> Several:
+    """What works on many campaigns: so many processes of this machine, or a cluster."""
+    return partial(outcomes, executor(jobs, on) or Processes())
 
 
 def outcomes(

@@ -33,7 +33,7 @@ from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot, rating
 from pipeline.machine.surroundings import Surrounded
 from pipeline.readers._coordinates import Usual
-from pipeline.reduction.settings import PayloadSettings, Point, Scale, TestPoseSettings
+from pipeline.reduction.settings import AskedPose, PayloadSettings, Point, Scale
 from pipeline.store.campaign import unfit
 
 TOOL: dict[str, Point] = {
@@ -233,7 +233,7 @@ class Plan(Surrounded):
     payload: dict[Name, PayloadSettings] = Field(default=PAYLOADS, min_length=1)
     clock: Clock = Clock()
     hidden: Hidden = Hidden()
-    test_pose: TestPoseSettings | None = None
+    test_pose: AskedPose | None = None
 
     @field_validator("name")
     @classmethod

@@ -71,9 +71,9 @@ def test_every_campaign_has_a_row_and_every_row_a_campaign():
     """Whatever the facts, one row decides; and no row stands in the table for nothing."""
     verdicts = ("adequate", "explained", "ambiguous", "unexplained")
     decided = {
-        decide(Basis(mistakes, verdict, modelled, modelled and rivals, beside, small)).reason
-        for mistakes, verdict, modelled, rivals, beside, small in product(
-            (False, True), verdicts, *[(False, True)] * 4
+        decide(Basis(mistakes, verdict, modelled, modelled and rivals, *more)).reason
+        for mistakes, verdict, modelled, rivals, *more in product(
+            (False, True), verdicts, *[(False, True)] * 5
         )
     }
 

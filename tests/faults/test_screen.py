@@ -12,7 +12,7 @@ from pipeline.faults import fault as fault_module
 from pipeline.faults import screen as module
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
-from pipeline.faults.screen import Screened, TestBase, screen, singles_of
+from pipeline.faults.screen import Screened, ScreeningBase, screen, singles_of
 
 
 @dataclass(frozen=True)
@@ -153,7 +153,7 @@ def test_single_readings_are_tested_beside_what_is_held(tests):
     """The causes, their estimate and the tails; what was put right in whole files stays so."""
     calls, family = tests("F", "a"), object()
     case = Bench(("a1", "a2"))
-    beside = TestBase(case.cell.with_effects("tilt"), np.arange(2.0), family)
+    beside = ScreeningBase(case.cell.with_effects("tilt"), np.arange(2.0), family)
 
     got = singles_of(Screened((mistake("f1"),), case), None, beside)
 
@@ -228,7 +228,7 @@ def test_evidence_along_one_axis_is_weighed_along_one(tests, monkeypatch):
     tails, case = Tails(0.5), Bench(("a1",))
     files = Screened((), case)
 
-    assert singles_of(files, None, TestBase(case.cell, np.ones(2), tails)).findings == ()
+    assert singles_of(files, None, ScreeningBase(case.cell, np.ones(2), tails)).findings == ()
     assert tails.seen == [(36.0, 1)]
 
 
@@ -239,7 +239,7 @@ def test_a_reading_is_judged_by_the_tails_that_all_readings_show(tests, monkeypa
     doubtful(monkeypatch)
     case = Bench(("a1",))
 
-    got = singles_of(Screened((), case), None, TestBase(case.cell, np.ones(2), Tails(sure)))
+    got = singles_of(Screened((), case), None, ScreeningBase(case.cell, np.ones(2), Tails(sure)))
 
     assert [one.where for one in got.findings] == (["a1"] if sure > 0.9 else [])
     assert [one.where for one in got.doubted] == ([] if sure > 0.9 else ["a1"])

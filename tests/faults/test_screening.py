@@ -13,7 +13,7 @@ from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.faults.conventions import anchored_miss, conventions, miss
-from pipeline.faults.screen import TestBase, screen
+from pipeline.faults.screen import ScreeningBase, screen
 from pipeline.machine.robot import load
 from pipeline.machine.robot.variants import variants
 from pipeline.reduction.bring import bring, conformed, plain
@@ -144,7 +144,7 @@ def test_a_reading_that_a_cause_explains_comes_back(off_m):
     assert [effect.label for effect in said.modelled] == ["joint_tilt:3"]
 
     cell = case.cell.with_effects(*said.modelled)
-    judged = screen(case, bring(case), TestBase(cell, said.estimate.value))
+    judged = screen(case, bring(case), ScreeningBase(cell, said.estimate.value))
 
     assert [f.where for f in judged.findings] == (["pose03_rep1_loaded/P2"] if off_m else [])
 

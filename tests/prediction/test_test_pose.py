@@ -7,7 +7,7 @@ from pydantic import ValidationError
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.mdh import parse
-from pipeline.reduction.settings import TestPoseSettings
+from pipeline.reduction.settings import AskedPose
 
 KR210 = load("kr210_r2700_2")
 FORCE = (0.0, 0.0, -1000.0)
@@ -16,7 +16,7 @@ FORCE = (0.0, 0.0, -1000.0)
 def refused(robot, **said):
     """The sentence with which a pose is refused."""
     with pytest.raises(InputError) as stopped:
-        TestPoseSettings(force_n=FORCE, **said).within_limits(robot)
+        AskedPose(force_n=FORCE, **said).within_limits(robot)
     return str(stopped.value)
 
 
@@ -28,7 +28,7 @@ def test_axes_are_those_of_the_controller_in_mm_and_degrees():
     axes = np.linalg.solve(rail.controller_matrix, q - rail.controller_offset)
     said = [1e3 * axes[0], *np.rad2deg(axes[1:])]
 
-    found = TestPoseSettings(axes=said, force_n=FORCE).joint_values(rail)
+    found = AskedPose(axes=said, force_n=FORCE).joint_values(rail)
 
     assert found == pytest.approx(q, abs=1e-12)
     assert configure(rail, found[None]).flange_origin[0] == pytest.approx(
@@ -40,7 +40,7 @@ def test_axes_are_those_of_the_controller_in_mm_and_degrees():
 def test_a_pose_is_given_once(said):
     """Neither none nor both."""
     with pytest.raises(ValidationError, match="either axes"):
-        TestPoseSettings(force_n=FORCE, **said)
+        AskedPose(force_n=FORCE, **said)
 
 
 def test_a_wrong_sign_is_offered_with_the_right_one():

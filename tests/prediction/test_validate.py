@@ -13,7 +13,7 @@ from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import configure, load
 from pipeline.prediction.validate import deflections, validate
 from pipeline.reduction.pose_of_interest import Where, place_of_interest
-from pipeline.reduction.settings import TestPoseSettings
+from pipeline.reduction.settings import AskedPose
 from pipeline.system.system import Estimate, Goodness
 
 ROBOT = load("kr500_rail")
@@ -125,4 +125,4 @@ def test_a_test_pose_of_another_robot_is_refused():
     """The sentence names the joints."""
     pulls = Pulls(*[np.zeros(1, int)] * 2, Q[None], F[None], *[np.zeros(1)] * 4)
     with pytest.raises(InputError, match="theta7"):
-        place_of_interest(TestPoseSettings(q=[1, 2, 3], force_n=(0, 0, 1)), ROBOT, pulls)
+        place_of_interest(AskedPose(q=[1, 2, 3], force_n=(0, 0, 1)), ROBOT, pulls)

@@ -14,7 +14,7 @@ import pytest
 import report_sample
 from matplotlib import rc_context
 from matplotlib.figure import Figure as Canvas
-from matplotlib.text import Paragraph as Label
+from matplotlib.text import Text as Label
 from pdf_text import filled, pages_of
 from pydantic import BaseModel
 from pypdf.generic import DictionaryObject

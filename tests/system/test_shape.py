@@ -9,7 +9,7 @@ from small_case import small
 from world_files import written
 
 from bench.worlds.run import asked
-from pipeline.faults.screen import Screened, TestBase, singles_of
+from pipeline.faults.screen import Screened, ScreeningBase, singles_of
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
@@ -65,7 +65,9 @@ def test_a_reading_is_judged_by_the_tails_beside_the_accepted_model(world, out):
     model = CurrentModel(case.cell, right.estimate.value, 7)
     family = tails(linearise(model, bring(given).data, ()), ())[1]
 
-    held = singles_of(Screened((), given), None, TestBase(case.cell, right.estimate.value, family))
+    held = singles_of(
+        Screened((), given), None, ScreeningBase(case.cell, right.estimate.value, family)
+    )
 
     assert family.likely_heavy is not out
     where = f"{row['group']}/{row['target']}"
