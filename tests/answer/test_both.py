@@ -74,6 +74,31 @@ def test_positions_are_predicted_with_the_springs_of_both(made, found):
         assert np.abs(off).max() < 1e-4
 
 
+def test_masses_of_the_file_that_are_off_do_not_spoil_predictions_under_load():
+    """An arm 6 % heavier than its file says: the pulls tell, and springs and sag go apart."""
+    made = mixed(6, poses=40, weight=1.06)
+    found = pipeline.identify(pipeline.load_campaign(made.encoded()))
+    assert found.answer.diagnosis.verdict == "adequate"
+    for joint, c in zip(found.answer.stiffness, made.compliance, strict=True):
+        assert abs(joint.compliance - c) < 4 * joint.compliance_std
+
+    rng = np.random.default_rng(2)
+    q = rng.uniform(-0.8, 0.8, (10, 6)) + np.array([0, -1.2, 0.5, 0, 0, 0])
+    pull = 2500.0, LOAD_POINT, np.array([0.0, 0.0, -500.0])
+    force = np.tile([0.0, 0.0, -pull[0]], (len(q), 1))
+    moved, truth = (
+        found.positions.predict(q, force).position_m - found.positions.predict(q).position_m,
+        np.array([on_flange(made, one, pull) - on_flange(made, one) for one in q]),
+    )
+    assert np.abs(moved - truth).max() < 0.02 * np.abs(truth).max()
+
+
+def on_flange(made, q, pull=None):
+    """The targets of a made machine [m], (t, 3)."""
+    T = made.machine.flange(q, pull)
+    return made.tool @ T[:3, :3].T + T[:3, 3]
+
+
 def test_a_joint_mastered_anew_between_positions_and_pulls_is_found():
     """The pulls' log of joint 5 says a tenth of a degree more than that of the positions."""
     made = mixed(8, poses=40).files
