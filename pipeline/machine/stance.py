@@ -31,7 +31,7 @@ _KNOWN = 1e-9
 """Part of the largest variance, each error in its own standard uncertainty, that is rounding."""
 
 _ROUNDS = 20
-"""Of weighing anew; three are enough."""
+"""Of weighing anew, at most; each but the first changes the factor less than the last."""
 _LEAST = 0.01
 """An arm that is a hundred times lighter or heavier than usual is none."""
 
