@@ -222,7 +222,10 @@ def _loads(asked: Screening, moved: PullMoves, given: _OrderFit, least: float) -
         return int(wrong.sum() - sum(wrong[ring.members[0]] for ring in one[1] if ring.ended))
 
     for fit, found in sorted(_orders(moved, given, least, row), key=left):
-        kept = [ring for ring in found if _changes(moved, ring) and _both(fit, ring, least)]
+        moves = sum(len(ring.members) for ring in found)
+        happens = partial(_happens, whole=2 * moves > len(moved.force))
+        kept = [one for one in filter(happens, found) if _changes(moved, one)]
+        kept = [ring for ring in kept if _both(fit, ring, least)]
         if kept:
             return [_of_loads(asked, moved, fit, ring, row) for ring in kept]
     return []
@@ -294,6 +297,14 @@ def _sorted(moved: PullMoves, least: float) -> tuple[_OrderFit, list[Ring]] | No
     found = rings(fit.cost, least, least)
     fine = bool(found) and _all_fit(moved, found, least)
     return (_fit(moved, _order(found, count)), found) if fine else None
+
+
+def _happens(ring: Ring, whole: bool) -> bool:
+    """Whether logs are ever so: two rows exchanged, rows off by one, or a column in another order.
+
+    A few rows that would all fit better in a ring are what a cause makes of the poses that feel it.
+    """
+    return whole or len(ring.members) == 2 or ring.by_one
 
 
 def _both(fit: _OrderFit, ring: Ring, least: float) -> bool:
