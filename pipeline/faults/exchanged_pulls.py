@@ -222,8 +222,9 @@ def _loads(asked: Screening, moved: PullMoves, given: _OrderFit, least: float) -
         return int(wrong.sum() - sum(wrong[ring.members[0]] for ring in one[1] if ring.ended))
 
     for fit, found in sorted(_orders(moved, given, least, row), key=left):
-        moves = sum(len(ring.members) for ring in found)
-        happens = partial(_happens, whole=2 * moves > len(moved.force))
+        moves = row[[k for ring in found for k in ring.members]]
+        pose = asked.reduced.data.pulls.pose[moved.pull]
+        happens = partial(_happens, pose=pose, most=bool(2 * len(moves) > np.ptp(moves) + 1))
         kept = [one for one in filter(happens, found) if _changes(moved, one)]
         kept = [ring for ring in kept if _both(fit, ring, least)]
         if kept:
@@ -299,12 +300,17 @@ def _sorted(moved: PullMoves, least: float) -> tuple[_OrderFit, list[Ring]] | No
     return (_fit(moved, _order(found, count)), found) if fine else None
 
 
-def _happens(ring: Ring, whole: bool) -> bool:
-    """Whether logs are ever so: two rows exchanged, rows off by one, or a column in another order.
+def _happens(ring: Ring, pose: Ints, most: bool) -> bool:
+    """Whether logs are ever so: rows of two poses exchanged, or most from one row to another.
 
-    A few rows that would all fit better in a ring are what a cause makes of the poses that feel it.
+    A few rows here and there that would all fit better in a ring are what a cause makes of the
+    poses that feel it.
     """
-    return whole or len(ring.members) == 2 or ring.by_one
+    return most or len(np.unique(pose[list(ring.members)])) <= _OF_POSES
+
+
+_OF_POSES = 2
+"""Poses whose rows are exchanged at a time: two entries, or all of one for all of another [1]."""
 
 
 def _both(fit: _OrderFit, ring: Ring, least: float) -> bool:

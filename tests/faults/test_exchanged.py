@@ -11,7 +11,7 @@ from pipeline.faults.assignment import Ring, rings
 from pipeline.faults.base_names import base_names
 from pipeline.faults.conventions import conventions
 from pipeline.faults.exchanged import exchanged
-from pipeline.faults.exchanged_pulls import exchanged_pulls
+from pipeline.faults.exchanged_pulls import _happens, exchanged_pulls
 from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
@@ -432,3 +432,19 @@ def test_a_bad_reading_tells_of_no_force():
     spoilt = replace(given, readings=rows.assign(**dict(zip(xyz, new.T, strict=True))))
 
     assert exchanged_pulls(asked(spoilt)) == []
+
+
+@pytest.mark.parametrize(
+    ("members", "most", "happens"),
+    [
+        ((3, 9), False, True),  # two entries
+        ((0, 4, 1, 5, 2, 6), False, True),  # all rows of one pose for all of another
+        ((0, 5, 10, 14), False, False),  # a few rows of many poses
+        ((0, 5, 10, 14), True, True),  # the same among most rows that stand elsewhere
+    ],
+)
+def test_a_ring_of_few_rows_of_many_poses_is_no_exchange(members, most, happens):
+    """A cause makes such rings of the poses that feel it; nobody writes a log so."""
+    pose = np.repeat(np.arange(4), 4)
+
+    assert _happens(Ring(members), pose, most) is happens
