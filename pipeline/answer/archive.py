@@ -46,6 +46,8 @@ _SHOWN = {
     "scene": "70_scene",
     "poses": "71_poses",
     "vectors": "72_vectors",
+    "posture": "73_posture",
+    "path": "63_path",
 }
 """Tables that a report shows, and the files they are kept in."""
 

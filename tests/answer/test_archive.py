@@ -13,12 +13,13 @@ import report_sample
 from conftest import without_drawings
 
 from pipeline.answer import archive
-from pipeline.answer.archive import finished, read
+from pipeline.answer.archive import _SHOWN, finished, read
 from pipeline.app.cli import _exit_code
 from pipeline.app.shell import run_all, status
 from pipeline.base.errors import UsageError
 from pipeline.base.preferences import Preferences, Service
 from pipeline.fleet import pages
+from pipeline.report.figures.catalogue import _PLOTS
 from pipeline.run import run
 from pipeline.service.guard import Guard
 from pipeline.service.watch import Clock, scan
@@ -438,3 +439,8 @@ def test_wear_is_said_by_the_newest_report_and_on_the_terminal(project, tmp_path
     pages.refresh(root)
     assert capsys.readouterr().err == ""
     assert contents(root) == written
+
+
+def test_every_table_that_a_figure_needs_is_read_back():
+    """A report made again from disk has the figures of the first one."""
+    assert {name for plot in _PLOTS.values() for name in plot.needs} <= set(_SHOWN)
