@@ -169,7 +169,7 @@ class Bar:
         name: Axis and joint.
         value: With its standard uncertainty.
         beside: Share of the nominal value, or the relative uncertainty where none is stated.
-        enter: What a controller takes in its place; empty where that is the value.
+        enter: What a controller takes.
         track: Where lower limit, value and upper limit stand between the ends of the bar, 0 to 1;
             None where there is nothing to draw.
     """
@@ -177,7 +177,7 @@ class Bar:
     name: str
     value: str
     beside: str
-    enter: str = ""
+    enter: str
     track: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -194,6 +194,7 @@ class Certificate:
         found: What is wrong.
         to_do: What to do.
         measure: What to measure next.
+        tolerance: Why none is judged; empty where one is.
         picture: The robot.
         gauge: The deflection beside its tolerance; None where nothing is asked.
         bars: The stiffnesses.
@@ -208,6 +209,7 @@ class Certificate:
     found: str
     to_do: str
     measure: str
+    tolerance: str
     picture: Figure | None
     gauge: Figure | None
     bars: tuple[Bar, ...]
@@ -250,6 +252,21 @@ class Frame:
     made: str = "Made by pipeline"
     took: str = "Run time"
     figure: str = "Figure"
+    verdict: str = "Verdict"
+    to_do: str = "What to do"
+    measure: str = "To measure next"
+    tolerance: str = "Tolerance"
+    values: str = "Stiffnesses"
+    axis: str = "Axis"
+    stiffness: str = "Stiffness (k = 1)"
+    interval: str = "Interval"
+    enter: str = "Into the controller"
+    filed: str = "What this is filed by"
+    digest: str = "Digest"
+    begins: str = "begins the SHA-256 of result.json"
+    signed: str = ": name, date"
+    answers: str = "The answer in words"
+    sections: str = "Sections"
 
 
 @dataclass(frozen=True)

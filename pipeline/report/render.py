@@ -18,6 +18,7 @@ import pandas as pd
 from markupsafe import Markup
 
 from pipeline.answer.contract import Answer
+from pipeline.base.language import Language, spoken
 from pipeline.base.quantities import typeset
 from pipeline.base.shown import runs
 from pipeline.base.version import __version__
@@ -34,6 +35,7 @@ def render(
     previous: Answer | None = None,
     beside: Collection[str] = (),
     wear: str | None = None,
+    language: str = Language.EN,
 ) -> dict[str, bytes]:
     """Every file of a campaign's report.
 
@@ -44,12 +46,13 @@ def render(
         previous: The answer to the robot's previous campaign, to say what has changed.
         beside: Names of further files that lie in its folder, for the page to lead there.
         wear: What all campaigns of the robot say together, of `fleet.sentences.told`.
+        language: Of the certificate; the annexes are in English.
 
     Returns:
         Content by path below the report's folder: index.html, report.pdf, figures/*.svg.
     """
     with _uncollected():
-        return _rendered(answer, tables, run_time_s, previous, beside, wear)
+        return _rendered(answer, tables, run_time_s, previous, beside, wear, language)
 
 
 @contextlib.contextmanager
@@ -74,14 +77,16 @@ def _rendered(
     previous: Answer | None,
     beside: Collection[str],
     wear: str | None,
+    language: str,
 ) -> dict[str, bytes]:
     """The same; arguments as for `render`."""
     from pipeline.report.figures.catalogue import draw, live  # matplotlib imports for half a second
     from pipeline.report.model import compose
 
     there = {*beside, "report.pdf"} if beside else ()
-    report = compose(answer, tables, run_time_s, previous, there, wear)
-    drawings = {figure.name: draw(figure.name, answer, tables) for figure in report.figures}
+    report = compose(answer, tables, run_time_s, previous, there, wear, language)
+    say = spoken(language)
+    drawings = {one.name: draw(one.name, answer, tables, say) for one in report.figures}
     turned = {name: live(name, answer, tables) for name in drawings}
     return {
         "index.html": page(report, {n: d.inline for n, d in drawings.items()}, turned).encode(),
