@@ -1,8 +1,8 @@
 """What people read on paper, in their language: the certificate and the measurement sheet.
 
-Both are made in English as ever. Here every text of them is looked up in a catalogue of gettext, as a
-whole, else as one of the texts with `{}` where something varies; what stands there is looked up in
-turn. A text that begins or ends with a space, a comma or a semicolon is said behind or before
+Both are made in English as ever. Here every text of them is looked up in a catalogue of gettext,
+as a whole, else as one of the texts with `{}` where something varies; what stands there is looked
+up in turn. A text that begins or ends with a space, a comma or a semicolon is said behind or before
 another one. What is in no catalogue, as a name or a sentence of the user's, stays as it is. English
 asks no catalogue.
 """

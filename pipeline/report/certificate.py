@@ -12,6 +12,7 @@ from pipeline.answer.nouns import amount
 from pipeline.answer.words import DO, capital
 from pipeline.base.files import sha256
 from pipeline.base.language import Say, said
+from pipeline.base.look import PLAIN, Look
 from pipeline.base.quantities import (
     MISSING,
     common_prefix,
@@ -45,8 +46,8 @@ _DIGEST = 16
 """Digits of the digest that are printed."""
 
 
-def certificate(answer: Answer, tables: Tables, say: Say = str) -> Certificate:
-    """What an engineer files of a campaign, in a language."""
+def certificate(answer: Answer, tables: Tables, say: Say = str, look: Look = PLAIN) -> Certificate:
+    """What an engineer files of a campaign, in a language, with what the house adds."""
     pictures = {one.name: said(one, say) for one in figures(_PICTURES, answer, tables)}
     bars, nominal = _bars(answer)
     compared = nominal is not None
@@ -61,9 +62,11 @@ def certificate(answer: Answer, tables: Tables, say: Say = str) -> Certificate:
         nominal=nominal,
         beside=say("Of nominal" if compared else "Uncertainty"),
         note=say(_note(answer, compared)),
-        filed=tuple(
-            Item(say(name), text if name in NAMES else say(text)) for name, text in rows(answer)
+        filed=(
+            *(Item(say(name), text if name in NAMES else say(text)) for name, text in rows(answer)),
+            *(Item(name, text) for name, text in look.fields),
         ),
+        logo=look.logo,
         digest=digest(answer),
         sign=tuple(map(say, Certificate.sign)),
     )
@@ -185,10 +188,10 @@ def measure(answer: Answer, say: Say = str) -> str:
     for sentence in re.split(r"(?<=\.) (?=[A-ZÀÉÜ])", every):
         room = _MOST_NEXT - sum(len(one.split()) for one in told)
         if told and len(sentence.split()) > room:
-            clause, *rest = sentence.split(";")
-            return " ".join(
-                (*told, f"{clause.strip()}." if rest and len(clause.split()) <= room else "")
-            ).strip()
+            clause = sentence.split("; ")[0]
+            if clause != sentence and len(clause.split()) <= room and not re.search(r"\d", clause):
+                told.append(f"{clause}.")
+            break
         told.append(sentence)
     return " ".join(told)
 

@@ -202,6 +202,7 @@ class Certificate:
         beside: Heading of what stands beside the bars.
         note: What has to be known of them.
         filed: What is stated of campaign, machine and instruments.
+        logo: Of the house, as SVG; empty for none.
         sign: Who has to sign.
         digest: Of result.json, by which this answer is found again.
     """
@@ -218,6 +219,7 @@ class Certificate:
     note: str
     filed: tuple[Item, ...]
     digest: str
+    logo: str = ""
     sign: tuple[str, ...] = ("Measured", "Checked", "Released")
 
     def __post_init__(self) -> None:

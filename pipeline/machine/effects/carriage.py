@@ -95,7 +95,8 @@ SPRINGS = (
         "pitch of the carriage",
         _turn("c_pitch", 5e-09),
         partial(rotation, axis=ACROSS),
-        signature="all reflectors turn together about the axis across the rail, whatever the arm does",
+        signature="all reflectors turn together about the axis across the rail, whatever the arm "
+        "does",
         needs="pulls along the rail at several heights, or three reflectors on the carriage",
     ),
     _spring(

@@ -217,7 +217,8 @@ def _joints(sheet: PixelSheet, arm: Arm, stands: dict[int, tuple[Stiffness, Stan
         x, (jx, jy) = 10 + step * (slot + 0.5), at[number]
         sheet.line((x, 38), (jx, jy), MUTED, 0.8, stroke_opacity=0.7)
         style = {"fill": one.colour, "stroke": INK, "stroke_width": 1.2}
-        tip = f"{joint.called}: {one.said} {'of nominal, ' if joint.nominal else ''}{one.word}"
+        beside = f"{one.said} of nominal" if joint.nominal else one.said
+        tip = f"{joint.called}: {beside}, {one.word}"
         sheet.disc((jx, jy), 6.5, tip, **style)
         name = joint.axis or joint.joint_name
         name = name if len(name) <= _NAME else f"J{joint.joint}"
@@ -269,7 +270,7 @@ _BESIDE = ((-24, 5), (0, 33), (24, 5), (0, -21))
 
 def _key(sheet: PixelSheet, stands: Sequence[Stand], rings: bool) -> None:
     """What the colours mean, as large as fits."""
-    kinds = dict((one.word, one.colour) for one in stands)
+    kinds = {one.word: one.colour for one in stands}
     wide = [30 + 6.6 * len(sheet.say(word)) for word in (*kinds, *(["cause"] * rings))]
     small, x = min(1.0, (_WIDE - 14) / sum(wide)), 14.0
     for (word, colour), step in zip(kinds.items(), wide, strict=False):
