@@ -233,6 +233,7 @@ OUTBUILDINGS = {
         "diagnosis.average": "from which probability on a cause counts as likely",
         "report": _PAGES,
     },
+    "house": {},
     "intake": {
         "app.commands._shared": _COMMAND,
         "app.outcome": _COMMAND,
