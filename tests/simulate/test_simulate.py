@@ -335,7 +335,7 @@ def extra_weight():
 
 
 def in_turn(effects):
-    """Each effect in each form; after its first place in the slow tests, as places differ little."""
+    """Each effect in each form at its first place; further places, which differ little: slow."""
     told = set()
     for effect in effects:
         kind = effect.name, effect.form
@@ -344,7 +344,7 @@ def in_turn(effects):
         yield pytest.param(effect, marks=marks, id=f"{effect.label} {effect.form}".strip())
 
 
-@pytest.mark.parametrize("effect", in_turn(catalogue(ROBOT)))
+@pytest.mark.parametrize("effect", list(in_turn(catalogue(ROBOT))))
 def test_what_acts_survives_the_trip_through_the_files(effect, small_plan, read_back):
     """The model that knows the effect meets the files: branch, approach, times, forces, points."""
     values = np.array([parameter.typical for parameter in effect.parameters])
