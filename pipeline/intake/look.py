@@ -38,8 +38,8 @@ def inspect(
     from pipeline.intake.inspect import as_csv
     from pipeline.intake.inspect import inspect as look
     from pipeline.intake.known import settled
+    from pipeline.intake.log_columns import refuse_without_poses
     from pipeline.readers import largest, refuse_other_programs
-    from pipeline.readers.logs import refuse_without_poses
 
     data, hints = b"", None
     try:

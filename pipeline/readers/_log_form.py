@@ -113,7 +113,7 @@ def opened(
             found = _found(one, own, key)
             return 0 if found is None else 1 + holds(_ours(found.titles, own))
 
-        file = _as_text(name, data, sheet, mark, table, fits)
+        file = as_text(name, data, sheet, mark, table, fits)
         head = _found(file, own, key) or _header(file, _no_remark(file))
         with at(line=head.line):
             ours = _ours(head.titles, own)
@@ -126,7 +126,7 @@ def opened(
         )
 
 
-def _as_text(
+def as_text(
     name: str,
     data: bytes,
     sheet: str | None,
@@ -164,7 +164,7 @@ class _LogHeader:
 
 def _found(file: Text, own: Mapping[str, str], key: str) -> _LogHeader | None:
     """The first line that names a column, as a header; None where none does."""
-    return next((one for one in _headers(file) if key in _ours(one.titles, own)), None)
+    return next((one for one in headers(file) if key in _ours(one.titles, own)), None)
 
 
 def _no_remark(file: Text) -> int:
@@ -173,7 +173,7 @@ def _no_remark(file: Text) -> int:
     return next(plain, file.first()[0])
 
 
-def _headers(file: Text) -> Iterator[_LogHeader]:
+def headers(file: Text) -> Iterator[_LogHeader]:
     return (_header(file, number) for number, _ in file.lines(1, SAMPLE_LINES))
 
 
@@ -201,28 +201,6 @@ def _cut(line: str, delimiter: str) -> list[str]:
     """The cells of a line above the rows, as written."""
     cells = line.split() if delimiter == " " else line.split(delimiter)
     return [bare(cell) for cell in cells]
-
-
-def understood(
-    name: str, data: bytes, table: str, meaning: Callable[[Sequence[str]], dict[str, str] | None]
-) -> LogForm | None:
-    """What [scale] or [joints] may say of a log by its titles, None where they mean nothing.
-
-    Args:
-        name: Name of the file, for messages.
-        data: Its content.
-        table: `scale` or `joints`.
-        meaning: Our names for the titles of a line, None where it is no header of such a log.
-    """
-
-    def meant(file: Text) -> dict[str, str] | None:
-        found = (meaning(head.written) for head in _headers(file))
-        return next((columns for columns in found if columns is not None), None)
-
-    with at(name):
-        refuse_other_programs(name, data)
-        columns = meant(_as_text(name, data, None, None, table, lambda one: meant(one) is not None))
-    return None if columns is None else LogForm(columns=columns)
 
 
 def _ours(titles: Sequence[str], said: Mapping[str, str]) -> list[str]:
