@@ -20,7 +20,6 @@ from pipeline.readers._reader import (
     A_PRIORI,
     STANDARD,
     Export,
-    Hints,
     Reader,
     Readings,
     export,
@@ -28,6 +27,7 @@ from pipeline.readers._reader import (
     settled_unit,
 )
 from pipeline.readers._text import Text
+from pipeline.readers.said import Hints
 
 _VALUES = ("dVal1", "dVal2", "dVal3")
 _KINDS = {STANDARD: "d", A_PRIORI: "dApriori"}

@@ -14,16 +14,9 @@ from pipeline.dialects.tracker_pilot import expanded
 from pipeline.readers import _named, _tables, plain
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import Meaning, raw
-from pipeline.readers._reader import (
-    EXPANDED,
-    USUAL_FACTORS,
-    Export,
-    Hints,
-    Reader,
-    Readings,
-    written,
-)
+from pipeline.readers._reader import EXPANDED, USUAL_FACTORS, Export, Reader, Readings, written
 from pipeline.readers._text import Text
+from pipeline.readers.said import Hints
 
 
 def recognise(lines: Sequence[str]) -> bool:

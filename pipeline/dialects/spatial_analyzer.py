@@ -26,7 +26,6 @@ from pipeline.readers._layout import DELIMITERS, JOINT, Field, Kind, Layout, Typ
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
 from pipeline.readers._reader import (
     Export,
-    Hints,
     Reader,
     Readings,
     export,
@@ -35,6 +34,7 @@ from pipeline.readers._reader import (
     written,
 )
 from pipeline.readers._text import SAMPLE_LINES, Text
+from pipeline.readers.said import Hints
 
 _T = TypeVar("_T")
 

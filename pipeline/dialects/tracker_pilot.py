@@ -10,8 +10,9 @@ from collections.abc import Sequence
 
 from pipeline.readers import _named, plain, table
 from pipeline.readers._named import Header
-from pipeline.readers._reader import Export, Hints, Reader, Readings, written
+from pipeline.readers._reader import Export, Reader, Readings, written
 from pipeline.readers._text import Text
+from pipeline.readers.said import Hints
 
 _TURNED = {"rx", "ry", "rz", "q0", "q1", "q2", "q3", "qw", "qx", "qy", "qz", "roll", "pitch", "yaw"}
 

@@ -7,8 +7,9 @@ from collections.abc import Sequence
 from pipeline.readers import _named, table
 from pipeline.readers._cells import cells_or_none, is_number
 from pipeline.readers._layout import JOINT
-from pipeline.readers._reader import Export, Hints, Reader, Readings, written
+from pipeline.readers._reader import Export, Reader, Readings, written
 from pipeline.readers._text import Text
+from pipeline.readers.said import Hints
 
 _WIDTHS = (3, 4, 5)
 """Cells of a row: three numbers behind up to two names."""

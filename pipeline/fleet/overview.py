@@ -7,19 +7,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from pipeline.answer.contract import Answer, Cause, Stiffness
-from pipeline.answer.history import (
-    NO_SCATTER,
-    Change,
-    Trend,
-    chance,
-    changes,
-    ordered,
-    robots,
-    together,
-    trends,
-    trusted,
-    within_a_day,
-)
+from pipeline.answer.history import NO_SCATTER, Change, changes, ordered, trusted
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import (
     MISSING,
@@ -31,6 +19,7 @@ from pipeline.base.quantities import (
 )
 from pipeline.diagnosis.average import LIKELY
 from pipeline.fleet.sentences import alarm, changed_of, joints_table, of, robots_tables
+from pipeline.fleet.trends import Trend, chance, robots, together, trends, within_a_day
 from pipeline.fleet.worn import Robot
 from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of

@@ -24,9 +24,9 @@ from pipeline.intake._separators import LOOKED_AT, separators
 from pipeline.intake.offer import Offer, offer
 from pipeline.intake.which_logs import Logs, propose_logs, unsure
 from pipeline.readers import Columns, Export, Hints, logs
-from pipeline.readers._log_form import LogForm
 from pipeline.readers._names import split
 from pipeline.readers._text import is_workbook
+from pipeline.readers.said import LogForm
 
 _UNIT = Hints(unit="mm")
 _SHOWN = 8

@@ -13,9 +13,10 @@ from pipeline import tables
 from pipeline.base.quantities import plain
 from pipeline.base.shown import in_toml
 from pipeline.intake._separators import separators
+from pipeline.intake.known import rounds
 from pipeline.intake.offer import Offer, offer
 from pipeline.readers import Export, Hints, read
-from pipeline.readers._names import rounds, split
+from pipeline.readers._names import split
 from pipeline.readers.table import NAME
 
 _MOST_TARGETS = 50

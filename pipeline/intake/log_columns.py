@@ -12,7 +12,7 @@ from pipeline.machine.robot import Robot
 from pipeline.readers._cells import is_number
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Layout
-from pipeline.readers._log_form import LogForm, Titled, as_text, headers, opened
+from pipeline.readers._log_form import Titled, as_text, headers, opened
 from pipeline.readers._log_table import Quantity, names_of
 from pipeline.readers._text import Text, refuse_other_programs
 from pipeline.readers.logs import (
@@ -27,6 +27,7 @@ from pipeline.readers.logs import (
     of_loads,
     own_joints,
 )
+from pipeline.readers.said import LogForm
 
 
 def understood(

@@ -16,9 +16,9 @@ from pipeline.intake import log_columns
 from pipeline.machine.robot import SHIPPED, Robot, load
 from pipeline.machine.robot.mdh import parse as parse_robot
 from pipeline.readers import logs
-from pipeline.readers._log_form import OURS, LogForm
 from pipeline.readers._text import is_workbook
 from pipeline.readers.logs import Log
+from pipeline.readers.said import OURS, LogForm
 from pipeline.reduction import limits
 
 

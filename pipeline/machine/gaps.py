@@ -7,7 +7,6 @@ W = (p x g, g) that acts beyond joint j, Eq. (5). The poses are the last axis of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -89,43 +88,6 @@ def free(room: Room, at: Configuration, tool: Array, anchor: Array) -> Bools:
     for found in gaps(room, at, np.moveaxis(at.points(tool), 0, -1), anchor.T, _ROUNDED):
         out[found.pose] = False
     return out
-
-
-def pushed(at: Configuration, every: Sequence[tuple[Gaps, Array]]) -> tuple[Array, Array]:
-    """Slope of a weighted sum of gaps in each pose, by joints (m, n) and by the anchor (m, 3).
-
-    Args:
-        at: The poses.
-        every: Gaps, each with its weights, shape (k,).
-    """
-    m, n = at.q.shape
-    wrench, by_anchor = _wrench(m, n, every), np.zeros((3, m))
-    for found, weight in every:
-        if found.by_anchor is not None:
-            for part, values in zip(by_anchor, weight * found.by_anchor, strict=True):
-                part += np.bincount(found.pose, values, m)
-    by_q, beyond = np.empty((n, m)), np.zeros((6, m))
-    twists = at.twists.transpose(1, 2, 0)
-    for joint in range(n, 0, -1):
-        beyond += wrench[:, joint]
-        by_q[joint - 1] = (twists[joint - 1] * beyond).sum(axis=0)
-    return by_q.T, by_anchor.T
-
-
-def _wrench(m: int, n: int, every: Sequence[tuple[Gaps, Array]]) -> Array:
-    """What the slopes of gaps push each body with, about the origin of F_b, (6, n + 1, m)."""
-    wrench = np.zeros((6, n + 1, m))
-    acting = [(p, f.pose, weight) for f, weight in every for p in f.points if len(f.pose)]
-    if acting:
-        place = np.concatenate([p.carrier * m + pose for p, pose, _ in acting])
-        force = np.concatenate([weight * p.slope for p, _, weight in acting], axis=1)
-        x, y, z = np.concatenate([p.at for p, _, _ in acting], axis=1)
-        u, v, w = force
-        for part, values in zip(
-            wrench, (y * w - z * v, z * u - x * w, x * v - y * u, u, v, w), strict=True
-        ):
-            part += np.bincount(place, values, (n + 1) * m).reshape(n + 1, m)
-    return wrench
 
 
 def _shot(room: Room, at: Configuration, places: Array, far: Array, near: float) -> Gaps:

@@ -11,9 +11,10 @@ from pipeline.readers import mapped, plain, table
 from pipeline.readers._cells import text_of
 from pipeline.readers._faces import Faces
 from pipeline.readers._names import split
-from pipeline.readers._reader import Columns, Export, Hints, Reader, Readings
+from pipeline.readers._reader import Export, Reader, Readings
 from pipeline.readers._text import Text, largest, refuse_other_programs, text
 from pipeline.readers._workbook import opened
+from pipeline.readers.said import Columns, Hints
 
 __all__ = [
     "Columns",

@@ -5,13 +5,9 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
-
-from pydantic import Field
 
 from pipeline.base.doors import found
 from pipeline.base.errors import InputError, at, listed
-from pipeline.base.strict import Name, Strict
 from pipeline.readers._cells import MARKS, above, bare, is_plain
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._named import IN_BRACKETS
@@ -24,6 +20,7 @@ from pipeline.readers._text import (
     text,
 )
 from pipeline.readers._workbook import opened as workbook
+from pipeline.readers.said import LogForm
 
 _ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
 """Units that are others: a scale in kilograms shows kilogram-force."""
@@ -37,24 +34,6 @@ _NO_UNIT = re.compile(
     r"(nr|no|num|number|nummer|#|1|text|[hmsdty: .]+|[a-z]{2,4}[-./][a-z]{2,4}[-./][a-z]{2,4})[.]?"
 )
 """What people write there of columns that have none: a number, a text, how a time is written."""
-
-
-class LogForm(Strict):
-    """How a log is written where others wrote it.
-
-    Attributes:
-        columns: Our name of a column, with its unit, by its title in the file.
-        decimal: The decimal mark, where the numbers leave it open.
-        sheet: Of a workbook, where several of its sheets fit.
-    """
-
-    columns: dict[Name, Name] = Field(default_factory=dict)
-    decimal: Literal[".", ","] | None = None
-    sheet: Name | None = None
-
-
-OURS = LogForm()
-"""A log as we write it."""
 
 
 @dataclass(frozen=True)

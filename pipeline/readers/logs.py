@@ -18,7 +18,7 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError
 from pipeline.base.strict import LEAST_FORCE, LEAST_MASS, STANDARD_GRAVITY
 from pipeline.machine.robot import Robot
-from pipeline.readers._log_form import OURS, LogForm, opened
+from pipeline.readers._log_form import opened
 from pipeline.readers._log_table import (
     BEYOND,
     Log,
@@ -31,12 +31,12 @@ from pipeline.readers._log_table import (
     typed,
     whole_numbers,
 )
+from pipeline.readers.said import OURS, LogForm
 
 __all__ = [
     "BEYOND",
     "FORCE",
     "LENGTH",
-    "LIMIT_SLACK",
     "MASS",
     "POSE",
     "REPEAT",
@@ -71,8 +71,6 @@ _FORCE_OF = {True: FORCE, False: {"nm": 1.0, "knm": 1e3}}
 """Units of what drives a sliding joint [N], and of what turns another [N m]."""
 ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
 """Units of angles [rad]."""
-LIMIT_SLACK = 1e-9
-"""How far a joint may seem beyond its limit [m] or [rad]: degrees are rounded when converted."""
 _BRANCH = {
     "up": {
         "up", "auf", "aufwärts", "aufwaerts", "hin", "steigend", "belasten", "belastung", "loading",

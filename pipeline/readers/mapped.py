@@ -7,8 +7,9 @@ from pipeline.readers import _named, _tables
 from pipeline.readers._cells import bare, is_plain
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._named import Header, Named
-from pipeline.readers._reader import Columns, Export, Hints
+from pipeline.readers._reader import Export
 from pipeline.readers._text import Text, squeezed, until
+from pipeline.readers.said import Columns, Hints
 
 NAME = "table by [tracker.mapping]"
 _ROLES = {

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.machine.robot import Robot
-from pipeline.readers._log_form import OURS, LogForm, opened
+from pipeline.readers._log_form import opened
 from pipeline.readers._log_table import Log, Quantity, known_columns, suffixed, typed
 from pipeline.readers.logs import ANGLE, LENGTH, controller_axes, own_joints
+from pipeline.readers.said import OURS, LogForm
 
 AXES, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 

@@ -7,8 +7,9 @@ from dataclasses import replace
 
 from pipeline.base.doors import found, opened
 from pipeline.readers import mapped
-from pipeline.readers._reader import Export, Hints, Reader
+from pipeline.readers._reader import Export, Reader
 from pipeline.readers._text import Text
+from pipeline.readers.said import Hints
 
 NAME = "table"
 

@@ -15,7 +15,8 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import InputError
 from pipeline.base.quantities import plain
 from pipeline.machine.robot import Joint, Robot
-from pipeline.readers.logs import LIMIT_SLACK, Log, joint_values
+from pipeline.machine.robot.axes import LIMIT_SLACK
+from pipeline.readers.logs import Log, joint_values
 from pipeline.reduction.case import Case
 
 LEEWAY = float(np.deg2rad(1.0))

@@ -40,12 +40,10 @@ from pipeline.base.strict import (
 )
 from pipeline.machine.instrument import InstrumentNoise, Sheet, sheet
 from pipeline.machine.robot import Robot, axes
-from pipeline.machine.robot.axes import from_log_units
+from pipeline.machine.robot.axes import LIMIT_SLACK, from_log_units
 from pipeline.machine.surroundings import Surrounded
-from pipeline.readers import Hints
-from pipeline.readers._log_form import LogForm
 from pipeline.readers.known import ReflectorSet
-from pipeline.readers.logs import LIMIT_SLACK
+from pipeline.readers.said import Hints, LogForm
 
 BASE_REFLECTORS = 3
 """How many a base frame needs at least; the third takes away the turn about the other two."""

@@ -13,15 +13,16 @@ import pytest
 from conftest import without_drawings
 from pdf_text import pages_of
 
+from bench.as_pinocchio import model as pin_model
 from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
 from pipeline.answer.archive import read
-from pipeline.answer.history import previous, trends
+from pipeline.answer.history import previous
 from pipeline.app import cli
 from pipeline.base.quantities import plain
 from pipeline.fleet.compare import compared
+from pipeline.fleet.trends import trends
 from pipeline.machine.robot import load
-from pipeline.machine.robot.model import model as pin_model
 from pipeline.prediction import compensate
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.store.campaign import find

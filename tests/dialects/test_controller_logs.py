@@ -11,7 +11,7 @@ from pipeline.intake.which_logs import propose_logs
 from pipeline.machine.robot import axes, load
 from pipeline.programs.for_plan import drive, programs
 from pipeline.readers import logs
-from pipeline.readers._log_form import LogForm
+from pipeline.readers.said import LogForm
 
 SEED = 20261125
 SUFFIX = {"kuka": ".dat", "abb": ".mod", "fanuc": ".ls"}

@@ -19,12 +19,12 @@ from conftest import without_pages
 from made_programs import Kuka
 from test_programs import off, unstamped
 
+from bench.as_pinocchio import model as pin_model
 from pipeline.base.errors import InputError, UsageError
 from pipeline.exchange.to_urdf import urdf
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
-from pipeline.machine.robot.model import model as pin_model
 from pipeline.prediction import compensate
 from pipeline.prediction import model as handover
 from pipeline.prediction.model import IdentifiedModel
