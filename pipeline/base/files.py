@@ -15,6 +15,7 @@ from functools import partial
 from pathlib import Path
 
 from pipeline.base.errors import CannotWrite, InputError
+from pipeline.base.shown import too_large
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 BEGUN = ".*.????????"
@@ -164,12 +165,6 @@ BEGIN = 4096
 """Bytes that tell what a file is."""
 NEVER = (errno.ENAMETOOLONG, errno.EISDIR, errno.ELOOP)
 """What trying again does not help against."""
-
-
-def too_large(size: int, most: int) -> str:
-    """What is wrong with a file of so many bytes."""
-    unit, one = ("GB", 1e9) if most >= 1e9 else ("MiB", 2**20)
-    return f"has {size / one:.1f} {unit}, more than the {most / one:g} {unit} that are read"
 
 
 def words(path: Path, file: str, most: int, missing: InputError | None = None) -> str:

@@ -18,7 +18,7 @@ from typing import Any
 from python_calamine import CalamineError, CalamineWorkbook, SheetTypeEnum
 
 from pipeline.base.errors import InputError, listed
-from pipeline.base.files import too_large
+from pipeline.base.shown import too_large
 from pipeline.readers._text import LARGEST_WORKBOOK, Text, is_workbook, text
 
 _UNPACKED = 1_000_000_000
