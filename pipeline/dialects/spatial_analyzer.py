@@ -17,7 +17,8 @@ from typing import TypeVar
 import numpy as np
 
 from pipeline.base.errors import InputError, at
-from pipeline.readers import _named, _tables, _time, plain, table
+from pipeline.dialects import table
+from pipeline.readers import _named, _tables, _time, plain
 from pipeline.readers._cells import cells_or_none, is_number, is_plain, is_remark
 from pipeline.readers._circle import within_a_circle
 from pipeline.readers._coordinates import AXES, KIND_WORDS, Angles, Meaning, settled

@@ -8,7 +8,8 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from pipeline.readers import _named, plain, table
+from pipeline.dialects import table
+from pipeline.readers import _named, plain
 from pipeline.readers._named import Header
 from pipeline.readers._reader import Export, Reader, Readings, written
 from pipeline.readers._text import Text

@@ -15,9 +15,8 @@ from pipeline.base.shown import in_toml
 from pipeline.intake._separators import separators
 from pipeline.intake.known import rounds
 from pipeline.intake.offer import Offer, offer
-from pipeline.readers import Export, Hints, read
+from pipeline.readers import TABLE, Export, Hints, read
 from pipeline.readers._names import split
-from pipeline.readers.table import NAME
 
 _MOST_TARGETS = 50
 """Names that are listed; more of them nobody reads."""
@@ -250,7 +249,7 @@ def _as_proposed(
     """
     if names:
         hints = hints.model_copy(update={"names": names[0]})
-    found = offer(name, data, hints) if export.dialect == NAME else None
+    found = offer(name, data, hints) if export.dialect == TABLE else None
     if found is None:
         others = f"   # or {', '.join(map(in_toml, names[1:]))}" if names[1:] else ""
         return {"proposal": f"[tracker]\nnames = {in_toml(names[0])}{others}"} if names else {}

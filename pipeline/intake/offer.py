@@ -13,7 +13,7 @@ from pipeline.base.quantities import MM
 from pipeline.base.shown import in_toml
 from pipeline.intake.proposal import propose
 from pipeline.intake.question import Answer, Column, Proposal, Question
-from pipeline.readers import Columns, Export, Hints, Text, opened_as_text, read, recognise, table
+from pipeline.readers import TABLE, Columns, Export, Hints, Text, opened_as_text, read, recognise
 from pipeline.readers._circle import FULL
 from pipeline.readers._coordinates import AXES, SENSES, USUAL_UNITS, ZEROS
 
@@ -100,7 +100,7 @@ def proposal(name: str, data: bytes, hints: Hints) -> Proposal | None:
     """
     with at(name):
         file = opened_as_text(name, data, hints)
-        unknown = hints.mapping is not None or recognise(file) is table.READER
+        unknown = hints.mapping is not None or recognise(file).name == TABLE
         return propose(file, hints) if unknown else _of_dialect(name, data, file, hints)
 
 

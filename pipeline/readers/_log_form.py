@@ -11,6 +11,7 @@ from pipeline.base.errors import InputError, at, listed
 from pipeline.readers._cells import MARKS, above, bare, is_plain
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._named import IN_BRACKETS
+from pipeline.readers._opened import opened as opened_text
 from pipeline.readers._text import (
     SAMPLE_LINES,
     Text,
@@ -19,7 +20,6 @@ from pipeline.readers._text import (
     squeezed,
     text,
 )
-from pipeline.readers._workbook import opened as workbook
 from pipeline.readers.said import LogForm
 
 _ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
@@ -116,7 +116,7 @@ def as_text(
     """A log as a table: points of a controller and recordings are made one."""
     of_controller = None if is_workbook(data) else found("pipeline.dialects:of_controller")
     made = of_controller(data) if of_controller else None
-    return text(name, made) if made else workbook(name, data, sheet, mark, table, fits)
+    return text(name, made) if made else opened_text(name, data, sheet, mark, table, fits)
 
 
 @dataclass(frozen=True)

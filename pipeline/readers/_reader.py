@@ -31,6 +31,8 @@ from pipeline.readers._layout import TypedRows
 from pipeline.readers._text import Text
 from pipeline.readers.said import Hints
 
+TABLE = "table"
+"""What `inspect` calls a file of no dialect."""
 EXPANDED, STANDARD, A_PRIORI, RMS = "expanded", "standard", "a-priori", "rms"
 _PREFERRED = (A_PRIORI, STANDARD, EXPANDED)
 """Which covariance is used where a file has several. A-priori comes first: the scatter within one

@@ -17,7 +17,7 @@ import pyarrow as pa
 from pipeline import readers, tables
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import columns as covariance_columns
-from pipeline.base.doors import found
+from pipeline.base.doors import found, opened
 from pipeline.base.errors import InputError, listed
 from pipeline.base.patterns import fits, is_glob
 from pipeline.base.threads import MUCH, both
@@ -26,7 +26,6 @@ from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot
 from pipeline.machine.room import turns
 from pipeline.readers import Export, logs
-from pipeline.readers.assignment import assigned
 from pipeline.readers.known import ReflectorSet
 from pipeline.reduction import _pulls, _shots, _size, limits
 from pipeline.reduction._index import numbered, pull_number
@@ -39,6 +38,8 @@ from pipeline.reduction.weights import PULL
 
 _SIX = covariance_columns()
 
+_BY_ORDER = "pipeline.dialects.assignment:assigned"
+"""Readings without names, by the order they were taken in."""
 _NAMES = (
     "say with names in [tracker] of campaign.toml how names hold group and target, as `pipeline "
     "inspect` proposes, name the column of the groups in [tracker.mapping], or "
@@ -228,7 +229,8 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
     exports = {name: _export(name, raw[name], tracker, settings.bodies) for name in found}
     if tracker.assignment:
         table = _file(raw, tracker.assignment, "assignment in [tracker]")
-        return assigned(exports, tracker.assignment, table)
+        named: dict[str, Export] = opened(_BY_ORDER)(exports, tracker.assignment, table)
+        return named
     for name, export in exports.items():
         if export.group is None:
             raise InputError(

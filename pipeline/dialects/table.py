@@ -5,13 +5,14 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import replace
 
-from pipeline.base.doors import found, opened
-from pipeline.readers import mapped
-from pipeline.readers._reader import Export, Reader
+from pipeline.base.doors import opened
+from pipeline.dialects import mapped
+from pipeline.readers._reader import TABLE, Export, Reader
 from pipeline.readers._text import Text
 from pipeline.readers.said import Hints
 
-NAME = "table"
+_DESCRIBED = "pipeline.intake.table:described"
+"""What a table of no dialect is, is for the intake to say."""
 
 
 def recognise(lines: Sequence[str]) -> bool:
@@ -19,17 +20,7 @@ def recognise(lines: Sequence[str]) -> bool:
     return bool(lines)
 
 
-_HOLDS, _DESCRIBED = "pipeline.intake.table:holds_one", "pipeline.intake.table:described"
-"""What a table of no dialect is, is for the intake to say."""
-
-
-def holds_one(text: Text) -> bool:
-    """Whether there are rows with three numbers in a file."""
-    holds = found(_HOLDS)
-    return holds is not None and bool(holds(text))
-
-
-def read(text: Text, hints: Hints, dialect: str = NAME) -> Export:
+def read(text: Text, hints: Hints, dialect: str = TABLE) -> Export:
     """Readings of a table by what its columns seem to be.
 
     Raises:
@@ -39,4 +30,4 @@ def read(text: Text, hints: Hints, dialect: str = NAME) -> Export:
     return replace(mapped.read(text, mapped_by, dialect), untimed=untimed)
 
 
-READER = Reader(NAME, recognise, read, says_unit=False, says_names=False, general=True)
+READER = Reader(TABLE, recognise, read, says_unit=False, says_names=False, general=True)
