@@ -176,13 +176,12 @@ ORDER = (
     "answer",
     "report",
     "run",
-    "library",
     "app",
 )
 """Packages and files of the core, each importing only what stands before it."""
 
 DOORS = ("base", "machine", "tables", "answer.contract", "library")
-"""What an outbuilding may import of the core."""
+"""What an outbuilding may import; the library is one itself, in which the others meet."""
 
 _COMMAND = "how options are written and answers are shown, the same for every command"
 _PLACES = "where a campaign lies, what may be written there, and how"
@@ -232,6 +231,12 @@ OUTBUILDINGS = {
         "diagnosis.finding": "the verdicts by name",
         "diagnosis.average": "from which probability on a cause counts as likely",
         "report": _PAGES,
+    },
+    "library": {
+        "run": "it identifies campaigns",
+        "answer.archive": "or takes the answer that is there",
+        "store.campaign": _PLACES,
+        "prediction": "and predicts from the model of the answer",
     },
     "intake": {
         "app.commands._shared": _COMMAND,

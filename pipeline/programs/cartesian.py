@@ -10,8 +10,8 @@ import pandas as pd
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.errors import InputError
+from pipeline.library.compensate import Compensation
 from pipeline.machine.robot import Robot, axes
-from pipeline.prediction.compensate import Compensation
 from pipeline.programs.joint_path import columns, forces, whole
 from pipeline.programs.notation import Form, Notation
 from pipeline.programs.program import Number, Target

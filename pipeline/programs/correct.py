@@ -10,9 +10,10 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError
+from pipeline.library.compensate import Compensation, compensate
 from pipeline.machine.robot import Robot, axes, configure
-from pipeline.prediction.compensate import Compensation, Path, compensate
 from pipeline.prediction.model import IdentifiedModel
+from pipeline.prediction.path import Path
 from pipeline.programs.aim import Aimed, Refused, Setting, aim, beyond, wrong
 from pipeline.programs.forces import Forces, tips_of
 from pipeline.programs.joint_path import in_base

@@ -16,7 +16,7 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.machine.robot.axes import Axes
 from pipeline.machine.robot.configuration import Configuration, configure, velocity
 from pipeline.machine.robot.mdh import Robot
-from pipeline.prediction.compensate import ARM_M
+from pipeline.prediction.path import ARM_M
 
 _REACHED_M = 1e-7
 """[m]: errors below it are a hundredth of what a program's last digit says."""
