@@ -77,11 +77,11 @@ class _Spoken:
             return capital(lower)
         for pattern, there in self.varied:
             if found := pattern.fullmatch(text):
-                return capital_like(text, there.format(*map(self.say, found.groups())))
+                return _capital_like(text, there.format(*map(self.say, found.groups())))
         return None
 
 
-def capital_like(text: str, there: str) -> str:
+def _capital_like(text: str, there: str) -> str:
     """With a capital where the English has one."""
     return capital(there) if text[:1].isupper() else there
 

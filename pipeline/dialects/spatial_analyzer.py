@@ -66,7 +66,7 @@ class _RowShape:
     form: str
 
 
-def recognise(lines: Sequence[str]) -> bool:
+def _recognise(lines: Sequence[str]) -> bool:
     """Rows that are no comments have a name of one to three parts, then three numbers."""
     comments = [line for line in lines if is_remark(line, _COMMENT)]
     sample = [line for line in lines if is_plain(line, _COMMENT)]
@@ -259,4 +259,4 @@ def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     return "\r\n".join([*head, *lines, ""]).encode()
 
 
-READER = Reader("SpatialAnalyzer ASCII", recognise, read, write, suffix=".txt", general=True)
+READER = Reader("SpatialAnalyzer ASCII", _recognise, read, write, suffix=".txt", general=True)

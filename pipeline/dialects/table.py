@@ -15,7 +15,7 @@ _DESCRIBED = "pipeline.intake.table:described"
 """What a table of no dialect is, is for the intake to say."""
 
 
-def recognise(lines: Sequence[str]) -> bool:
+def _recognise(lines: Sequence[str]) -> bool:
     """Any file may hold one; what it holds is found when it is read."""
     return bool(lines)
 
@@ -30,4 +30,4 @@ def read(text: Text, hints: Hints, dialect: str = TABLE) -> Export:
     return replace(mapped.read(text, mapped_by, dialect), untimed=untimed)
 
 
-READER = Reader(TABLE, recognise, read, says_unit=False, says_names=False, general=True)
+READER = Reader(TABLE, _recognise, read, says_unit=False, says_names=False, general=True)

@@ -28,7 +28,7 @@ def _turned(header: Header) -> bool:
     return bool({c.title.lower().split(" ")[0].split("[")[0] for c in header.columns} & _TURNED)
 
 
-def recognise(lines: Sequence[str]) -> bool:
+def _recognise(lines: Sequence[str]) -> bool:
     """A header names a point and X, Y, Z, and nothing of a six-degrees-of-freedom target."""
     header = _named.find(lines)
     if header is None or plain.recognise(lines):
@@ -51,4 +51,4 @@ def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     return "\r\n".join([*lines, ""]).encode("cp1252")
 
 
-READER = Reader("Leica Tracker Pilot CSV", recognise, read, write, general=True)
+READER = Reader("Leica Tracker Pilot CSV", _recognise, read, write, general=True)

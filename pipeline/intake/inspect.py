@@ -23,7 +23,7 @@ _MOST_TARGETS = 50
 
 
 @dataclass(frozen=True)
-class Inspection:
+class _Inspection:
     """What was recognised in a file.
 
     Attributes:
@@ -84,7 +84,7 @@ class Inspection:
     def to_text(self) -> str:
         """For people, one line per fact."""
         lines = [f"{self.file}", *(f"  {name:12} {fact}" for name, fact in self._facts())]
-        lines += columns_in_words(self.columns or []) + rows_in_words(self.preview or [])
+        lines += _columns_in_words(self.columns or []) + rows_in_words(self.preview or [])
         return "\n".join([*lines, "", self.proposal.rstrip()] if self.proposal else lines)
 
     def _facts(self) -> Iterator[tuple[str, str]]:
@@ -151,7 +151,7 @@ _WHY = {
 """What says what a column is, in words."""
 
 
-def columns_in_words(columns: Sequence[Mapping[str, Any]]) -> list[str]:
+def _columns_in_words(columns: Sequence[Mapping[str, Any]]) -> list[str]:
     """One line for each column: number, title, first cell, what it is, and why."""
     out = []
     for one in columns:
@@ -165,7 +165,7 @@ def columns_in_words(columns: Sequence[Mapping[str, Any]]) -> list[str]:
 def offer_in_words(file: str, found: Offer) -> str:
     """What a file seems to be, for people: its columns, first rows and what to paste."""
     lines = [file, f"  {'dialect':12} {found.dialect}"]
-    lines += columns_in_words([vars(column) for column in found.columns])
+    lines += _columns_in_words([vars(column) for column in found.columns])
     lines += rows_in_words(found.preview)
     return "\n".join([*lines, "", found.proposal.rstrip()])
 
@@ -179,7 +179,7 @@ def rows_in_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def inspect(name: str, data: bytes, hints: Hints | None = None) -> Inspection:
+def inspect(name: str, data: bytes, hints: Hints | None = None) -> _Inspection:
     """Read an export and say what it is.
 
     Args:
@@ -197,7 +197,7 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> Inspection:
     meaning, angles = export.meaning, export.meaning.angles
     span = pc.min_max(export.time).as_py()
     first, last = (None if span[end] is None else span[end].isoformat() for end in ("min", "max"))
-    return Inspection(
+    return _Inspection(
         file=name,
         dialect=export.dialect,
         encoding=export.encoding,

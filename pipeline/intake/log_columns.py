@@ -30,7 +30,7 @@ from pipeline.readers.logs import (
 from pipeline.readers.said import LogForm
 
 
-def understood(
+def _understood(
     name: str, data: bytes, table: str, meaning: Callable[[Sequence[str]], dict[str, str] | None]
 ) -> LogForm | None:
     """What [scale] or [joints] may say of a log by its titles, None where they mean nothing.
@@ -62,7 +62,7 @@ def may_be_log(name: str, data: bytes) -> bool:
     def poses(titles: Sequence[str]) -> dict[str, str] | None:
         return {} if _log_words.has_poses(titles) else None
 
-    return understood(name, data, "scale", poses) is not None
+    return _understood(name, data, "scale", poses) is not None
 
 
 def refuse_without_poses(name: str, data: bytes) -> None:
@@ -75,7 +75,7 @@ def refuse_without_poses(name: str, data: bytes) -> None:
     def axes(titles: Sequence[str]) -> dict[str, str] | None:
         return {one: one for one in _log_words.axes_without_pose(titles)} or None
 
-    form = understood(name, data, "joints", axes)
+    form = _understood(name, data, "joints", axes)
     if form is not None:
         first, *_, last = form.columns
         raise InputError(
@@ -88,7 +88,7 @@ def refuse_without_poses(name: str, data: bytes) -> None:
 def understood_loads(name: str, data: bytes) -> LogForm | None:
     """What [scale] may say of a log of loads with the titles of others; None where it is none."""
     units = {"force": tuple(SCALE), "mass": tuple(MASS)}
-    form = understood(name, data, "scale", lambda titles: _log_words.of_loads(titles, units))
+    form = _understood(name, data, "scale", lambda titles: _log_words.of_loads(titles, units))
     if form is None or "branch" not in form.columns.values():
         return form
     left = {title: ours for title, ours in form.columns.items() if ours != "branch"}
@@ -111,7 +111,7 @@ def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
     axes = controller_axes(robot) or own_joints(robot)
     slides = [q.units is LENGTH for q in axes]
     names, units = [q.stem for q in axes], ([*LENGTH], [*ANGLE])
-    return understood(
+    return _understood(
         name, data, "joints", lambda titles: _log_words.of_joints(titles, names, slides, units)
     )
 
@@ -125,7 +125,7 @@ def numbered_joints(name: str, data: bytes, robot: Robot) -> list[LogForm]:
     Raises:
         InputError: The file cannot be read.
     """
-    form = understood(name, data, "joints", _log_words.pose_alone)
+    form = _understood(name, data, "joints", _log_words.pose_alone)
     if form is None:
         return []
     titles = _of_numbers(opened(name, data, form, "joints", POSE.stem))

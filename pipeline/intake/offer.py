@@ -86,7 +86,7 @@ def offer(name: str, data: bytes, hints: Hints) -> Offer | None:
         dialect=reader.name,
         columns=found.columns,
         preview=_preview(name, data, found.hints),
-        proposal=as_toml(found),
+        proposal=_as_toml(found),
         questions=found.questions,
         hints=found.hints,
     )
@@ -155,12 +155,12 @@ def _open(name: str, data: bytes, hints: Hints, wrong: InputError) -> Question |
 def _preview(name: str, data: bytes, hints: Hints) -> tuple[Mapping[str, Any], ...]:
     """The first readings with what is proposed; none where that is refused."""
     try:
-        return first_rows(read(name, data, hints))
+        return _first_rows(read(name, data, hints))
     except InputError:
         return ()
 
 
-def first_rows(export: Export) -> tuple[Mapping[str, Any], ...]:
+def _first_rows(export: Export) -> tuple[Mapping[str, Any], ...]:
     """The first readings of an export, coordinates in mm."""
     n = min(_FIRST, len(export.line))
     names = {
@@ -179,7 +179,7 @@ def first_rows(export: Export) -> tuple[Mapping[str, Any], ...]:
     )
 
 
-def as_toml(found: Proposal) -> str:
+def _as_toml(found: Proposal) -> str:
     """[tracker] and [tracker.mapping], what is open with its other answers behind it."""
     others: dict[str, list[str]] = {
         one.about: [in_toml(other.said) for other in one.answers[1:]] for one in found.questions

@@ -21,7 +21,7 @@ _ROUNDED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class _Point:
     """Points of the arm that gaps depend on.
 
     Attributes:
@@ -48,7 +48,7 @@ class Gaps:
 
     pose: Ints
     value: Array
-    points: tuple[Point, ...]
+    points: tuple[_Point, ...]
     by_anchor: Array | None = None
 
 
@@ -108,7 +108,7 @@ def _shot(room: Room, at: Configuration, places: Array, far: Array, near: float)
     b, p = line[:, which, pose] / reach, places[:, point[which], pose]
     along = (d - (value + limit[which]) * b) / reach
     carrier = np.full(len(pose), room.joints)
-    points = Point(p + d, carrier, b), Point(p, carrier, -b - along)
+    points = _Point(p + d, carrier, b), _Point(p, carrier, -b - along)
     return Gaps(pose, value, points, along * (point[which] == 0))
 
 
@@ -124,7 +124,7 @@ def _grounded(room: Room, places: Array, ends: Array, near: float) -> Gaps:
     effector = np.full(places.shape[1], room.joints)
     carrier = np.concatenate([effector, room.bodies.carrier[lifted]])[which]
     up = np.repeat([[0.0], [0.0], [1.0]], len(pose), axis=1)
-    return Gaps(pose, value[which, pose], (Point(every[:, which, pose], carrier, up),))
+    return Gaps(pose, value[which, pose], (_Point(every[:, which, pose], carrier, up),))
 
 
 def _touching(room: Room, places: Array, far: Array, ends: Array, near: float) -> Gaps:
@@ -149,8 +149,8 @@ def _touching(room: Room, places: Array, far: Array, ends: Array, near: float) -
     line, s = (some >= len(i)), s[some]
     moving = np.concatenate([carrier[i], np.full(len(point), room.joints)])[some]
     from_start = np.where(line, 0.0, s) * (end - start)[:, some]  # a beam pulls at its beginning
-    p = Point(start[:, some] + from_start, moving, np.where(line, 1 - s, 1.0) * normal)
-    points = p, Point(q[:, some], carrier[body[some]], -normal)
+    p = _Point(start[:, some] + from_start, moving, np.where(line, 1 - s, 1.0) * normal)
+    points = p, _Point(q[:, some], carrier[body[some]], -normal)
     chain = np.concatenate([np.zeros(len(i), bool), point == 0])[some]
     return Gaps(pose[some], (distance - thick)[some], points, chain * s * normal)
 

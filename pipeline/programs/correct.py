@@ -67,7 +67,7 @@ def correct(
     Raises:
         Refused: Some targets cannot be reached or corrected, or some motions are left.
     """
-    if (standing := [_left(one) for one in left_standing(program)]) and not partial:
+    if (standing := [_left(one) for one in _left_standing(program)]) and not partial:
         raise Refused(standing)
     aimed = aim(model, program.notation, program.targets, setting, program)
     if isinstance(force, Forces):
@@ -99,7 +99,7 @@ def _uncorrected(
     return [(targets[k], float(found.left[k])) for k in joint]
 
 
-def left_standing(program: Program) -> list[Left]:
+def _left_standing(program: Program) -> list[Left]:
     """What moves the tool to where it was taught, while corrected points are elsewhere."""
     return [one for one in (*program.left, *program.elsewhere) if one.counts]
 

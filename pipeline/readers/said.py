@@ -8,7 +8,7 @@ from pydantic import Field
 
 from pipeline.base.strict import Name, Positive, Strict, with_parts
 
-Unit = Literal["mm", "m", "in", "um", "cm", "ft", "ftUS"]
+_Unit = Literal["mm", "m", "in", "um", "cm", "ft", "ftUS"]
 _Role = Literal[
     "group", "target", "date", "time", "delete", "active", "instrument",
     "x", "y", "z", "range", "azimuth", "vertical",
@@ -60,7 +60,7 @@ class Hints(Strict):
         sheet: Of workbooks, where several of theirs fit.
     """
 
-    unit: Unit | None = None
+    unit: _Unit | None = None
     decimal: Literal[".", ","] | None = None
     coordinates: Literal["cartesian", "spherical", "cylindrical"] | None = None
     angle: Literal["deg", "rad", "gon", "dms"] | None = None

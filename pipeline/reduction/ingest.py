@@ -47,7 +47,7 @@ _NAMES = (
 
 
 @dataclass(frozen=True)
-class Ingested:
+class _Ingested:
     """What a raw campaign holds, as tables that keep their promise.
 
     Attributes:
@@ -80,7 +80,7 @@ class Ingested:
 
 def ingest(
     settings: Settings, robot: Robot, raw: Mapping[str, bytes], plausible: bool = True
-) -> Ingested:
+) -> _Ingested:
     """Read a campaign.
 
     Args:
@@ -151,7 +151,7 @@ def _raw(
     plausible: bool,
     doubt: InputError | None,
     left_out: Mapping[int, str],
-) -> Ingested:
+) -> _Ingested:
     tracker, file = settings.tracker, settings.loads_file
     assert tracker is not None  # there are no displacements
     log = _file(raw, file, "[scale]")
@@ -180,7 +180,7 @@ def _raw(
     joints = joints.only(used, "no usable reading has this pose; measure it or remove the row")
     if not len(loads.line):
         raise _nothing_left(causes or whole.rejected)
-    return Ingested(
+    return _Ingested(
         readings=_readings(whole, settings),
         loads=_loads(loads, settings.loads_log.mass_sigma_kg),
         joints=_joints(joints, robot),
@@ -462,7 +462,7 @@ def _reduced(
     joints: logs.Log,
     doubt: InputError | None,
     left_out: Mapping[int, str],
-) -> Ingested:
+) -> _Ingested:
     moved = logs.displacements(said.file, _file(raw, said.file, "[displacements]"))
     forces = logs.forces(said.forces, _file(raw, said.forces, "[displacements]"))
     moved = moved.only(
@@ -491,7 +491,7 @@ def _reduced(
     joints = joints.only(used, "no displacement has this pose; add it or remove the row")
     if not len(moved.line):
         raise _nothing_left(causes or moved.rejected)
-    return Ingested(
+    return _Ingested(
         joints=_joints(joints, robot),
         rejected=_rejected([*moved.rejected, *forces.rejected, *joints.rejected]),
         displacements=_displacements(moved, said.sigma_m),
