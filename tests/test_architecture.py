@@ -196,6 +196,7 @@ OUTBUILDINGS = {
         "reduction.settings": "a plan becomes a campaign.toml, and is written in its words",
         "reduction.bring": "further poses begin with the readings that a campaign has",
         "run": "further poses begin with the readings that a campaign has",
+        "reduction.measured": "and are weighed beside its pulls",
         "system": "a plan is judged by the estimator that will read it",
         "diagnosis": "and by what the diagnosis will be able to tell apart",
         "geometry.unloaded": "and unloaded poses by the table that they will determine",
@@ -265,6 +266,7 @@ OUTBUILDINGS = {
         "run": "it runs campaigns",
     },
     "simulate": {
+        "design.poses": "poses are drawn where a plan would draw them",
         "app.commands._shared": _COMMAND,
         "store.campaign": _PLACES,
         "readers": "what is simulated is written in the dialects that are read",

@@ -42,7 +42,7 @@ along itself: variances carry sixteen digits, their roots eight."""
 
 
 @dataclass(frozen=True, eq=False)
-class _Asked(Locked):
+class Asked(Locked):
     """Linear quantities a' x of a model whose uncertainty people read.
 
     Attributes:
@@ -57,7 +57,7 @@ class _Asked(Locked):
     stated: Bools
 
 
-def _asked(cell: Cell, values: Array, where: Where) -> _Asked:
+def _asked(cell: Cell, values: Array, where: Where) -> Asked:
     """Springs, causes and the deflection at the test pose.
 
     Args:
@@ -71,7 +71,7 @@ def _asked(cell: Cell, values: Array, where: Where) -> _Asked:
     names += [parameter.name for parameter in cell.parameters[n:]]
     names += [f"{target} d{axis}" for target in cell.tool.read for axis in "xyz"]
     number = np.arange(len(names))
-    return _Asked(
+    return Asked(
         np.array(names, dtype=object), np.vstack([np.eye(k), A]), (number < n) | (number >= k)
     )
 
@@ -90,7 +90,7 @@ def control(values: ModelValues, where: Where) -> tuple[pd.DataFrame, pd.DataFra
     return pd.concat(parts, ignore_index=True), _influence(system, at, about)
 
 
-def _influence(system: System, at: Solution, about: _Asked) -> pd.DataFrame:
+def _influence(system: System, at: Solution, about: Asked) -> pd.DataFrame:
     """Table INFLUENCE: every pull and every parameter that is determined."""
     k, rows = len(system.parameters), system.rows
     known = np.flatnonzero(np.isfinite(at.std[:k]))
@@ -105,7 +105,7 @@ def _influence(system: System, at: Solution, about: _Asked) -> pd.DataFrame:
     )
 
 
-def _told(found: Reliability, size: Array, about: _Asked) -> dict[str, Array | Strings]:
+def _told(found: Reliability, size: Array, about: Asked) -> dict[str, Array | Strings]:
     """Columns that hold what was found, errors of a size in its unit."""
     moves = found.moves[:, about.stated]
     most = np.argmax(moves, axis=1)
@@ -120,7 +120,7 @@ def _told(found: Reliability, size: Array, about: _Asked) -> dict[str, Array | S
     }
 
 
-def _base(fitted: Fitted, at: Solution, turn: Array, about: _Asked) -> Iterator[pd.DataFrame]:
+def _base(fitted: Fitted, at: Solution, turn: Array, about: Asked) -> Iterator[pd.DataFrame]:
     """Rows of the readings of the base reflectors."""
     registration = fitted.reduced.registration
     rows = registration.table

@@ -20,8 +20,8 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.design.arm import arm_alone
+from pipeline.design.gaps import gaps
 from pipeline.design.problem import Problem
-from pipeline.machine.gaps import gaps
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.room import Room
 

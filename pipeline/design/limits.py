@@ -12,10 +12,10 @@ from itertools import pairwise
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools
+from pipeline.design.gaps import Gaps, gaps
 from pipeline.design.information import Station
 from pipeline.design.singular import dexterity
 from pipeline.design.spec import Limits
-from pipeline.machine.gaps import Gaps, gaps
 from pipeline.machine.robot import Configuration
 from pipeline.machine.robot.configuration import velocity
 from pipeline.machine.room import Room

@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.errors import InputError
+from pipeline.design.poses import default_anchors, draw_poses, nearest_in_reach
 from pipeline.machine import cell as forward
 from pipeline.machine.cell import Cell, Tool
 from pipeline.machine.effect import Noise, Observation, Pulls
-from pipeline.machine.poses import default_anchors, draw_poses, nearest_in_reach
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.axes import from_log_units, in_log_units
 from pipeline.simulate import noise
