@@ -19,7 +19,7 @@ from pipeline.store.campaign import CampaignFolder
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
     from pipeline.answer.contract import Answer
 
-PREFECT = "pipeline.service.engine:through_prefect"
+_PREFECT = "pipeline.service.engine:through_prefect"
 """Brings a campaign up to date as a Prefect flow."""
 FETCH, PUBLISH = "pipeline.service.sync:fetch", "pipeline.service.sync:publish"
 """Campaigns that live on object storage, to this machine and back."""
@@ -27,7 +27,7 @@ FETCH, PUBLISH = "pipeline.service.sync:fetch", "pipeline.service.sync:publish"
 
 def usual_engine() -> str:
     """What carries out a run where nobody says: Prefect, where the service is there."""
-    return "prefect" if is_there(PREFECT) else "local"
+    return "prefect" if is_there(_PREFECT) else "local"
 
 
 def run_all(
@@ -67,7 +67,7 @@ def run_all(
 def _one_by_one(
     root: Path, everyone: Iterable[Meant], engine: str, force: bool, bar: Progress
 ) -> Iterator[Outcome]:
-    compute = plainly if engine == "local" else opened(PREFECT)
+    compute = _plainly if engine == "local" else opened(_PREFECT)
     work = partial(outcome, compute=partial(compute, force=force, tell=bar.at))
     for one in everyone:
         bar.now(one.name if isinstance(one, CampaignFolder) else campaigns.label(one))
@@ -85,7 +85,7 @@ def no_campaign(root: Path) -> InputError:
     )
 
 
-def plainly(campaign: CampaignFolder, force: bool = False, tell: Tell = str) -> Answer:
+def _plainly(campaign: CampaignFolder, force: bool = False, tell: Tell = str) -> Answer:
     """Bring a campaign up to date in this process."""
     from pipeline.run import run
 

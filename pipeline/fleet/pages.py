@@ -22,7 +22,7 @@ from pipeline.fleet.sentences import alarm, told
 from pipeline.fleet.worn import Robot
 from pipeline.store.campaign import CampaignFolder, code_version, dump, recalled, versions
 
-INDEX_MANIFEST = "index.json"
+_INDEX_MANIFEST = "index.json"
 
 
 def refresh(root: Path) -> Path | None:
@@ -98,7 +98,7 @@ def _index(root: Path, everyone: Sequence[Finished], wear: Sequence[Robot]) -> P
     """The page over these, drawn of those that are finished once no other run draws it."""
     from pipeline.fleet.overview import render_overview
 
-    page, manifest = root / "reports" / "index.html", root / "data" / "processed" / INDEX_MANIFEST
+    page, manifest = root / "reports" / "index.html", root / "data" / "processed" / _INDEX_MANIFEST
     if _is_of(page, manifest, _key(everyone, wear)):
         return page
     with files.writing(manifest):

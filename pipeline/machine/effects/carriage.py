@@ -63,7 +63,7 @@ def _spring(
     )
 
 
-SPRINGS = (
+_SPRINGS = (
     _spring(
         "rail_lateral",
         "lateral compliance of the carriage",
@@ -112,4 +112,4 @@ SPRINGS = (
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
     """All of them; none on a robot without a rail."""
-    return SPRINGS if rail(robot) else ()
+    return _SPRINGS if rail(robot) else ()
