@@ -6,6 +6,7 @@ from functools import partial
 
 import pytest
 import report_sample
+from english import ENGLISH
 from pdf_text import pages_of
 
 from pipeline.answer.words import DO
@@ -15,7 +16,6 @@ from pipeline.diagnosis.finding import Verdict
 from pipeline.report.certificate import certificate, digest
 from pipeline.report.model import compose
 from pipeline.report.render import render
-from tests.base.test_language import ENGLISH
 
 OTHERS = ("de", "fr")
 

@@ -5,6 +5,7 @@ import struct
 from pathlib import Path
 
 import pytest
+from english import ENGLISH
 
 import pipeline.base
 from bench.messages import SPOKEN, texts
@@ -129,12 +130,6 @@ def test_english_reads_no_catalogue(monkeypatch):
 
     monkeypatch.setattr(Catalogue, "_parse", never)
     assert spoken("en")("Use these stiffnesses.") == "Use these stiffnesses."
-
-
-ENGLISH = re.compile(
-    r"\b(the|of|and|is|are|with|to|that|which|reading|pull|below|this|above|when|has)\b"
-)
-"""Words that no German or French text has."""
 
 
 @pytest.mark.parametrize("language", OTHERS)
