@@ -18,7 +18,7 @@ SPOKEN: dict[str, tuple[str, ...]] = {
     "answer/remarks.py": ("WORK",),
     "answer/sentences.py": (
         *("_next", "_again", "_proposed", "_unchecked", "_pulled", "loads", "_joints"),
-        *("_least_certain", "_settled"),
+        *("_least_certain", "_NONE_OPEN", "_settled"),
     ),
     "answer/tolerated.py": ("DECIDED",),
     "answer/words.py": ("DO", "listed"),
@@ -36,8 +36,8 @@ SPOKEN: dict[str, tuple[str, ...]] = {
     "machine/room.py": ("unchecked",),
     "report/certificate.py": (),
     "report/figures/certificate.py": (
-        *("_SOFT", "_WIDE_OPEN", "_SURE", "stand", "_joints", "_deflection", "_key", "_write"),
-        *("_stands", "Reading", "readings", "_draw_gauge", "_write_gauge"),
+        *("_SOFT", "_WIDE_OPEN", "_SURE", "_RULES", "stand", "_joints", "_deflection", "_key"),
+        *("_write", "Reading", "readings", "_draw_gauge", "_write_gauge", "_only"),
     ),
     "report/model.py": ("compose", "_about", "_title"),
     "report/record.py": ("Certificate", "Frame"),
@@ -50,12 +50,12 @@ SPOKEN: dict[str, tuple[str, ...]] = {
         "_counts",
         "_counted",
     ),
-    "report/words.py": ("nouns", "VERDICTS", "_OUT", "_OPEN", "JUDGED"),
+    "report/words.py": ("nouns", "VERDICTS", "UNUSABLE", "CORRECTED", "_OUT", "_OPEN", "JUDGED"),
 }
 """Files, and what in them is said on a certificate or a sheet; nothing named is all."""
 
 JOINED = (
-    *("{} ({})", "{}: {}", "{} = {}", "{} or {}"),
+    *("{} ({})", "{}: {}", "{} = {}", "{} or {}", " in axis {}", "axis {}", "joint {}", "pose"),
     *("tighten to {} N", "release, tighten to {} N", "slacken to {} N"),
 )
 """How texts are put together where no text of the source says it."""

@@ -494,7 +494,10 @@ def _next(found: Findings, stated: Stated) -> str:
         )
     needs = _needs(found, stated.diagnosis)
     if needs:
-        return f"No reachable pose tells the causes apart by pulls alone. What would: {needs[0]}."
+        return (
+            "For the cause: no reachable pose tells the causes apart by pulls alone. What would: "
+            f"{needs[0]}."
+        )
     worst = joint_to_pull(found, stated.diagnosis, stated.mine.stiffness)
     if worst is None:
         return "Nothing can be proposed: no stiffness is known."
@@ -585,14 +588,15 @@ def _least_certain(stated: Stated, worst: Stiffness) -> str:
         if best is None
         else f" One more pose: {_pulled(best)}. {_settled(best, worst)}{_unchecked(stated)}"
     )
-    pulls = capital(remarks.WORK[worst.joint_type])
+    pulls = remarks.WORK[worst.joint_type]
     if worst.value is None:
-        return f"{pulls}: {worst.called} is not determined.{more}"
-    share = percent(worst.relative_std)
-    return (
-        f"No question is open. {pulls} would help most: the standard uncertainty of "
-        f"{worst.called} is {share}.{more}"
-    )
+        return f"{capital(pulls)}: {worst.called} is not determined.{more}"
+    known = f"Its standard uncertainty is {percent(worst.relative_std)}."
+    optional = f"Optional: {pulls} would improve {worst.called} most."
+    return f"{_NONE_OPEN} {optional} {known}{more}"
+
+
+_NONE_OPEN = "No question is open."
 
 
 def _settled(best: BestPose, joint: Stiffness) -> str:

@@ -72,13 +72,25 @@ def shift(order: Ints, step: int, ended: bool) -> Ring:
     return Ring(tuple(int(k) for k in order[::step]), ended)
 
 
-def said(ring: Ring, names: Sequence[str], one: str) -> str:
-    """Which members they are, in words; `one` is what a member is."""
+def said(names: Sequence[str]) -> str:
+    """Which members they are, in words."""
     if len(names) == 2:
         return " and ".join(sorted(names))
-    if ring.by_one:
-        return f"{min(names)} to {max(names)} ({len(names)}, off by one {one})"
     return f"{min(names)} to {max(names)} ({len(names)})"
+
+
+def standing(what: str, ring: Ring | None, one: str) -> str:
+    """Which way contents are off, and where that at the end belongs; `one` is what a place is."""
+    if ring is None or not ring.by_one:
+        return f"{what} stand in each other's place"
+    late = any(there - here == -1 for here, there in ring.moves)
+    if late and ring.ended:
+        return f"{what} stand one {one} too late; those of the first belong nowhere"
+    if late:
+        return f"{what} stand one {one} too late; those of the first belong to the last"
+    if ring.ended:
+        return f"{what} stand one {one} too early; those of the last belong nowhere"
+    return f"{what} stand one {one} too early; those of the last belong to the first"
 
 
 _FEW = 6

@@ -17,7 +17,7 @@ import pandas as pd
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
-from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said
+from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said, standing
 from pipeline.faults.conventions import FEWEST_POSES, anchored
 from pipeline.faults.fault import Fault
 from pipeline.faults.labels import aligned
@@ -228,7 +228,7 @@ def _of_rows(case: Case, poses: Ints, ring: Ring, cost: Array) -> Mistake:
     return told(
         ring,
         where=f"{file} {ring.where(names)}",
-        what=f"{file}: the rows of {said(ring, names, 'row')}",
+        what=standing(f"{file}: the rows of {said(names)}", ring, "row"),
         of="the reflectors of these poses are",
         cost=cost,
         at=lines_of(joints),
@@ -273,14 +273,15 @@ def _of_groups(
     true = {str(names[i]): str(names[j]) for ring in several for i, j in ring.moves}
     out = {str(names[ring.members[-1]]) for ring in several if ring.ended}
     chain = _chain_too(case, laid, true)
-    sets = [said(ring, [str(names[k]) for k in ring.members], "group") for ring in several]
+    sets = [said([str(names[k]) for k in ring.members]) for ring in several]
     first = several[0]
+    alone = first if len(several) == 1 else None
     here = case.readings[case.readings["group"].isin({*true, *true.values()})]
     here = here[chain | here["target"].isin(case.settings.measured)]
     return told(
         first,
         where=first.where([str(names[k]) for k in first.members]),
-        what=f"the groups {', '.join(sets)}",
+        what=standing(f"the groups {', '.join(sets)}", alone, "group"),
         of="their reflectors are",
         cost=cost,
         at=lines_of(here),
@@ -356,7 +357,7 @@ def told(
     return Mistake(
         name="exchanged",
         where=where,
-        evidence=f"{what} stand in each other's place ({lines(at)}): as recorded, {of} up to "
+        evidence=f"{what} ({lines(at)}): as recorded, {of} up to "
         f"{length(before)} from where the robot file places them, and {length(after)} with the "
         "places exchanged",
         correction=f"recomputed with {where} exchanged{left}",

@@ -25,7 +25,7 @@ from scipy import special
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
 from pipeline.base.quantities import plain
-from pipeline.faults.assignment import Ring, assigned, lines, rings, said, shift
+from pipeline.faults.assignment import Ring, assigned, lines, rings, said, shift, standing
 from pipeline.faults.exchanged import regrouped
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, lines_of
@@ -358,14 +358,14 @@ def _of_loads(asked: Screening, moved: PullMoves, fit: _OrderFit, ring: Ring, ro
         )
         for i, j in ring.moves
     }
+    what = standing(f"{file}: the forces of {said(names)}", ring, "row")
     pull = names[[*ring.members].index(int(there[worst]))]
     return Mistake(
         name="exchanged",
         where=where,
-        evidence=f"{file}: the forces of {said(ring, names, 'row')} stand in each other's place"
-        f"{also} ({lines(at)}): {pull} was logged with {plain(moved.force[there[worst]], 5)} N, "
-        f"and moved as by {plain(due[worst], 4)} N, which {plain(moved.force[here[worst]], 5)} N "
-        "of another row matches",
+        evidence=f"{what}{also} ({lines(at)}): {pull} was logged with "
+        f"{plain(moved.force[there[worst]], 5)} N, and moved as by {plain(due[worst], 4)} N, which "
+        f"{plain(moved.force[here[worst]], 5)} N of another row matches",
         correction=f"recomputed with {where} exchanged",
         before=before,
         after=after,
@@ -513,13 +513,13 @@ def _of_states(
     rows = rows[rows["group"].isin(mine) & rows["target"].isin(case.settings.measured)]
     at = lines_of(rows)
     where = ring.where(mine)
+    what = standing(f"the readings of {said(mine)} in pose {pose}", ring, "group")
     return Mistake(
         name="exchanged",
         where=where,
-        evidence=f"in pose {pose} the readings of {said(ring, mine, 'group')} stand in each "
-        f"other's place ({lines(at)}): as recorded, the effector is up to {plain(before, 2)} times "
-        f"as far as usual from where the pulls put it, and {plain(after, 2)} times with them "
-        "exchanged",
+        evidence=f"{what} ({lines(at)}): as recorded, the effector is up to "
+        f"{plain(before, 2)} times as far as usual from where the pulls put it, and "
+        f"{plain(after, 2)} times with them exchanged",
         correction=f"recomputed with {where} exchanged",
         before=before,
         after=after,

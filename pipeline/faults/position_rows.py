@@ -19,7 +19,7 @@ from scipy import optimize
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said
+from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said, standing
 from pipeline.faults.conventions import LOGGED, UNITS
 from pipeline.faults.exchanged import told
 from pipeline.faults.mistake import Mistake, length, lines_of
@@ -360,7 +360,7 @@ def _of_ring(sheet: PositionSheet, away: Ints, ring: Ring, cost: Array) -> Mista
     return told(
         ring,
         where=ring.where(names),
-        what=f"{file}: the joint values of {said(ring, names, 'row')}",
+        what=standing(f"{file}: the joint values of {said(names)}", ring, "pose"),
         of="their targets are",
         cost=cost,
         at=sheet.at(units),

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
-from pipeline.answer.contract import About, Answer, Cause, Data, Reason, Stiffness, Which
+from pipeline.answer.contract import About, Answer, Cause, Data, Placed, Reason, Stiffness, Which
 from pipeline.answer.nouns import amount
 from pipeline.answer.words import DO, capital
 from pipeline.base.files import sha256
@@ -23,6 +23,7 @@ from pipeline.base.quantities import (
     with_std,
     with_uncertainty,
 )
+from pipeline.machine.effect import in_place
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
 from pipeline.report.figures.catalogue import figures
@@ -48,6 +49,7 @@ _DIGEST = 16
 
 def certificate(answer: Answer, tables: Tables, say: Say = str, look: Look = PLAIN) -> Certificate:
     """What an engineer files of a campaign, in a language, with what the house adds."""
+    say = words.by_axis(answer, say)
     pictures = {one.name: said(one, say) for one in figures(_PICTURES, answer, tables)}
     bars, nominal = _bars(answer)
     compared = nominal is not None
@@ -61,7 +63,7 @@ def certificate(answer: Answer, tables: Tables, say: Say = str, look: Look = PLA
         bars=said(bars, say),
         nominal=nominal,
         beside=say("Of nominal" if compared else "Uncertainty"),
-        note=say(_note(answer, compared)),
+        note=say(_note(answer, compared) if bars else _NO_TABLE),
         filed=(
             *(Item(say(name), text if name in NAMES else say(text)) for name, text in rows(answer)),
             *(Item(name, text) for name, text in look.fields),
@@ -133,20 +135,34 @@ def _listed(causes: Sequence[Cause]) -> str:
 def _cause(one: Cause) -> str:
     """A cause with its size, or with what else it may be."""
     if one.rivals:
-        return f"{words.placed(one)} or {words.placed(one.rivals[0])}"
+        return f"{words.placed(one)} or {_rival(one, one.rivals[0])}"
     size = f", {amount(one.parameters[0])}" if len(one.parameters) == 1 else ""
     return f"{words.placed(one)}{size}"
 
 
+def _rival(one: Cause, other: Placed) -> str:
+    """What it may be instead; of the same kind the place alone."""
+    if other.name == one.name and isinstance(other.where, int):
+        return in_place(other.where, other.name, other.axis).removeprefix(" in ")
+    return words.placed(other)
+
+
 def _gain(answer: Answer) -> str:
-    """By how much poses left out are predicted better than by joint springs alone."""
+    """By how much poses held out are predicted better than by joint springs alone."""
+    without, beside = "joint springs", "the cause"
     both = (answer.joint_springs.validation, answer.validation)
     before, after = (one.held_out_rms_mm if one else None for one in both)
+    if len(answer.diagnosis.causes) > 1 or answer.diagnosis.causes[0].rivals:
+        beside = "the causes"
     if answer.of_positions:
+        without = "nominal geometry"
         before, after = (answer.position_steps[k].between_mm for k in (0, -1))
     if before is None or after is None or after >= before:
         return ""
-    return f"; error at poses left out {plain(before, 2)} → {plain(after, 2)} mm"
+    return (
+        f"; error at poses held out: {plain(before, 2)} mm with {without}, {plain(after, 2)} mm "
+        f"with {beside}"
+    )
 
 
 def to_do(answer: Answer) -> str:
@@ -162,10 +178,8 @@ def to_do(answer: Answer) -> str:
 
 
 _OPEN = {
-    Reason.RIVALS: (
-        "Find out first which cause it is; until then predict with the averaged values."
-    ),
-    Reason.CAUSE_DOUBTFUL: "Find out first whether it is this cause; until then predict with it.",
+    Reason.RIVALS: "Until the cause is known, predict with the averaged values.",
+    Reason.CAUSE_DOUBTFUL: "Until the cause is certain, predict with the likeliest one.",
 }
 """What to do where a cause is open, in fewer words than below."""
 
@@ -183,9 +197,10 @@ def unjudged(answer: Answer) -> str:
 
 def measure(answer: Answer, say: Say = str) -> str:
     """What to measure next: the first sentences of what the page below says of it."""
-    every = say(next((one.text for one in answer.first_screen if one.about == About.NEXT), ""))
+    line = next((one.text for one in answer.first_screen if one.about == About.NEXT), "")
+    every = say(" ".join(one for one in _ENDS.split(line) if "standard uncertainty" not in one))
     told: list[str] = []
-    for sentence in re.split(r"(?<=\.) (?=[A-ZÀÉÜ])", every):
+    for sentence in _ENDS.split(every):
         room = _MOST_NEXT - sum(len(one.split()) for one in told)
         if told and len(sentence.split()) > room:
             clause = sentence.split("; ")[0]
@@ -196,34 +211,41 @@ def measure(answer: Answer, say: Say = str) -> str:
     return " ".join(told)
 
 
+_ENDS = re.compile(r"(?<=\.) (?=[A-ZÀÉÜ])")
+"""Where a sentence ends."""
+
+
 def _to_controller(answer: Answer) -> Iterator[str]:
     """What of the model no controller takes."""
     if _substituted(answer):
-        yield "Correct programs (`pipeline compensate`) or enter the last column."
+        yield "Enter the whole last column."
 
 
 def _by_tolerance(answer: Answer) -> Iterator[str]:
     """What a tolerance that is not kept asks for."""
     worst = answer.tolerance.worst if answer.tolerance else None
     if worst is Decision.FAIL:
-        yield "Reduce the force or compensate the path."
+        yield "For the tolerance: reduce the force or compensate the path."
     elif worst is Decision.UNDECIDED:
-        yield "Reduce the force or measure more."
+        yield "For the tolerance: reduce the force or measure more."
 
 
 # --- the stiffnesses ------------------------------------------------------------------------------
 
 
 def _bars(answer: Answer) -> tuple[tuple[Bar, ...], float | None]:
-    """One for each joint, and where the nominal value stands along them."""
-    joints, enter = answer.stiffness, _entered(answer)
+    """One for each joint, and where the nominal value stands along them; none without a number."""
+    joints, units = answer.stiffness, _units(answer)
+    enter = _entered(answer, units)
+    if not any(one.value is not None for one in (*joints, *_taken(answer))):
+        return (), None
     compared = [one for one in joints if one.value is not None and one.nominal]
     tracks, nominal = (_beside_nominal(compared), True) if compared else (_rough(joints), False)
     at = tracks.pop("", None)
     bars = tuple(
         Bar(
             name=one.axis or one.joint_name,
-            value=_value(one),
+            value=_value(one, units),
             beside=stand(one).said if one.value is not None else MISSING,
             enter=enter.get(one.name, ""),
             track=tracks.get(one.name),
@@ -257,13 +279,27 @@ def _rough(joints: Sequence[Stiffness]) -> _Tracks:
     return {name: (0.5 - 0.5 * s / most, 0.5, 0.5 + 0.5 * s / most) for name, s in size.items()}
 
 
-def _value(joint: Stiffness) -> str:
-    """`3.797 ± 0.009 MN·m/rad`, or why there is none."""
+_Units = dict[str, tuple[float, str]]
+
+
+def _units(answer: Answer) -> _Units:
+    """One prefix for all joints of a kind, by unit, so that none is read as a thousand times it."""
+    every = (*answer.stiffness, *_taken(answer))
+    return {
+        unit: common_prefix([one.value for one in every if one.unit == unit])
+        for unit in {one.unit for one in every}
+    }
+
+
+def _value(joint: Stiffness, units: _Units) -> str:
+    """`3.797 ± 0.018 MN·m/rad`, ± the expanded uncertainty, or why there is none."""
     if joint.value is None:
         return "not determined"
-    factor, letter = common_prefix([joint.value])
-    value, std = scaled(joint.value, factor), scaled(joint.std, factor)
-    return f"{with_std(value, std)} {prefixed(joint.unit, letter)}"
+    (factor, letter), (least, most) = units[joint.unit], joint.ci95
+    unit = prefixed(joint.unit, letter)
+    if most is None and least:
+        return f"above {plain(least / factor, 2)} {unit}"
+    return f"{with_std(joint.value / factor, scaled(joint.std, factor / 2))} {unit}"
 
 
 _SUBSTITUTES = (
@@ -282,24 +318,34 @@ def _substituted(answer: Answer) -> bool:
     return beside and not answer.of_positions
 
 
-def _entered(answer: Answer) -> dict[str, str]:
-    """What a controller takes, by name of the stiffness."""
+def enterable(answer: Answer) -> bool:
+    """Whether any of the values may be used."""
     corrected = answer.of_positions and answer.recommended.data is Data.CORRECTED
-    if corrected or not answer.recommended.reason.holds_for_its_readings:
-        return {one.name: "none" for one in answer.stiffness}
-    of = answer.joint_springs if _substituted(answer) else answer
-    return {one.name: _rounded(one) for one in of.stiffness}
+    return answer.recommended.reason.holds_for_its_readings and not corrected
 
 
-def _rounded(joint: Stiffness) -> str:
+def _taken(answer: Answer) -> Sequence[Stiffness]:
+    """The stiffnesses that a controller takes."""
+    if not enterable(answer):
+        return ()
+    return (answer.joint_springs if _substituted(answer) else answer).stiffness
+
+
+def _entered(answer: Answer, units: _Units) -> dict[str, str]:
+    """What a controller takes, by name of the stiffness."""
+    none = {one.name: "do not enter" for one in answer.stiffness}
+    return none | {one.name: _rounded(one, units) for one in _taken(answer)}
+
+
+def _rounded(joint: Stiffness, units: _Units) -> str:
     """A value in the digits that its uncertainty allows; none for one that may be rigid."""
     if joint.value is None:
         return "leave as it is"
     if joint.ci95[1] is None:
         return "no value"
-    factor, letter = common_prefix([joint.value])
-    value, std = joint.value / factor, scaled(joint.std, factor)
-    shown = plain(value) if std is None else with_uncertainty(value, std)[0]
+    factor, letter = units[joint.unit]
+    value, u = joint.value / factor, scaled(joint.std, factor / 2)
+    shown = plain(value) if u is None else with_uncertainty(value, u)[0]
     return f"{shown} {prefixed(joint.unit, letter)}"
 
 
@@ -308,13 +354,17 @@ def _note(answer: Answer, compared: bool) -> str:
     bar = "Bars: 95 % interval, as a share of nominal (line)."
     if not compared:
         widest = max((one.relative_std or 0.0 for one in answer.stiffness), default=0.0)
-        bar = f"Bars: relative uncertainty, the longest {percent(widest)}." if widest else ""
+        bar = f"Bars: relative U, the longest {percent(2 * widest)}." if widest else ""
     enter = _EFFECTIVE if _substituted(answer) else ""
     return " ".join(filter(None, (_PLUS_MINUS, bar, enter)))
 
 
-_PLUS_MINUS = "Values ± one standard uncertainty (k = 1)."
+_PLUS_MINUS = "± is the expanded uncertainty U everywhere on this page (k = 2, about 95 %)."
 _EFFECTIVE = (
-    "A controller has no entry for the cause: its values are effective ones, which make up for it "
-    "as far as joint springs can."
+    "A controller has no entry for the cause. The last column has effective values, which make up "
+    "for it as far as joint springs can; they belong together: enter all of them, also where the "
+    "stiffness itself is not determined, or none. Where programs are corrected for the deflection, "
+    "enter none."
 )
+_NO_TABLE = "No stiffness is determined: enter none into the controller."
+"""What stands in place of a table."""

@@ -11,8 +11,9 @@ from pipeline.answer.contract import Answer
 from pipeline.answer.words import ABOUT
 from pipeline.base.language import said, spoken
 from pipeline.base.look import PLAIN, Look
+from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
-from pipeline.report.certificate import certificate
+from pipeline.report.certificate import certificate, enterable
 from pipeline.report.record import Frame, Headline, Item, Report, Section, present, unlabelled
 from pipeline.report.sections.cell import cell
 from pipeline.report.sections.diagnosis import diagnosis
@@ -55,7 +56,7 @@ def compose(
         look: Language of the certificate, and what the house adds to it; the rest is in English.
     """
     say = spoken(look.language)
-    title, tone = words.VERDICTS[answer.diagnosis.verdict]
+    title, tone = _verdict(answer)
     sections = (
         _of_positions(answer, tables)
         if answer.of_positions
@@ -100,6 +101,14 @@ def _first(answer: Answer) -> tuple[Item, ...]:
     if not lines:
         return unlabelled(*answer.verdict_sentence)
     return tuple(Item(ABOUT[one.about], one.text) for one in lines)
+
+
+def _verdict(answer: Answer) -> tuple[str, str]:
+    """The verdict and its tone; of wrong data, whether anything may be used."""
+    title, tone = words.VERDICTS[answer.diagnosis.verdict]
+    if answer.diagnosis.verdict == Verdict.BAD_DATA:
+        title = words.CORRECTED if enterable(answer) else words.UNUSABLE
+    return title, tone
 
 
 def _judged(answer: Answer) -> Headline | None:

@@ -260,7 +260,7 @@ class Frame:
     tolerance: str = "Tolerance"
     values: str = "Stiffnesses"
     axis: str = "Axis"
-    stiffness: str = "Stiffness (k = 1)"
+    stiffness: str = "Stiffness ± U"
     interval: str = "Interval"
     enter: str = "Into the controller"
     filed: str = "What this is filed by"

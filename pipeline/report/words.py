@@ -6,6 +6,7 @@ from collections.abc import Mapping
 from functools import cache
 
 from pipeline.answer.contract import Answer, Data, Placed, Values, Which
+from pipeline.base.language import Say
 from pipeline.base.quantities import known, plain
 from pipeline.machine.effect import in_place
 from pipeline.machine.robot import Robot
@@ -57,8 +58,12 @@ VERDICTS = {
     "explained": ("A cause besides the joint springs is identified", "attention"),
     "ambiguous": ("Causes cannot be distinguished yet", "attention"),
     "unexplained": ("The model misses something unknown", "bad"),
-    "bad_data": ("The data need attention", "bad"),
+    "bad_data": ("The data are wrong", "bad"),
 }
+
+UNUSABLE = "Do not use: the data are wrong"
+CORRECTED = "The data are wrong: use corrected values only"
+"""What is said of wrong data from which nothing, and from which the values may be used."""
 
 _OUT = ("Deflection out of tolerance", "bad")
 _OPEN = ("Conformity with the tolerance undecided", "attention")
@@ -90,6 +95,26 @@ def cause(name: str, where: int | str | None, axis: str | None = None) -> str:
 def placed(one: Placed) -> str:
     """The same of a cause of the answer."""
     return cause(one.name, one.where, one.axis)
+
+
+def by_axis(answer: Answer, say: Say) -> Say:
+    """How a text is said with the controller's names alone: `axis A2` for `joint 3 (A2)`."""
+    short = {
+        long: name
+        for one in answer.stiffness
+        if one.axis
+        for long, name in (
+            (f"joint {one.joint} ({one.axis})", f"axis {one.axis}"),
+            (one.called, one.axis),
+        )
+    }
+
+    def told(text: str) -> str:
+        for long, name in short.items():
+            text = text.replace(long, name)
+        return say(text)
+
+    return told
 
 
 def label(one: Placed) -> str:

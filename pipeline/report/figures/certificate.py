@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 import pandas as pd
 
-from pipeline.answer.contract import Answer, Placed, Stiffness, TestPose
+from pipeline.answer.contract import Answer, Placed, Stiffness
 from pipeline.answer.sentences import at_axis
 from pipeline.answer.tolerated import DECIDED
 from pipeline.answer.words import capital, listed
@@ -28,7 +28,7 @@ from pipeline.report.svg import BLUE, BODY, EDGE, GREEN, GRID, INK, MUTED, PAPER
 
 _FROM, _TO = ([f"{end}_{a}_m" for a in "xyz"] for end in ("from", "to"))
 
-_WIDE, _HIGH, _TOP, _FOOT = 560.0, 400.0, 64.0, 46.0
+_WIDE, _HIGH, _TOP, _FOOT = 560.0, 420.0, 64.0, 66.0
 """The sheet, and what its labels and its key take of it [px]."""
 
 _AROUND = 0.36
@@ -102,8 +102,10 @@ class Arm:
         at, amid = self(self.ends[:, 0]), self(self.ends.mean(axis=1))
         for k in np.flatnonzero(parts == "joint"):
             own = np.flatnonzero((parts == "arm") & (numbers == numbers[k]))
+            body = np.flatnonzero((parts == "carriage") & (numbers == numbers[k]))
             taken = any(np.hypot(*(at[k] - one)) < _APART for one in found.values())
-            found[int(numbers[k])] = amid[own[0]] if taken and len(own) else at[k]
+            own = body if len(body) else own[: int(taken)]
+            found[int(numbers[k])] = amid[own[0]] if len(own) else at[k]
         return found
 
     def place(self, cause: Placed, location: str | None) -> Array | None:
@@ -116,7 +118,7 @@ class Arm:
             return self(named[_TO].to_numpy(float))[0] if len(named) else None
         if location == "rail":
             body = np.flatnonzero(rows["part"] == "carriage")
-            return self(self.ends[body[0], 1]) if len(body) else joints.get(1)
+            return self(self.ends[body[0]].mean(axis=0)) if len(body) else joints.get(1)
         at = {"tool": _TO, "force": _TO, "wrist": _FROM}.get(location or "")
         return None if at is None else self(self.tip[at].to_numpy(float))[0]
 
@@ -173,8 +175,13 @@ class Stand:
 _SOFT, _ALIKE, _STIFF = "softer", "as nominal", "stiffer"
 _WIDE_OPEN, _LOST = "too uncertain to tell", "not determined"
 _COLOURS = {_SOFT: RED, _ALIKE: MUTED, _STIFF: BLUE, _WIDE_OPEN: PAPER, _LOST: PAPER}
-_SURE, _ROUGH = "known to 2 %", "less well known"
+_SURE, _ROUGH = f"U up to {200 * _KNOWN:.0f} %", f"U above {200 * _KNOWN:.0f} %"
 _COLOURS |= {_SURE: MUTED, _ROUGH: RED}
+_RULES = {
+    _ALIKE: f"as nominal (within {100 * _NEAR:.0f} % or U)",
+    _WIDE_OPEN: f"too uncertain to tell (U above {100 * _TELLS:.0f} %)",
+}
+"""Words of the key that say when they hold."""
 
 
 def stand(joint: Stiffness) -> Stand:
@@ -184,7 +191,7 @@ def stand(joint: Stiffness) -> Stand:
     if not joint.nominal:
         rough = joint.relative_std
         word = _SURE if rough is not None and rough <= _KNOWN else _ROUGH
-        return Stand(word, _COLOURS[word], f"± {percent(rough)}")
+        return Stand(word, _COLOURS[word], f"± {percent(None if rough is None else 2 * rough)}")
     ratio, off = joint.value / joint.nominal, 2 * (joint.std or 0.0) / joint.nominal
     word = _ALIKE if off <= _TELLS else _WIDE_OPEN
     if abs(ratio - 1) > max(_NEAR, off):
@@ -204,7 +211,8 @@ def _draw(answer: Answer, tables: Tables, say: Say = str) -> str:
     _causes(sheet, arm, answer)
     stands = {joint.joint: (joint, stand(joint)) for joint in answer.stiffness}
     _joints(sheet, arm, stands)
-    _key(sheet, [one for _, one in stands.values()], bool(_seated(arm, answer)))
+    known = [one for _, one in stands.values()] if _any(stands.values()) else []
+    _key(sheet, known, bool(_seated(arm, answer)))
     return sheet.svg
 
 
@@ -212,20 +220,32 @@ def _joints(sheet: PixelSheet, arm: Arm, stands: dict[int, tuple[Stiffness, Stan
     """A disc at each joint, and its name with its share of nominal in a row above."""
     at = {k: place for k, place in arm.joints.items() if k in stands}
     step = (_WIDE - 20) / max(len(at), 1)
+    told = _any(stands.values())
     for slot, number in enumerate(at):
         joint, one = stands[number]
         x, (jx, jy) = 10 + step * (slot + 0.5), at[number]
         sheet.line((x, 38), (jx, jy), MUTED, 0.8, stroke_opacity=0.7)
-        style = {"fill": one.colour, "stroke": INK, "stroke_width": 1.2}
+        style = {"fill": one.colour, "stroke": INK, "stroke_width": 1.2} | _outline(one)
         beside = f"{one.said} of nominal" if joint.nominal else one.said
-        tip = f"{joint.called}: {beside}, {one.word}"
+        tip = f"{joint.axis or joint.name}: {beside}, {one.word}"
         sheet.disc((jx, jy), 6.5, tip, **style)
         name = joint.axis or joint.joint_name
         name = name if len(name) <= _NAME else f"J{joint.joint}"
         middle = {"text_anchor": "middle"}
         sheet.text(x, 16, name, 14, font_weight="bold", **middle)
         colour = INK if one.colour in (MUTED, PAPER) else one.colour
-        sheet.text(x, 33, one.said, 13, fill=colour, **middle)
+        if told:
+            sheet.text(x, 33, one.said, 13, fill=colour, **middle)
+
+
+def _outline(one: Stand) -> dict[str, Any]:
+    """Dashed where nothing is known."""
+    return {"stroke_dasharray": "2.6 2"} if one.word == _LOST else {}
+
+
+def _any(stands: Iterable[tuple[Stiffness, Stand]]) -> bool:
+    """Whether anything is known of any joint."""
+    return any(joint.value is not None for joint, _ in stands)
 
 
 def _deflection(sheet: PixelSheet, arm: Arm, answer: Answer) -> None:
@@ -240,7 +260,7 @@ def _deflection(sheet: PixelSheet, arm: Arm, answer: Answer) -> None:
     end = start + _REACH * arm.size * moved / np.linalg.norm(moved)
     a, b = arm(np.stack([start, end]))
     sheet.arrow(a, b, RED, 3)
-    said = f"{plain(pose.deflection_mm)} mm"
+    said = f"{next(readings(answer)).value} mm"
     below = 14 if b[1] >= a[1] else -8
     x = float(np.clip(b[0], 46, _WIDE - 46))
     sheet.text(x, b[1] + below, said, 14, text_anchor="middle", font_weight="bold", fill=RED)
@@ -269,17 +289,22 @@ _BESIDE = ((-24, 5), (0, 33), (24, 5), (0, -21))
 
 
 def _key(sheet: PixelSheet, stands: Sequence[Stand], rings: bool) -> None:
-    """What the colours mean, as large as fits."""
-    kinds = {one.word: one.colour for one in stands}
-    wide = [30 + 6.6 * len(sheet.say(word)) for word in (*kinds, *(["cause"] * rings))]
-    small, x = min(1.0, (_WIDE - 14) / sum(wide)), 14.0
-    for (word, colour), step in zip(kinds.items(), wide, strict=False):
-        sheet.disc((x, _HIGH - 14), 5.5, fill=colour, stroke=INK, stroke_width=1)
-        sheet.text(x + 10, _HIGH - 10, word, 12 * small)
-        x += small * step
+    """What the colours mean and when, in rows."""
+    dark: dict[str, Any] = {"stroke": INK, "stroke_width": 1}
+    marks = {
+        _RULES.get(one.word, one.word): {"fill": one.colour} | dark | _outline(one)
+        for one in stands
+    }
     if rings:
-        sheet.disc((x, _HIGH - 14), 6, fill="none", stroke=RED, stroke_width=2.4)
-        sheet.text(x + 11, _HIGH - 10, "cause", 12 * small)
+        marks["cause"] = {"fill": "none", "stroke": RED, "stroke_width": 2.4}
+    x, y = 14.0, _HIGH - _FOOT + 16
+    for word, style in marks.items():
+        wide = 22 + 6.6 * len(sheet.say(word))
+        if x + wide > _WIDE and x > 14:
+            x, y = 14.0, y + 18
+        sheet.disc((x, y), 5.5, **style)
+        sheet.text(x + 11, y + 4, word, 12)
+        x += wide + 8
 
 
 def _write(answer: Answer, tables: Tables) -> Figure:
@@ -288,24 +313,19 @@ def _write(answer: Answer, tables: Tables) -> Figure:
     seated = _seated(arm_of(tables, _HIGH, 0.0), answer)
     named = [f"{k} = {one}" for k, one in enumerate(seated, 1)]
     sits = f" The rings mark {listed(named)}." if named else ""
-    title, moves, at = "The robot", "", ""
-    if (pose := answer.test_pose) is not None:
-        moves = f" The arrow is the deflection, {plain(pose.deflection_mm)} mm."
-        title, at = "The robot at the test pose", f" {_stands(pose)}"
+    title, moves = "The robot", ""
+    if answer.test_pose is not None:
+        title = "The robot at the test pose"
+        moves = f" The arrow is the deflection, {plain(answer.test_pose.deflection_mm)} mm."
     nominal = any(joint.nominal for joint in answer.stiffness)
     what = "Share of the nominal stiffness" if nominal else "Relative uncertainty of the stiffness"
+    what = f"{what} of each joint." if _any(stands.items()) else "Each joint by its name."
     return Figure(
         "certificate",
         title,
-        f"{what} of each joint.{sits}{at}",
-        f"Drawing: {title}. {what}: {told}.{sits}{moves}",
+        f"{what}{sits}",
+        f"Drawing: {title}. {what} {told}.{sits}{moves}",
     )
-
-
-def _stands(pose: TestPose) -> str:
-    """Where the robot stands, and what pulls at it."""
-    axes = ", ".join(f"{one.name} {at_axis(one.value, one.unit)}" for one in pose.axes)
-    return f"At {axes}, under {plain(float(np.linalg.norm(pose.force_n)), 4)} N."
 
 
 CERTIFICATE = Plot("certificate", ("posture",), _write, spoken=_draw)
@@ -328,12 +348,16 @@ class Reading:
         return self.size + (self.u or 0.0)
 
     @property
+    def value(self) -> str:
+        """The deflection in the digits that its uncertainty allows."""
+        return plain(self.size) if self.u is None else with_uncertainty(self.size, self.u)[0]
+
+    @property
     def said(self) -> str:
-        """`0.924 mm ± 0.072 mm`, ± the expanded uncertainty."""
+        """`0.924 ± 0.072 mm`, ± the expanded uncertainty."""
         if self.u is None:
-            return f"{plain(self.size)} mm, U unknown"
-        value, u = with_uncertainty(self.size, self.u)
-        return f"{value} mm ± {u} mm"
+            return f"{self.value} mm, U unknown"
+        return f"{self.value} ± {with_uncertainty(self.size, self.u)[1]} mm"
 
 
 def readings(answer: Answer) -> Iterator[Reading]:
@@ -375,7 +399,7 @@ def _draw_gauge(answer: Answer, tables: Tables, say: Say = str) -> str:
         sheet.line((at(low), y), (at(high), y), colour, 16, stroke_opacity=0.4)
         sheet.arrow((_LEFT, y), (at(one.size), y), colour, 4)
         word = "" if one.decision is None else f": {DECIDED[one.decision]}"
-        left, right = (say(each) for each in (f"{one.name}{word}", f"{one.said} (k = 2)"))
+        left, right = (say(each) for each in (f"{one.name}{word}", f"predicted {one.said}"))
         size = 14 * min(1.0, _LETTERS / (len(left) + len(right)))
         sheet.text(_LEFT, y - 15, left, size, font_weight="bold")
         sheet.text(_RIGHT, y - 15, right, size, text_anchor="end")
@@ -403,9 +427,23 @@ def _write_gauge(answer: Answer, tables: Tables) -> Figure | None:
     return Figure(
         "gauge",
         "Deflection of the load point",
-        f"{said}{limit}.",
+        _only(answer),
         f"Gauge of the deflection of the load point{limit}, with its expanded uncertainty: {said}.",
     )
+
+
+def _only(answer: Answer) -> str:
+    """Where the robot stands, what pulls at it, and that nothing else is said."""
+    pose, asked = answer.test_pose, answer.tolerance
+    path = asked is not None and asked.path is not None
+    only = "Predicted for this pose and force only"
+    if path:
+        only = "Predicted for these poses and forces only; the test pose"
+    if pose is None:
+        return "Predicted for these poses and forces only."
+    axes = ", ".join(f"{one.name} {at_axis(one.value, one.unit)}" for one in pose.axes)
+    at = ", ".join(filter(None, (axes, f"{plain(float(np.linalg.norm(pose.force_n)), 4)} N")))
+    return f"{only}: {at}."
 
 
 GAUGE = Plot("gauge", (), _write_gauge, spoken=_draw_gauge)

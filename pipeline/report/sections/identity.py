@@ -99,7 +99,7 @@ def _instrument(one: Measuring | None, blank: str) -> str:
 
 def _counts(found: Identity) -> str:
     if found.force_n is None:
-        return f"{found.poses} poses"
+        return f"{found.poses} poses, no pulls"
     least, most = (plain(force) for force in found.force_n)
     beside = (
         f"; {_counted(found.unloaded_only)} measured unloaded only" if found.unloaded_only else ""
