@@ -36,7 +36,17 @@ SPOKEN: dict[str, tuple[str, ...]] = {
     "machine/room.py": ("unchecked",),
     "report/certificate.py": (),
     "report/figures/certificate.py": (
-        *("_SOFT", "_WIDE_OPEN", "_SURE", "_RULES", "stand", "_joints", "_deflection", "_key"),
+        *(
+            "_SOFT",
+            "_WIDE_OPEN",
+            "_SURE",
+            "_RULES",
+            "_CAUSE",
+            "stand",
+            "_joints",
+            "_deflection",
+            "_key",
+        ),
         *("_write", "Reading", "readings", "_draw_gauge", "_write_gauge", "_only"),
     ),
     "report/model.py": ("compose", "_about", "_title"),

@@ -178,7 +178,7 @@ def to_do(answer: Answer) -> str:
 
 
 _OPEN = {
-    Reason.RIVALS: "Until the cause is known, predict with the averaged values.",
+    Reason.RIVALS: "Until the cause is known, predict with averaged values.",
     Reason.CAUSE_DOUBTFUL: "Until the cause is certain, predict with the likeliest one.",
 }
 """What to do where a cause is open, in fewer words than below."""
@@ -246,7 +246,7 @@ def _bars(answer: Answer) -> tuple[tuple[Bar, ...], float | None]:
         Bar(
             name=one.axis or one.joint_name,
             value=_value(one, units),
-            beside=stand(one).said if one.value is not None else MISSING,
+            beside=MISSING if one.value is None or one.ci95[1] is None else stand(one).said,
             enter=enter.get(one.name, ""),
             track=tracks.get(one.name),
         )
@@ -355,16 +355,16 @@ def _note(answer: Answer, compared: bool) -> str:
     if not compared:
         widest = max((one.relative_std or 0.0 for one in answer.stiffness), default=0.0)
         bar = f"Bars: relative U, the longest {percent(2 * widest)}." if widest else ""
-    enter = _EFFECTIVE if _substituted(answer) else ""
-    return " ".join(filter(None, (_PLUS_MINUS, bar, enter)))
+    enter = _EFFECTIVE if _substituted(answer) else ()
+    return " ".join(filter(None, (_PLUS_MINUS, bar, *enter)))
 
 
 _PLUS_MINUS = "± is the expanded uncertainty U everywhere on this page (k = 2, about 95 %)."
 _EFFECTIVE = (
-    "A controller has no entry for the cause. The last column has effective values, which make up "
-    "for it as far as joint springs can; they belong together: enter all of them, also where the "
-    "stiffness itself is not determined, or none. Where programs are corrected for the deflection, "
-    "enter none."
+    "A controller has no entry for the cause.",
+    "The last column has effective values, which make up for it as far as joint springs can.",
+    "They belong together: enter all of them, also where the stiffness itself is not determined.",
+    "Where programs are corrected for the deflection, enter none.",
 )
 _NO_TABLE = "No stiffness is determined: enter none into the controller."
 """What stands in place of a table."""

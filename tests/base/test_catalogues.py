@@ -104,15 +104,21 @@ def test_every_place_that_speaks_is_there():
         ("tilt of the bearing in joint 5 (A4) or lost motion in joint 6 (A5)",
          "Kippen des Lagers in Gelenk 5 (A4) oder Lose in Gelenk 6 (A5)",
          "basculement du palier dans l'articulation 5 (A4) ou jeu dans l'articulation 6 (A5)"),
-        ("Reduce the force or measure more. Use these stiffnesses.",
-         "Die Kraft verringern oder mehr messen. Diese Steifigkeiten verwenden.",
-         "Réduire la force ou mesurer davantage. Utiliser ces rigidités."),
-        ("No reachable pose tells the causes apart by pulls alone. What would: reflectors at the "
-         "elbow.",
-         "Keine erreichbare Stellung trennt die Ursachen durch Züge allein. Was es könnte: "
-         "Reflektoren am Ellbogen.",
-         "Aucune pose accessible ne sépare les causes par des tractions seules. Ce qui le ferait : "
-         "réflecteurs au coude."),
+        ("For the tolerance: reduce the force or measure more. Use these stiffnesses.",
+         "Für die Toleranz: die Kraft verringern oder mehr messen. Diese Steifigkeiten verwenden.",
+         "Pour la tolérance : réduire la force ou mesurer davantage. Utiliser ces rigidités."),
+        ("poses.csv: the joint values of p1 to p9 (9) stand one pose too late; those of the first "
+         "belong to the last",
+         "poses.csv: die Gelenkwerte von p1 bis p9 (9) stehen eine Stellung zu spät; die der "
+         "ersten gehören zur letzten",
+         "poses.csv : les valeurs articulaires de p1 à p9 (9) ont un rang (pose) de retard ; le "
+         "contenu du premier appartient au dernier"),
+        ("For the cause: no reachable pose tells the causes apart by pulls alone. What would: "
+         "reflectors at the elbow.",
+         "Zur Ursache: Keine erreichbare Stellung trennt die Ursachen durch Züge allein. Was es "
+         "könnte: Reflektoren am Ellbogen.",
+         "Pour la cause : aucune pose accessible ne sépare les causes par des tractions seules. Ce "
+         "qui le ferait : réflecteurs au coude."),
     ],
 )  # fmt: skip
 def test_what_varies_is_said_in_turn(english, german, french):

@@ -82,14 +82,15 @@ TOGETHER = [
 ]
 
 
+@pytest.mark.parametrize("decision", ["fail", "undecided"])
 @pytest.mark.parametrize(("verdict", "reason"), TOGETHER)
-def test_verdict_and_what_to_do_are_read_in_a_minute(sample, verdict, reason):
+def test_verdict_and_what_to_do_are_read_in_a_minute(sample, verdict, reason, decision):
     """At most 60 words, whatever is decided, also out of tolerance and with two rivals."""
 
     def state(content):
         content["diagnosis"]["verdict"] = verdict
         content["recommended"]["reason"] = str(reason)
-        content["tolerance"]["test_pose"] = "fail"
+        content["tolerance"]["test_pose"] = decision
 
     answer = report_sample.revised(sample[0], state)
     report = compose(answer, {})  # these words need no table
@@ -123,8 +124,8 @@ def test_a_cause_is_named_with_its_size_and_its_gain(sample):
     said = found(report_sample.revised(sample[0], state))
 
     assert said == (
-        "Roll of the carriage about the rail, 21.0 ± 1.0 nrad/(N·m); error at poses left out 0.19 "
-        "→ 0.033 mm."
+        "Roll of the carriage about the rail, 21.0 ± 1.0 nrad/(N·m); error at poses held out: "
+        "0.19 mm with joint springs, 0.033 mm with the cause."
     )
 
 
@@ -147,8 +148,9 @@ def test_a_controller_gets_effective_values_beside_a_cause(sample):
 def test_what_to_measure_next_ends_with_a_sentence(sample):
     """The first page has its first sentences, and no pose that only begins."""
     answer, tables = sample
-    first = "No question is open. Pulls along the rail would help most: E1 is known to 43 %."
-    line = Line(about=About.NEXT, text=f"{first} One more pose: {', '.join(['A1 -77.63°'] * 9)}.")
+    first = "No question is open. Optional: pulls along the rail would improve E1 most."
+    rest = f"Its standard uncertainty is 43 %. One more pose: {', '.join(['A1 -77.63°'] * 9)}."
+    line = Line(about=About.NEXT, text=f"{first} {rest}")
     screen = (*answer.first_screen, line)
 
     said = certificate(answer.model_copy(update={"first_screen": screen}), tables).measure

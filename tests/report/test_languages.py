@@ -86,7 +86,7 @@ def test_page_and_paper_are_in_that_language(made, language):
         pages_of(made[language]["report.pdf"])[0],
     )
     english = pages_of(made["en"]["report.pdf"])[0]
-    heading = {"de": "Steifigkeit (k = 1)", "fr": "Rigidité (k = 1)"}[language]
+    heading = {"de": "Steifigkeit ± U", "fr": "Rigidité ± U"}[language]
 
     assert f'<html lang="{language}">' in page
     assert '<main id="content" lang="en">' in page

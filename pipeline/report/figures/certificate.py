@@ -177,6 +177,7 @@ _WIDE_OPEN, _LOST = "too uncertain to tell", "not determined"
 _COLOURS = {_SOFT: RED, _ALIKE: MUTED, _STIFF: BLUE, _WIDE_OPEN: PAPER, _LOST: PAPER}
 _SURE, _ROUGH = f"U up to {200 * _KNOWN:.0f} %", f"U above {200 * _KNOWN:.0f} %"
 _COLOURS |= {_SURE: MUTED, _ROUGH: RED}
+_CAUSE = "cause"
 _RULES = {
     _ALIKE: f"as nominal (within {100 * _NEAR:.0f} % or U)",
     _WIDE_OPEN: f"too uncertain to tell (U above {100 * _TELLS:.0f} %)",
@@ -296,7 +297,7 @@ def _key(sheet: PixelSheet, stands: Sequence[Stand], rings: bool) -> None:
         for one in stands
     }
     if rings:
-        marks["cause"] = {"fill": "none", "stroke": RED, "stroke_width": 2.4}
+        marks[_CAUSE] = {"fill": "none", "stroke": RED, "stroke_width": 2.4}
     x, y = 14.0, _HIGH - _FOOT + 16
     for word, style in marks.items():
         wide = 22 + 6.6 * len(sheet.say(word))
@@ -319,12 +320,13 @@ def _write(answer: Answer, tables: Tables) -> Figure:
         moves = f" The arrow is the deflection, {plain(answer.test_pose.deflection_mm)} mm."
     nominal = any(joint.nominal for joint in answer.stiffness)
     what = "Share of the nominal stiffness" if nominal else "Relative uncertainty of the stiffness"
-    what = f"{what} of each joint." if _any(stands.items()) else "Each joint by its name."
+    known = _any(stands.items())
+    off = f"; coloured where it is off by more than {100 * _NEAR:.0f} % and U" if nominal else ""
     return Figure(
         "certificate",
         title,
-        f"{what}{sits}",
-        f"Drawing: {title}. {what} {told}.{sits}{moves}",
+        f"{what} of each joint{off}.{sits}" if known else f"Each joint by its name.{sits}",
+        f"Drawing: {title}. {what}: {told}.{sits}{moves}",
     )
 
 
