@@ -246,7 +246,7 @@ def _bars(answer: Answer) -> tuple[tuple[Bar, ...], float | None]:
         Bar(
             name=one.axis or one.joint_name,
             value=_value(one, units),
-            beside=MISSING if one.value is None or one.ci95[1] is None else stand(one).said,
+            beside=stand(one).said if one.value is not None else MISSING,
             enter=enter.get(one.name, ""),
             track=tracks.get(one.name),
         )

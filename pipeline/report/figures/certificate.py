@@ -16,7 +16,7 @@ from pipeline.answer.tolerated import DECIDED
 from pipeline.answer.words import capital, listed
 from pipeline.base.arrays import Array
 from pipeline.base.language import Say
-from pipeline.base.quantities import MM, percent, plain, with_uncertainty
+from pipeline.base.quantities import MISSING, MM, percent, plain, with_uncertainty
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
 from pipeline.report.figures.plot import Plot
@@ -197,7 +197,8 @@ def stand(joint: Stiffness) -> Stand:
     word = _ALIKE if off <= _TELLS else _WIDE_OPEN
     if abs(ratio - 1) > max(_NEAR, off):
         word = _SOFT if ratio < 1 else _STIFF
-    return Stand(word, _COLOURS[word], percent(ratio, 3 if ratio >= 1 else 2))
+    said = MISSING if joint.ci95[1] is None else percent(ratio, 3 if ratio >= 1 else 2)
+    return Stand(word, _COLOURS[word], said)
 
 
 # --- the picture ----------------------------------------------------------------------------------
