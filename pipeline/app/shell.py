@@ -139,7 +139,8 @@ def report(root: Path, name: str | None, form: str, language: str | None = None)
 
     if name is None:
         if form != "html" or language:
-            raise UsageError(f"the page over all campaigns has no form {form}: name a campaign")
+            lacks = "further language" if form == "html" else f"form {form}"
+            raise UsageError(f"the page over all campaigns has no {lacks}: name a campaign")
         page = archive.refresh(root)
         if page is None:
             raise UsageError("no campaign is finished: run `pipeline run` first")

@@ -11,6 +11,7 @@ from urllib.parse import unquote
 import pytest
 import report_sample
 from conftest import without_drawings
+from pdf_text import pages_of
 
 from pipeline.answer import archive
 from pipeline.answer.archive import _SHOWN, finished, read
@@ -338,6 +339,23 @@ def test_report_gives_every_form(project, capsys):
 
 
 @pytest.mark.xdist_group("archive")
+@pytest.mark.parametrize(("form", "file"), [("html", "index.html"), ("pdf", "report.pdf")])
+def test_a_further_certificate_lies_beside_the_report(project, form, file, capsys):
+    """In German, in a folder of its own; the report in English stays as it is."""
+    before = (project / "reports" / "spring" / file).read_bytes()
+    words = ["report", "spring", "--language", "de", "--format", form, "--root", str(project)]
+
+    assert _exit_code(words) == 0
+    made = project / "reports" / "spring" / "de" / file
+    assert capsys.readouterr().out.strip() == str(made)
+    content = made.read_bytes()
+    told = content.decode() if form == "html" else pages_of(content)[0]
+    assert "Steifigkeit ± U" in told
+    assert "Was zu tun ist" in told
+    assert (project / "reports" / "spring" / file).read_bytes() == before
+
+
+@pytest.mark.xdist_group("archive")
 def test_compare_says_how_two_campaigns_differ(project, capsys):
     """As text, as data, and as a page; the data are those of the two results."""
     assert _exit_code(["compare", "spring", "autumn", "--json", "--root", str(project)]) == 0
@@ -367,6 +385,8 @@ def test_compare_says_how_two_campaigns_differ(project, capsys):
         ),
         (["compare", "spring", "spring:extended"], "no richer model than its joint springs"),
         (["report", "spring", "--format", "odt"], 'no format "odt"'),
+        (["report", "--language", "de"], "no further language: name a campaign"),
+        (["report", "--format", "pdf"], "no form pdf: name a campaign"),
         (["report", "--format", "pdf"], "name a campaign"),
         (["report", "--format", "text"], "name the campaign"),
     ],

@@ -141,6 +141,8 @@ def test_rows_of_the_joint_log_are_put_back(seed, kind):
     found = exchanged(case(made))
 
     assert {one.name for one in found} == {"exchanged"}
+    stand = {"off by one": "one row too early", "back by one": "one row too late"}.get(kind, "in ")
+    assert all(f" stand {stand}" in one.evidence for one in found)
     same(put_right(found, case(made)), case(files(seed)))
     wrong = {i + 1 for i, k in enumerate(order) if i != k}
     assert {int(row.split(",")[0]) for row in told(found, made)} == wrong

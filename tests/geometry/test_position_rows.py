@@ -84,6 +84,7 @@ def test_joint_rows_off_by_one_are_named_from_where_on_they_are(right, first):
 
     assert one.name == "exchanged"
     assert one.where == f"pose{first + 1:02d}/pose60 off by one"
+    assert "stand one pose too late; those of the first belong to the last (p.csv:" in one.evidence
     assert one.at == tuple(f"p.csv:{k + 2}" for k in range(first, 60))
     assert np.allclose(joints(put_right), right[JOINTS])
 

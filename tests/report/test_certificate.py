@@ -245,3 +245,82 @@ def test_the_bars_need_no_picture(sample):
     assert table.count("<tr>") == 8
     assert "not determined" in table
     assert to_do(answer) in html
+
+
+def test_an_axis_has_the_name_of_its_controller_only(sample):
+    """Neither the number of its joint nor the name of a variable, also where a rival is named."""
+
+    def state(content):
+        for one in (*content["stiffness"], *content["joint_springs"]["stiffness"]):
+            one["axis"] = f"A{one['joint'] - 1}" if one["joint"] > 1 else "E1"
+        rival = {"name": "joint_tilt", "where": 5, "axis": "A4", "probability": 0.4}
+        here = {"name": "joint_tilt", "where": 4, "axis": "A3", "rivals": [rival]}
+        content["diagnosis"]["causes"][0] |= here
+        text = "No question is open. Optional: pulls along the rail would improve E1 (k_r1) most."
+        content["first_screen"] = [{"about": "next", "text": text}]
+
+    content = certificate(report_sample.revised(sample[0], state), sample[1])
+
+    assert content.found.startswith("Tilt of the bearing in axis A3 or axis A4.")
+    assert content.measure.endswith("would improve E1 most.")
+    assert "axis A3 and 2 = tilt of the bearing in axis A4" in content.picture.caption
+    assert not re.search(r"joint \d|k_", content.found + content.measure + content.picture.caption)
+
+
+def test_one_coverage_and_one_unit_for_each_kind_of_joint(sample):
+    """What stands behind ± is twice the standard uncertainty; all axes that turn have one unit."""
+    answer, tables = sample
+    bars = certificate(answer, tables).bars
+    units = {one.value.split("\N{NO-BREAK SPACE}")[-1] for one in bars[1:6]}
+    joint = answer.stiffness[1]
+    u = float(
+        re.split("[ \N{NO-BREAK SPACE}]", bars[1].value.split("± ")[-1].split("±")[-1].strip())[0]
+    )
+
+    assert len(units) == 1
+    assert u == pytest.approx(2 * joint.std / 1e6, rel=0.05)
+
+
+def test_data_that_must_not_be_used_say_so_and_show_no_table(sample):
+    """No stiffness, and none to enter: the headline says it, and nothing is listed."""
+
+    def state(content):
+        content["diagnosis"]["verdict"] = "bad_data"
+        content["recommended"]["reason"] = str(Reason.MISTAKE_AND_UNEXPLAINED)
+        for one in (*content["stiffness"], *content["joint_springs"]["stiffness"]):
+            one["value"] = None
+
+    report = compose(report_sample.revised(sample[0], state), sample[1])
+
+    assert report.verdict == "Do not use: the data are wrong"
+    assert report.certificate.bars == ()
+    assert "enter none" in report.certificate.note
+    assert "nominal" not in report.certificate.picture.caption
+    html = page(report, {one.name: "" for one in report.figures})
+    assert 'id="values"' in html
+    assert 'class="barred"' not in html
+
+
+def test_wrong_data_that_were_corrected_may_be_used(sample):
+    """The headline says which values."""
+
+    def state(content):
+        content["diagnosis"]["verdict"] = "bad_data"
+        content["recommended"] |= {"reason": str(Reason.MISTAKE), "data": "corrected"}
+
+    report = compose(report_sample.revised(sample[0], state), sample[1])
+
+    assert report.verdict == "The data are wrong: use corrected values only"
+    assert report.certificate.bars
+
+
+def test_picture_and_gauge_have_the_same_digits(sample):
+    """The arrow's number is that of the gauge, which says that it is predicted, and for what."""
+    picture, gauge = (
+        " ".join(ET.fromstring(draw(name, *sample).svg).itertext())
+        for name in ("certificate", "gauge")
+    )
+    (shown,) = re.findall(r"([\d.]+) mm", picture)
+
+    assert f"predicted {shown} ± " in gauge
+    assert "these poses and forces only" in certificate(*sample).gauge.caption
