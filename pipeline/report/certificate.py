@@ -27,7 +27,7 @@ from pipeline.machine.effect import in_place
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.figures.certificate import stand
+from pipeline.report.figures.certificate import drawn_as, stand
 from pipeline.report.figures.stiffness import interval
 from pipeline.report.record import Bar, Certificate, Item
 from pipeline.report.sections.identity import NAMES, rows
@@ -244,7 +244,7 @@ def _bars(answer: Answer) -> tuple[tuple[Bar, ...], float | None]:
     at = tracks.pop("", None)
     bars = tuple(
         Bar(
-            name=one.axis or one.joint_name,
+            name=_name(one),
             value=_value(one, units),
             beside=stand(one).said if one.value is not None else MISSING,
             enter=enter.get(one.name, ""),
@@ -253,6 +253,12 @@ def _bars(answer: Answer) -> tuple[tuple[Bar, ...], float | None]:
         for one in joints
     )
     return bars, at[1] if nominal and at else None
+
+
+def _name(joint: Stiffness) -> str:
+    """As the controller calls the axis; a long name behind that of the drawing."""
+    name, drawn = joint.axis or joint.joint_name, drawn_as(joint)
+    return name if name == drawn else f"{drawn} {name}"
 
 
 _Tracks = dict[str, tuple[float, float, float]]

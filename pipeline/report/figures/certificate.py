@@ -231,13 +231,17 @@ def _joints(sheet: PixelSheet, arm: Arm, stands: dict[int, tuple[Stiffness, Stan
         beside = f"{one.said} of nominal" if joint.nominal else one.said
         tip = f"{joint.axis or joint.name}: {beside}, {one.word}"
         sheet.disc((jx, jy), 6.5, tip, **style)
-        name = joint.axis or joint.joint_name
-        name = name if len(name) <= _NAME else f"J{joint.joint}"
         middle = {"text_anchor": "middle"}
-        sheet.text(x, 16, name, 14, font_weight="bold", **middle)
+        sheet.text(x, 16, drawn_as(joint), 14, font_weight="bold", **middle)
         colour = INK if one.colour in (MUTED, PAPER) else one.colour
         if told:
             sheet.text(x, 33, one.said, 13, fill=colour, **middle)
+
+
+def drawn_as(joint: Stiffness) -> str:
+    """What the drawing calls a joint."""
+    name = joint.axis or joint.joint_name
+    return name if len(name) <= _NAME else f"J{joint.joint}"
 
 
 def _outline(one: Stand) -> dict[str, Any]:
