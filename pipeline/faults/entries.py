@@ -290,6 +290,7 @@ def _scene(case: Case) -> _Scene | None:
     return scene.only(np.isin(np.arange(len(scene.axes)), few)) if len(scene.axes) else None
 
 
+@lru_cache(maxsize=1)
 def _base(case: Case) -> tuple[list[str], Array]:
     """Base reflectors that were read, and where in the tracker's frame [m], (b, 3)."""
     rows = case.readings[case.readings["pose"].isna()]
