@@ -178,8 +178,8 @@ def astray(registration: Registration, scale: float, far: float) -> tuple[int, i
     """How many base readings must be off by more than `far` standard deviations, and of how many.
 
     Whatever the tracker did between its rounds, and wherever the reflectors are: set free one by
-    one, the farthest first, until the others leave no more than one such reading would. Which ones
-    they are it does not tell.
+    one, the farthest first, until the others leave no more than chance and one such reading would.
+    Which ones they are it does not tell.
 
     Args:
         registration: Where the tracker stands.
@@ -194,7 +194,9 @@ def astray(registration: Registration, scale: float, far: float) -> tuple[int, i
     own = freest.white[:, :, None, :] * places[:, None, :, None]
     freest = replace(freest, X=np.concatenate([freest.X, own.reshape(len(own), 3, -1)], axis=2))
     used = np.ones(len(table), dtype=bool)
-    while freest.base(used).dof > 0 and freest.base(used).rest > far**2:
+    while (base := freest.base(used)).dof > 0:
+        if base.rest <= far**2 + special.chdtri(base.dof, alarms.READING):
+            break
         worst = np.flatnonzero(used)[int(np.argmax(freest.each(used).drop))]
         used[worst] = False
     return int((~used).sum()), len(table)

@@ -52,7 +52,7 @@ def plain(stage: Callable[..., Any]) -> Callable[..., Any]:
 
 
 @dataclass(frozen=True, eq=False)
-class PlacedTables:
+class _PlacedTables:
     """The tables between readings and measurements.
 
     Attributes:
@@ -70,7 +70,7 @@ class PlacedTables:
     displacements: pd.DataFrame
 
 
-def to_displacements(case: Case, keep: Keep = conformed, step: Step = plain) -> PlacedTables:
+def to_displacements(case: Case, keep: Keep = conformed, step: Step = plain) -> _PlacedTables:
     """From readings in the tracker's frame to tables of forces and displacements in F_b."""
     settings = case.settings
     registration = step(register)(settings, case.readings)
@@ -83,7 +83,7 @@ def to_displacements(case: Case, keep: Keep = conformed, step: Step = plain) -> 
         pulled, moved = case.forces, case.displacements
     pulled = keep("22_forces", pulled, tables.FORCES)
     moved = keep("23_displacements", moved, tables.DISPLACEMENTS)
-    return PlacedTables(registration, base, placed, pulled, moved)
+    return _PlacedTables(registration, base, placed, pulled, moved)
 
 
 _MOST = 300

@@ -15,9 +15,9 @@ from pipeline.app import cli
 from pipeline.base import files, patterns, toml
 from pipeline.base.errors import InputError, PipelineError
 from pipeline.base.shown import in_json, in_toml, in_xml, printable
+from pipeline.design.poses import default_anchors
 from pipeline.exchange.files import simulators
 from pipeline.fleet import pages
-from pipeline.machine.poses import default_anchors
 from pipeline.machine.robot import load
 from pipeline.machine.robot import mdh as robots
 from pipeline.prediction import model as own

@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 from scipy import linalg, optimize
 
+from bench.as_pinocchio import model
 from pipeline.app import cli
 from pipeline.base.errors import InputError
 from pipeline.base.toml import loads
@@ -28,7 +29,6 @@ from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import SHIPPED, load
-from pipeline.machine.robot.model import model
 
 PUBLISHED = np.array(
     [

@@ -10,9 +10,9 @@ import pytest
 
 from pipeline.app import cli
 from pipeline.base import toml
+from pipeline.base.language import Language, spoken
 from pipeline.design import problem
 from pipeline.design import spec as specs
-from pipeline.design.language import Language, spoken
 from pipeline.design.plan_book import book
 from pipeline.design.planfile import plan_content
 from pipeline.design.propose import Proposal

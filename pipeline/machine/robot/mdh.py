@@ -213,7 +213,7 @@ _TURNING = (
 """What only a sliding and only a turning joint has."""
 
 
-class Controller(Numbers):
+class _Controller(Numbers):
     """How the controller's axes become the model's joint variables: q = matrix @ axes + offset."""
 
     model_config = ConfigDict(extra="forbid")
@@ -242,7 +242,7 @@ class RobotFile(Numbers):
         default=[], validation_alias=AliasChoices("capsules", "capsule")
     )
     capsules_source: Prose = ""
-    controller: Controller | None = None
+    controller: _Controller | None = None
     length_sigma_m: Positive | None = None
     angle_sigma_deg: Positive | None = None
 
@@ -437,7 +437,7 @@ def of_table(table: Mapping[str, Any], text: str, file: str) -> Robot:
 
 
 def _controller(
-    controller: Controller | None, n: int, file: str
+    controller: _Controller | None, n: int, file: str
 ) -> tuple[tuple[str, ...], Array, Array]:
     if controller is None:
         return (), np.zeros((n, 0)), np.zeros(n)
