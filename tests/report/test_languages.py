@@ -15,7 +15,7 @@ from pipeline.diagnosis.finding import Verdict
 from pipeline.report.certificate import certificate, digest
 from pipeline.report.model import compose
 from pipeline.report.render import render
-from tests.base.test_language import ENGLISH
+from tests.base.test_base_language import ENGLISH
 
 OTHERS = ("de", "fr")
 
