@@ -55,7 +55,7 @@ def told(files):
 
 def exact(changes=None):
     """A KR500 campaign without any noise, coordinates written in full."""
-    plan = Plan(name="exact")
+    plan = Plan(name="exact", poses={"count": 7})
     silent = {
         "tracker": {"noise_scale": 0.0, "digits": "full"},
         "scale": {"noise_scale": 0.0},
