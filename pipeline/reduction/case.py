@@ -107,7 +107,7 @@ class Case:
     def q(self, poses: Ints) -> Array:
         """Joint values of some poses [m] or [rad], shape (len(poses), n)."""
         known, values = self._logged
-        row = known.get_indexer_for(poses)
+        row = known.get_indexer_for(pd.Index(poses))
         if (row < 0).any():  # ingest keeps no pose without a row of the log
             raise KeyError(f"no joint values of poses {np.asarray(poses)[row < 0]}")
         return values[row]
