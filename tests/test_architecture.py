@@ -240,6 +240,7 @@ OUTBUILDINGS = {
         "diagnosis.finding": "the verdicts by name",
         "diagnosis.average": "from which probability on a cause counts as likely",
         "report": _PAGES,
+        "annex.history": _PAGES,
     },
     "library": {
         "run": "it identifies campaigns",
