@@ -11,7 +11,7 @@ import pytest
 import report_sample
 from pdf_text import pages_of
 
-from pipeline.annex.heldout import judged
+from pipeline.annex.figures.heldout import judged
 from pipeline.answer.contract import About, Amplitude, Cause, Line, Reason
 from pipeline.answer.nouns import amount, noun
 from pipeline.answer.words import DO

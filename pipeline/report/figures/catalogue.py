@@ -13,7 +13,7 @@ from pipeline.report.record import Figure, present
 from pipeline.report.summaries import Tables, has
 from pipeline.report.svg import Drawing, by_hand, drawn
 
-_ANNEX = "pipeline.annex:PLOTS"
+_ANNEX = "pipeline.annex.figures:PLOTS"
 """Figures behind the first page."""
 _OWN = (
     certificate.CERTIFICATE,
