@@ -517,6 +517,9 @@ _SHARE = 0.25
 
 def _next(said: PositionsFound, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
     last = said.found.stages[-1]
+    if said.facts.mistakes:
+        yield "Nothing until the files are put right: the readings taken may then do."
+        return
     if not said.row.reason.holds_for_its_readings:
         yield _AGAIN
         return

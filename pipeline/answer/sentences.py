@@ -565,8 +565,10 @@ def _pulled(pose: ToMeasure) -> str:
 def loads(pose: ToMeasure) -> str:
     """`5 load steps up to 3012 N along (0.10, -0.99, 0.05) of F_b`."""
     along = ", ".join(f"{part:.2f}" for part in pose.direction)
-    steps = "1 load step of" if pose.steps == 1 else f"{pose.steps} load steps up to"
-    return f"{steps} {pose.force_n:.0f} N along ({along}) of F_b"
+    force = f"1 load step of {pose.force_n:.0f} N"
+    if pose.steps > 1:
+        force = f"{pose.steps} load steps up to {pose.force_n:.0f} N"
+    return f"{force} along ({along}) of F_b"
 
 
 def _joints(pose: ToMeasure) -> str:

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.app.outcome import EARLIER, Meant, Outcome, Several, dated, failed, named, outcome
 from pipeline.app.progress import Progress, Tell, told
-from pipeline.base import preferences
+from pipeline.base import files, preferences
 from pipeline.base.doors import is_there, opened
 from pipeline.base.errors import InputError, UsageError
 from pipeline.store import campaign as campaigns
@@ -122,8 +122,14 @@ def _standing(campaign: CampaignFolder, state: str, verdict: str | None) -> Outc
     return Outcome(campaign.name, content, text)
 
 
-def report(root: Path, name: str | None, form: str) -> Path:
+def report(root: Path, name: str | None, form: str, language: str | None = None) -> Path:
     """A report brought up to date: its page, PDF or numbers; without a name the page over all.
+
+    Args:
+        root: The project's root.
+        name: Of the campaign, or its path.
+        form: html, pdf or json.
+        language: Of a further certificate, beside the one that the project has.
 
     Raises:
         UsageError: There is no finished campaign, or only campaigns have this form.
@@ -132,7 +138,7 @@ def report(root: Path, name: str | None, form: str) -> Path:
     from pipeline.run import run
 
     if name is None:
-        if form != "html":
+        if form != "html" or language:
             raise UsageError(f"the page over all campaigns has no form {form}: name a campaign")
         page = archive.refresh(root)
         if page is None:
@@ -143,7 +149,24 @@ def report(root: Path, name: str | None, form: str) -> Path:
     run(campaign)
     archive.refresh(root)
     names = {"html": "index.html", "pdf": "report.pdf", "json": "result.json"}
-    return campaign.reports / names[form]
+    if language is None or form == "json":
+        return campaign.reports / names[form]
+    return _beside(root, campaign, names[form], language)
+
+
+def _beside(root: Path, campaign: CampaignFolder, name: str, language: str) -> Path:
+    """The report in another language, in a folder of that name below its own."""
+    from pipeline.answer import archive
+    from pipeline.base.look import looks
+    from pipeline.report.render import render
+
+    answer, manifest = archive.read(campaign), campaign.manifest() or {}
+    look = archive.look_of(looks(root), manifest | {"language": language}, answer)
+    before, wear = archive.earlier(campaign, answer), archive.together(answer, root)
+    took = manifest.get("run_time_s")
+    pages = render(answer, archive.shown(campaign), took, before, (), wear, look)
+    files.write(campaign.reports / language / name, pages[name])
+    return campaign.reports / language / name
 
 
 def report_text(root: Path, name: str) -> str:

@@ -14,6 +14,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 from pipeline.base import toml
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, listed
+from pipeline.base.language import Language
 from pipeline.base.linear import extent
 from pipeline.base.patterns import is_glob
 from pipeline.base.strict import (
@@ -47,6 +48,9 @@ from pipeline.readers.said import Hints, LogForm
 
 BASE_REFLECTORS = 3
 """How many a base frame needs at least; the third takes away the turn about the other two."""
+
+_MOST_FIELDS = 20
+"""Own entries of a house."""
 
 _MOST_GLOBS = 20
 """Patterns that stand for several exports."""
@@ -469,6 +473,10 @@ class Settings(Surrounded):
     simulated: bool = False
     date: datetime.date | None = None
     operator: Name | None = None
+    language: Language | None = None
+    fields: Annotated[dict[Name, Name], Field(max_length=_MOST_FIELDS)] = Field(
+        default_factory=dict
+    )
     temperature_c: Temperature | None = None
     tracker: Tracker | None = None
     naming: Naming = Naming()
