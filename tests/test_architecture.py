@@ -255,6 +255,7 @@ OUTBUILDINGS = {
         "store.campaign": _PLACES,
         "prediction": "and predicts from the model of the answer",
     },
+    "house": {},
     "intake": {
         "app.commands._shared": _COMMAND,
         "app.outcome": _COMMAND,
