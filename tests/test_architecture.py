@@ -249,6 +249,7 @@ OUTBUILDINGS = {
         "report": _PAGES,
         "annex.figures.history": _PAGES,
     },
+    "house": {},
     "library": {
         "run": "it identifies campaigns",
         "answer.archive": "or takes the answer that is there",
