@@ -249,7 +249,6 @@ OUTBUILDINGS = {
         "report": _PAGES,
         "annex.figures.history": _PAGES,
     },
-    "house": {},
     "library": {
         "run": "it identifies campaigns",
         "answer.archive": "or takes the answer that is there",
