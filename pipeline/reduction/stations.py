@@ -22,7 +22,7 @@ from pipeline.base.arrays import Array
 from pipeline.reduction.register import XYZ, apart, seconds
 from pipeline.reduction.settings import BASE_REFLECTORS, Settings
 
-CARRIED_M = 0.1
+_CARRIED_M = 0.1
 """A tracker that is knocked or drifts moves by less [m], one that is carried by metres."""
 
 _FITS_M = 0.03
@@ -142,7 +142,7 @@ def _stations(rounds: list[_Round]) -> list[list[_Round]]:
     """Rounds in a row that were read from one place."""
     out = [rounds[:1]]
     for before, one in pairwise(rounds):
-        if one.off_m(*before.pose()) > CARRIED_M:
+        if one.off_m(*before.pose()) > _CARRIED_M:
             out.append([])
         out[-1].append(one)
     return out
