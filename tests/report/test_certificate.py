@@ -20,6 +20,7 @@ from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import SHIPPED, load
 from pipeline.report.certificate import certificate, digest, found, to_do
 from pipeline.report.figures.catalogue import draw
+from pipeline.report.figures.certificate import arm_of
 from pipeline.report.model import compose
 from pipeline.report.render import page, render
 from pipeline.store.campaign import dump
@@ -271,14 +272,12 @@ def test_one_coverage_and_one_unit_for_each_kind_of_joint(sample):
     """What stands behind ± is twice the standard uncertainty; all axes that turn have one unit."""
     answer, tables = sample
     bars = certificate(answer, tables).bars
-    units = {one.value.split("\N{NO-BREAK SPACE}")[-1] for one in bars[1:6]}
-    joint = answer.stiffness[1]
-    u = float(
-        re.split("[ \N{NO-BREAK SPACE}]", bars[1].value.split("± ")[-1].split("±")[-1].strip())[0]
-    )
+    shown = [re.fullmatch(r"[\d.]+\s±\s([\d.]+)\s(\S+)", one.value) for one in bars[1:6]]
+    units = {one[2] for one in shown}
+    u = float(shown[0][1])
 
     assert len(units) == 1
-    assert u == pytest.approx(2 * joint.std / 1e6, rel=0.05)
+    assert u == pytest.approx(2 * answer.stiffness[1].std / 1e6, rel=0.05)
 
 
 def test_data_that_must_not_be_used_say_so_and_show_no_table(sample):
@@ -324,3 +323,28 @@ def test_picture_and_gauge_have_the_same_digits(sample):
 
     assert f"predicted {shown} ± " in gauge
     assert "these poses and forces only" in certificate(*sample).gauge.caption
+
+
+def test_the_axis_of_the_rail_is_marked_on_the_carriage(sample):
+    """Between its ends, not where the rail begins."""
+    _, tables = sample
+    arm = arm_of(tables, 400.0, 64.0)
+    rows = tables["posture"].query("part == 'carriage'")
+    low, up = (
+        arm(rows[[f"{end}_{a}_m" for a in "xyz"]].to_numpy(float))[0] for end in ("from", "to")
+    )
+    at = arm.joints[1]
+
+    assert min(np.hypot(*(at - low)), np.hypot(*(at - up))) > 0.0
+    assert np.hypot(*(at - low)) + np.hypot(*(at - up)) == pytest.approx(np.hypot(*(up - low)))
+
+
+def test_what_is_not_determined_looks_unlike_what_is_uncertain(sample):
+    """A dashed outline, on the robot and in the key, of joint 7 alone."""
+    drawn = ET.fromstring(draw("certificate", *sample).svg)
+    circles = [one.attrib for one in drawn.iter() if one.tag.endswith("circle")]
+    dashed = [one for one in circles if "stroke-dasharray" in one]
+
+    assert len(dashed) == 2
+    assert [one["data-tip"].endswith("not determined") for one in dashed if "data-tip" in one]
+    assert "as nominal (within 5 % or U)" in "".join(drawn.itertext())
