@@ -346,5 +346,6 @@ def test_what_is_not_determined_looks_unlike_what_is_uncertain(sample):
     dashed = [one for one in circles if "stroke-dasharray" in one]
 
     assert len(dashed) == 2
-    assert [one["data-tip"].endswith("not determined") for one in dashed if "data-tip" in one]
+    (tip,) = [one["data-tip"] for one in dashed if "data-tip" in one]
+    assert tip.endswith("not determined")
     assert "as nominal (within 5 % or U)" in "".join(drawn.itertext())
