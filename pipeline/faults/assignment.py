@@ -79,18 +79,18 @@ def said(names: Sequence[str]) -> str:
     return f"{min(names)} to {max(names)} ({len(names)})"
 
 
-def standing(what: str, ring: Ring | None, one: str) -> str:
-    """Which way contents are off, and where that at the end belongs; `one` is what a place is."""
+def standing(ring: Ring | None, one: str) -> str:
+    """How contents stand, and where that at the end belongs; `one` is what a place is."""
     if ring is None or not ring.by_one:
-        return f"{what} stand in each other's place"
+        return "in each other's place"
     late = any(there - here == -1 for here, there in ring.moves)
     if late and ring.ended:
-        return f"{what} stand one {one} too late; those of the first belong nowhere"
+        return f"one {one} too late; those of the first belong nowhere"
     if late:
-        return f"{what} stand one {one} too late; those of the first belong to the last"
+        return f"one {one} too late; those of the first belong to the last"
     if ring.ended:
-        return f"{what} stand one {one} too early; those of the last belong nowhere"
-    return f"{what} stand one {one} too early; those of the last belong to the first"
+        return f"one {one} too early; those of the last belong nowhere"
+    return f"one {one} too early; those of the last belong to the first"
 
 
 _FEW = 6

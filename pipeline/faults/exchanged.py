@@ -229,7 +229,8 @@ def _of_rows(case: Case, poses: Ints, ring: Ring, cost: Array) -> Mistake:
     return told(
         ring,
         where=f"{file} {ring.where(names)}",
-        what=standing(f"{file}: the rows of {said(names)}", ring, "row"),
+        what=f"{file}: the rows of {said(names)}",
+        stand=standing(ring, "row"),
         of="the reflectors of these poses are",
         cost=cost,
         at=lines_of(joints),
@@ -282,7 +283,8 @@ def _of_groups(
     return told(
         first,
         where=first.where([str(names[k]) for k in first.members]),
-        what=standing(f"the groups {', '.join(sets)}", alone, "group"),
+        what=f"the groups {', '.join(sets)}",
+        stand=standing(alone, "group"),
         of="their reflectors are",
         cost=cost,
         at=lines_of(here),
@@ -346,6 +348,7 @@ def told(
     *,
     where: str,
     what: str,
+    stand: str,
     of: str,
     cost: Array,
     at: tuple[str, ...],
@@ -358,7 +361,7 @@ def told(
     return Mistake(
         name="exchanged",
         where=where,
-        evidence=f"{what} ({lines(at)}): as recorded, {of} up to "
+        evidence=f"{what} stand {stand} ({lines(at)}): as recorded, {of} up to "
         f"{length(before)} from where the robot file places them, and {length(after)} with the "
         "places exchanged",
         correction=f"recomputed with {where} exchanged{left}",

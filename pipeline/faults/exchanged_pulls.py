@@ -359,12 +359,12 @@ def of_loads(asked: Screening, moved: PullMoves, fit: _OrderFit, ring: Ring, row
         )
         for i, j in ring.moves
     }
-    what = standing(f"{file}: the forces of {said(names)}", ring, "row")
+    what, stand = f"{file}: the forces of {said(names)}", standing(ring, "row")
     pull = names[[*ring.members].index(int(there[worst]))]
     return Mistake(
         name="exchanged",
         where=where,
-        evidence=f"{what}{also} ({lines(at)}): {pull} was logged with "
+        evidence=f"{what} stand {stand}{also} ({lines(at)}): {pull} was logged with "
         f"{plain(moved.force[there[worst]], 5)} N, and moved as by {plain(due[worst], 4)} N, which "
         f"{plain(moved.force[here[worst]], 5)} N of another row matches",
         correction=f"recomputed with {where} exchanged",
@@ -514,11 +514,11 @@ def _of_states(
     rows = rows[rows["group"].isin(mine) & rows["target"].isin(case.settings.measured)]
     at = lines_of(rows)
     where = ring.where(mine)
-    what = standing(f"the readings of {said(mine)} in pose {pose}", ring, "group")
+    what, stand = f"the readings of {said(mine)} in pose {pose}", standing(ring, "group")
     return Mistake(
         name="exchanged",
         where=where,
-        evidence=f"{what} ({lines(at)}): as recorded, the effector is up to "
+        evidence=f"{what} stand {stand} ({lines(at)}): as recorded, the effector is up to "
         f"{plain(before, 2)} times as far as usual from where the pulls put it, and "
         f"{plain(after, 2)} times with them exchanged",
         correction=f"recomputed with {where} exchanged",

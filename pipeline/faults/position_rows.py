@@ -360,7 +360,8 @@ def _of_ring(sheet: PositionSheet, away: Ints, ring: Ring, cost: Array) -> Mista
     return told(
         ring,
         where=ring.where(names),
-        what=standing(f"{file}: the joint values of {said(names)}", ring, "pose"),
+        what=f"{file}: the joint values of {said(names)}",
+        stand=standing(ring, "pose"),
         of="their targets are",
         cost=cost,
         at=sheet.at(units),

@@ -121,7 +121,7 @@ def _cut(text: str) -> str:
     if len(told) <= _MOST_FOUND:
         return text
     ends = [k for k, one in enumerate(told[:_MOST_FOUND], 1) if one[-1] in ",:;"]
-    kept = " ".join(told[: max(ends, default=_MOST_FOUND)]).rstrip(",:;")
+    kept = " ".join(told[: max(ends, default=_MOST_FOUND)]).rstrip(" ,:;")
     return re.sub(r"[:;] \S+ \S+$", "", kept)
 
 

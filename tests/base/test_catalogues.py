@@ -108,11 +108,15 @@ def test_every_place_that_speaks_is_there():
          "Für die Toleranz: die Kraft verringern oder mehr messen. Diese Steifigkeiten verwenden.",
          "Pour la tolérance : réduire la force ou mesurer davantage. Utiliser ces rigidités."),
         ("poses.csv: the joint values of p1 to p9 (9) stand one pose too late; those of the first "
-         "belong to the last",
+         "belong to the last (poses.csv:2 ...): as recorded, their targets are up to 5.6 m from "
+         "where the robot file places them, and 6.9 mm with the places exchanged",
          "poses.csv: die Gelenkwerte von p1 bis p9 (9) stehen eine Stellung zu spät; die der "
-         "ersten gehören zur letzten",
-         "poses.csv : les valeurs articulaires de p1 à p9 (9) ont un rang (pose) de retard ; le "
-         "contenu du premier appartient au dernier"),
+         "ersten gehören zur letzten (poses.csv:2 ...): wie aufgezeichnet liegen ihre Reflektoren "
+         "bis zu 5,6 m von dort, wo die Roboterdatei sie hat, und 6,9 mm mit getauschten Plätzen",
+         "poses.csv : les valeurs articulaires de p1 à p9 (9) sont en retard d'un rang (pose) ; le "
+         "contenu du premier appartient au dernier (poses.csv:2 ...) : tels qu'enregistrés, leurs "
+         "réflecteurs sont jusqu'à 5,6 m de là où le fichier du robot les place, et à 6,9 mm une fois "
+         "échangées"),
         ("For the cause: no reachable pose tells the causes apart by pulls alone. What would: "
          "reflectors at the elbow.",
          "Zur Ursache: Keine erreichbare Stellung trennt die Ursachen durch Züge allein. Was es "
