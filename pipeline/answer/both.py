@@ -27,7 +27,8 @@ from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.joined import Agreement, agreement, joined
 from pipeline.diagnosis.verdict import of_both, verdict
-from pipeline.geometry.stance import beside_pulls, elsewhere, lighter, standing
+from pipeline.geometry.stance import beside_pulls, elsewhere, lighter, opened, standing
+from pipeline.machine.stance import called_for
 from pipeline.reduction.bring import Keep, Step, bring
 from pipeline.reduction.case import Case
 from pipeline.system import alarms
@@ -69,17 +70,18 @@ class Both:
 
     def beside(self, stands: Fitted, diagnosis: Diagnosed) -> Both:
         """The same after the pulls, whose likeliest model adds to what the positions know."""
-        stance = stands.data.stance
-        if stance is None:
+        if stands.data.stance is None:
             return self
         one = diagnosis.hypotheses[0] if diagnosis.hypotheses else joint_springs(stands).first
         now = joined(one, stands.data)
-        held = agreement(one, now, stance, self.lighter)
-        found = self.said.found.final
-        held = replace(held, table_p=elsewhere(found, stance, stands.data, self.case.tool))
-        found = lighter(found, self.lighter)
+        held = agreement(one, now, self.lighter)
+        found, every = self.said.found.final, self.said.found.final.mechanism.elements
+        before = opened(found, called_for(every, stands.data.stance.held))
+        table_p = elsewhere(before, stands.data.stance, stands.data, self.case.tool)
+        held = replace(held, table_p=table_p)
+        found = lighter(opened(found, called_for(every, now.stance.held)), self.lighter)
         if held.p >= alarms.MISFIT:
-            found = beside_pulls(found, stance, now.value, now.cov)
+            found = beside_pulls(found, now.stance, now.value, now.cov)
         return replace(self, said=self.said.ending(self.said.found.ending(found)), agreement=held)
 
     @property

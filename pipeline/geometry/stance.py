@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.linalg
@@ -56,7 +56,41 @@ class _Unloaded:
         return stand.here.q - q, (stand.at - plain)[:, self.which]
 
 
-def stance(found: Identified, targets: Collection[str]) -> Stance:
+@dataclass(frozen=True, eq=False)
+class _Reopened:
+    """`stance` where some elements are free, as `Stance.reopened`; kept, as each is asked again."""
+
+    found: Identified
+    targets: Collection[str]
+    kept: dict[tuple[int, ...], Stance] = field(default_factory=dict)
+
+    def __call__(self, free: tuple[int, ...]) -> Stance:
+        if free not in self.kept:
+            self.kept[free] = stance(opened(self.found, free), self.targets, free)
+        return self.kept[free]
+
+
+def opened(found: Identified, free: Collection[int]) -> Identified:
+    """The estimate where readings alone tell how large some elements are, by number.
+
+    All others are rough alike, and not by more than is usual: an element that stands out of them,
+    or that pulls call for and the weight hardly moves, must not be held near zero by that.
+    """
+    if not free:
+        return found
+    std, places = found.known.std.copy(), list(_places(found.mechanism))
+    for k in free:
+        std[places[k]] = _FREE * found.known.most[places[k]]
+    nothing = np.zeros(len(found.solution.x))
+    wide = replace(found, known=replace(found.known, std=std))
+    return _with(wide, np.zeros((len(nothing),) * 2), nothing)
+
+
+_FREE = 1e3
+"""Prior of what has none, over what is usual."""
+
+
+def stance(found: Identified, targets: Collection[str], free: Collection[int] = ()) -> Stance:
     """What the positions say to pulls.
 
     An element that the weight does not call for is none, as causes are that pulls do not call for:
@@ -65,13 +99,18 @@ def stance(found: Identified, targets: Collection[str]) -> Stance:
     Args:
         found: The whole model.
         targets: Points of the tool that pulls may have read, too.
+        free: Elements, by number, that something else than the weight calls for.
     """
+    reopened = None if free else _Reopened(found, targets)
     mechanism, cov, where = found.mechanism, found.solution.cov, layout(found.mechanism)
     x, v, factor = mechanism.at(where), softened(mechanism), 0.0
     if mechanism.unknown:
         factor = 1 / float(v @ linear.cholesky(cov).solve(v))
     apart = cov - factor * np.outer(v, v) + by_masses(found)
-    held = tuple(_held(mechanism, x, apart))
+    held = tuple(_held(mechanism, x, apart, free))
+    if len(held) > len(free):
+        more = tuple(k for k, _ in held)
+        return replace(stance(opened(found, more), targets, more), reopened=reopened)
     there = [k for _, at in held for k in at]
     none = [k for k in range(where.yields.start, where.yields.stop) if k not in there]
     which = [k for k, name in enumerate(found.readings.targets) if name in targets]
@@ -97,6 +136,8 @@ def stance(found: Identified, targets: Collection[str]) -> Stance:
         factor=factor,
         moments=mechanism.moments,
         gravity=found.weights.gravity,
+        elements=mechanism.elements,
+        reopened=reopened,
     )
 
 
@@ -151,11 +192,13 @@ _MASSES = 0.05
 castings, but no cables, grease, hoses and dress packs."""
 
 
-def _held(mechanism: Mechanism, x: Array, apart: Array) -> Iterator[tuple[int, list[int]]]:
-    """Elements that the weight calls for, and where their parameters stand."""
+def _held(
+    mechanism: Mechanism, x: Array, apart: Array, free: Collection[int]
+) -> Iterator[tuple[int, list[int]]]:
+    """Elements that the weight or something else calls for, and where their parameters stand."""
     for k, at in enumerate(_places(mechanism)):
         said = linear.inverse(apart[np.ix_(at, at)])
-        if chi2_beyond(float(x[at] @ said @ x[at]), len(at)) < alarms.SUSPECT:
+        if k in free or chi2_beyond(float(x[at] @ said @ x[at]), len(at)) < alarms.SUSPECT:
             yield k, at
 
 

@@ -231,7 +231,7 @@ def many():
         one = world(seed)
         springs, data = hypothesis(one)
         both = joined(springs, data)
-        held = agreement(springs, both, data.stance, 1.0)
+        held = agreement(springs, both, 1.0)
         out.append((springs.estimate, both.hypothesis.estimate, one.truth[:6], held))
     return out
 
@@ -257,7 +257,7 @@ def test_a_scale_that_reads_too_much_contradicts_the_weight():
     """A quarter more force makes springs stiffer than the arm's weight says."""
     one = world(1, off=1.25)
     springs, data = hypothesis(one)
-    held = agreement(springs, joined(springs, data), data.stance, 1.0)
+    held = agreement(springs, joined(springs, data), 1.0)
 
     assert held.p < alarms.MISFIT
     assert (np.abs(held.pulls[:, 0] - one.truth[:6] / 1.25) < 4 * held.pulls[:, 1]).all()
