@@ -29,6 +29,8 @@ from pipeline.diagnosis.joined import Agreement, agreement, joined
 from pipeline.diagnosis.verdict import of_both, verdict
 from pipeline.geometry.stance import beside_pulls, elsewhere, lighter, opened, standing
 from pipeline.machine.stance import called_for
+from pipeline.prediction.model import IdentifiedModel
+from pipeline.prediction.under_force import ByPulls
 from pipeline.reduction.bring import Keep, Step, bring
 from pipeline.reduction.case import Case
 from pipeline.system import alarms
@@ -103,10 +105,13 @@ class Both:
     def _alone(self) -> Answer:
         return of_positions.answer(self.said)
 
-    @property
-    def files(self) -> dict[str, bytes]:
-        """What `pipeline predict` reads, by name."""
-        return model_file(self.said)
+    def files(self, pulls: IdentifiedModel) -> dict[str, bytes]:
+        """What `pipeline predict` reads, by name.
+
+        Args:
+            pulls: What is handed over of the pulls.
+        """
+        return model_file(self.said, ByPulls(pulls, self.agrees))
 
     def shown(self, pulls: Mapping[str, pd.DataFrame], keep: Keep) -> dict[str, pd.DataFrame]:
         """The tables of the positions, beside those of the pulls."""

@@ -26,7 +26,7 @@ from pipeline.base.tails import chi2_beyond
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import Cell, sensitivity
 from pipeline.machine.effect import Effect, Elastic
-from pipeline.machine.stance import CommonSoftness, Stance
+from pipeline.machine.stance import CommonSoftness, Stance, laws_of_gears
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.assemble import POSITIONS, by_stance
@@ -185,7 +185,7 @@ class _Places(NamedTuple):
             at[each.label, each.form] = end
             end += len(each.parameters)
         columns = [k for e in stance.held for k in _span(at[e.label, e.form], e)]
-        laws = {e.where for e in effects if e.element == "gear"}
+        laws = laws_of_gears(effects)
         joints = np.array([j for j in range(n) if j + 1 not in laws], dtype=np.int64)
         given = np.cumsum([0, *(len(each.parameters) for each in old.held)])
         of = {(e.label, e.form): int(k) for e, k in zip(old.held, given, strict=False)}
@@ -216,7 +216,7 @@ def agreement(one: Hypothesis, beside: Joined, lighter: float) -> Agreement:
         lighter: Springs over those with an arm of usual weight.
     """
     stance, n = beside.stance, len(beside.stance.told)
-    laws = {e.where for e in one.cell.effects if e.element == "gear"}
+    laws = laws_of_gears(one.cell.effects)
     both = np.array([j not in laws for j in range(1, n + 1)])
     own = np.sqrt(np.diag(stance.cov)[:n])
     weight = np.column_stack([stance.compliance, np.where(stance.told & both, own, np.inf)])

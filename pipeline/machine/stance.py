@@ -51,6 +51,11 @@ def called_for(elements: Sequence[Elastic], by: Sequence[Effect]) -> tuple[int, 
     return tuple(k for k, one in enumerate(elements) if (one.label, one.form) in keys)
 
 
+def laws_of_gears(effects: Sequence[Effect]) -> set[int]:
+    """Joints with a law in their gear beside the spring, of which weight shows something else."""
+    return {one.where for one in effects if one.element == "gear" and isinstance(one.where, int)}
+
+
 @dataclass(frozen=True, eq=False)
 class Stance(Locked):
     """Where a robot stands and what bends it, as its absolute positions have it.
