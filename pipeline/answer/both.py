@@ -28,7 +28,7 @@ from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.joined import Agreement, agreement, joined
 from pipeline.diagnosis.verdict import of_both, verdict
 from pipeline.geometry.stance import beside_pulls, elsewhere, lighter, opened, standing
-from pipeline.machine.stance import called_for
+from pipeline.machine.stance import called_for, laws_of_gears
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.under_force import ByPulls
 from pipeline.reduction.bring import Keep, Step, bring
@@ -79,7 +79,8 @@ class Both:
         held = agreement(one, now, self.lighter)
         found, every = self.said.found.final, self.said.found.final.mechanism.elements
         before = opened(found, called_for(every, stands.data.stance.held))
-        table_p = elsewhere(before, stands.data.stance, stands.data, self.case.tool)
+        gears = laws_of_gears(one.cell.effects)
+        table_p = elsewhere(before, stands.data.stance, stands.data, self.case.tool, gears)
         held = replace(held, table_p=table_p)
         found = lighter(opened(found, called_for(every, now.stance.held)), self.lighter)
         if held.p >= alarms.MISFIT:
@@ -155,7 +156,10 @@ class Both:
     def _diagnosis(self, facts: Facts, pulls: contract.Diagnosis) -> contract.Diagnosis:
         """Mistakes of both, then causes of the pulls, then those of the positions."""
         mine = self._alone.diagnosis
-        beside = [one for one in mine.causes if one.evidence is None]  # mistakes are told of both
+        said = {(one.name, one.where) for one in pulls.causes}
+        beside = [  # mistakes are told of both
+            one for one in mine.causes if one.evidence is None and (one.name, one.where) not in said
+        ]
         return pulls.model_copy(
             update={
                 "verdict": verdict(facts),

@@ -326,7 +326,9 @@ _TURNS = 4
 """Linearisations beside pulls; each leaves the square of what the one before it did."""
 
 
-def elsewhere(found: Identified, known: Stance, data: Measured, tool: Tool) -> float:
+def elsewhere(
+    found: Identified, known: Stance, data: Measured, tool: Tool, gears: Collection[int] = ()
+) -> float:
     """Chance that a robot as its positions have it has its targets where pulls begin.
 
     Chi-square of the unloaded readings about the whole model, in its covariance, the scatter of its
@@ -337,24 +339,26 @@ def elsewhere(found: Identified, known: Stance, data: Measured, tool: Tool) -> f
         known: `stance` of it.
         data: The pulls, brought where their robot stands by it.
         tool: Their targets.
+        gears: Joints, from 1, whose gear has another law by the pulls: how the weight alone turns
+            them further where positions have not been is free, too.
     """
     row = np.unique(data.zero, return_index=True)[1]
     row = row[np.isfinite(data.unloaded[row]).all(axis=1)]
     names = data.name[row]
     fresh = [k for k, name in enumerate(tool.targets) if name not in known.points]
     wide, cov = _with_targets(found, tool.points[fresh])
-    if len(row) <= _FRAME + len(fresh) or data.poses:
+    if len(row) <= _FRAME + len(fresh) + len(gears) or data.poses:
         return 1.0
     turned, read = data.pulls.q[data.pull[row]], found.readings.targets.tolist()
     order = [*read, *tool.targets[fresh].tolist()]
     target = np.array([len(order) - 1 - order[::-1].index(str(name)) for name in names])
-    at, X, S = _there(found, wide, turned - known.unloaded(turned)[0], target)
+    at, X, S, further = _there(found, wide, turned - known.unloaded(turned)[0], target, gears)
     left = (data.unloaded[row] + known.moved(turned, names) - at).ravel()
     pose = np.repeat(data.pulls.pose[data.pull[row]], 3)
     V = X @ cov @ X.T + (S @ S.T) * (pose[:, None] == pose)
     W = linear.whitening(V + scipy.linalg.block_diag(*data.zero_cov[row]))
     frame = by_frame(at[:, None])[:, :3].reshape(len(left), _FRAME)
-    white = linear.complement(W @ frame).T @ W @ left
+    white = linear.complement(W @ np.hstack([frame, further])).T @ W @ left
     return float(chi2_beyond(float(white @ white), len(white)))
 
 
@@ -376,13 +380,14 @@ _ANYWHERE_M = 0.01
 
 
 def _there(
-    found: Identified, mechanism: Mechanism, q: Array, target: Ints
-) -> tuple[Array, Array, Array]:
+    found: Identified, mechanism: Mechanism, q: Array, target: Ints, gears: Collection[int]
+) -> tuple[Array, Array, Array, Array]:
     """Where a target stands unloaded at each of some joint values, as `Stance.unloaded`.
 
     Returns:
-        Places [m], F_b, (m, 3), and what moves them: all parameters (3 m, k), and the error of
-        each joint in its standard deviation (3 m, n).
+        Places [m], F_b, (m, 3), and what moves them: all parameters (3 m, k), the error of each
+        joint in its standard deviation (3 m, n), and another stiffness or play of some gears by the
+        sign of their torque (3 m, 2 g).
     """
     m = len(q)
     never, weights = np.full(m, np.nan), replace(found.weights, carried=np.zeros(m, dtype=np.int64))
@@ -395,10 +400,16 @@ def _there(
         X[np.arange(m), :, D.shape[2] + knot[:, k]] += K[..., k]
     mine = np.arange(m)[:, None], 6 * target[:, None] + np.arange(3)
     S = Z[..., : mechanism.table.n] * found.scatter.joints
+    which = np.array(sorted(gears), dtype=np.int64) - 1
+    tau = stand.tau[:, which]
+    size = np.abs(tau).max(axis=0, initial=0.0)
+    sides = np.concatenate([np.abs(tau) / np.where(size > 0, size, 1.0), np.sign(tau)], axis=1)
+    G = np.tile(Z[..., which], 2) * sides[:, None]
     return (
         stand.at[np.arange(m), target],
         X[mine].reshape(3 * m, -1),
         S[mine].reshape(3 * m, -1),
+        G[mine].reshape(3 * m, -1),
     )
 
 
