@@ -15,6 +15,7 @@
 #   make example  the report and the pictures that the README shows, from kr500_first
 #   make picture  the picture of the code in docs/code.md
 #   make schema   the keys of result.json in docs/, from their types
+#   make words    the texts of certificate and sheet, from the source into the catalogues of German and French
 #   make wheel    the package as a wheel, in dist/
 #   make supply   bill of materials, licences, known weaknesses, and whether two wheels are the same
 #   make docs     the documentation site, build/site, from docs/ and the docstrings
@@ -23,7 +24,7 @@
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test slow team check bench league open-league reference worlds paper compare example picture schema docs wheel supply lock clean
+.PHONY: run test slow team check bench league open-league reference worlds paper compare example picture schema words docs wheel supply lock clean
 
 PYTHON ?=
 ARGS ?=
@@ -84,6 +85,9 @@ example: .venv/.ready
 	@mkdir -p docs/example
 	@cp reports/kr500_first/report.pdf reports/kr500_first/figures/workspace.svg docs/example/
 	@$(PY) -m bench.screenshot reports/kr500_first/index.html docs/example/report.png
+
+words: .venv/.ready
+	@$(PY) -m bench.messages
 
 schema: .venv/.ready
 	@$(PY) -m bench.schema

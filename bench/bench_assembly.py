@@ -3,11 +3,11 @@
 import numpy as np
 import pinocchio as pin
 
+from bench.as_pinocchio import model
 from bench.timing import ratio
 from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
-from pipeline.machine.robot.model import model
 from pipeline.reduction.bring import conformed
 from pipeline.run import reduce, tool
 from pipeline.simulate import Plan, simulate

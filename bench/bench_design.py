@@ -21,6 +21,7 @@ from pymoo.core.problem import Problem as Minimised
 from pymoo.optimize import minimize
 from pymoo.termination import get_termination
 
+from bench.as_pinocchio import model
 from bench.timing import seconds
 from pipeline.base.arrays import Array
 from pipeline.design import search
@@ -30,7 +31,6 @@ from pipeline.design.library import problem_of
 from pipeline.design.limits import slacks
 from pipeline.design.problem import Problem
 from pipeline.design.space import Box
-from pipeline.machine.robot.model import model
 from pipeline.report.svg import BLUE, MUTED, PURPLE, RED, STYLE
 
 MM = 1e3

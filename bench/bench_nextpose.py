@@ -24,10 +24,10 @@ from bench.league.play import TOOLS, Plan
 from bench.league.run import ABLE, MOST, Asked, League, followed, largest, shown_by, yardstick
 from bench.league.table import rivalled, share, wrong
 from pipeline.base.arrays import Array
+from pipeline.design.poses import default_anchors, draw_poses, feasible
 from pipeline.diagnosis.facts import APART
 from pipeline.diagnosis.finding import Finding
 from pipeline.diagnosis.isolability import twins
-from pipeline.machine.poses import default_anchors, draw_poses, feasible
 from pipeline.machine.robot import Robot, load
 from pipeline.machine.robot.axes import rounded
 from pipeline.service.executor import Processes, in_order

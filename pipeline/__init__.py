@@ -35,6 +35,8 @@ if TYPE_CHECKING:
         load_campaign,
         run_campaign,
     )
+    from pipeline.library.compensate import Compensation
+    from pipeline.library.compliance import CartesianStiffness
     from pipeline.library.model import (
         Deflection,
         Model,
@@ -45,8 +47,6 @@ if TYPE_CHECKING:
     )
     from pipeline.machine.robot import Robot
     from pipeline.machine.robot import load as load_robot
-    from pipeline.prediction.compensate import Compensation
-    from pipeline.prediction.compliance import CartesianStiffness
     from pipeline.simulate.library import Simulated, simulate_campaign
 
 __all__ = [
@@ -89,8 +89,8 @@ _FROM = {
     "design.library": ("Design", "design_poses"),
     "simulate.library": ("Simulated", "simulate_campaign"),
     "machine.robot": ("Robot", "load_robot"),
-    "prediction.compensate": ("Compensation",),
-    "prediction.compliance": ("CartesianStiffness",),
+    "library.compensate": ("Compensation",),
+    "library.compliance": ("CartesianStiffness",),
 }
 _RENAMED = {"load_robot": "load"}
 

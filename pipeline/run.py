@@ -34,6 +34,7 @@ from pipeline.answer.standing import identified as positions
 from pipeline.answer.standing import stood
 from pipeline.base import doors
 from pipeline.base.errors import InputError, at
+from pipeline.base.look import looks
 from pipeline.diagnosis.settle import settle
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
@@ -134,7 +135,7 @@ def _doubt_row(doubt: InputError) -> pd.DataFrame:
 
 def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
     """Everything: to the answer, and a report on disk."""
-    began = time.perf_counter()
+    began, dress = time.perf_counter(), looks(campaign.root)
     found = answered(campaign.name, raw, campaign.keep, step)
     run_time_s = time.perf_counter() - began
     before = archive.earlier(campaign, found.answer)
@@ -146,8 +147,12 @@ def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
         **(for_others(found.answer, found.shown, found.model) if for_others else {}),
     }
     wear = archive.together(found.answer, campaign.root)  # as known before this campaign
-    pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers), wear)
+    said = {"language": raw.settings.language, "fields": raw.settings.fields}
+    look = archive.look_of(dress, said, found.answer)
+    pages = step(render)(found.answer, found.shown, run_time_s, before, list(answers), wear, look)
     about = {
+        **said,
+        "look": look.key,
         "run_time_s": run_time_s,
         "previous": archive.mark(before),
         "wear": wear,

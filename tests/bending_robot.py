@@ -6,7 +6,7 @@ Every joint's spring gives way until it carries the force where the robot then s
 import numpy as np
 import pinocchio as pin
 
-from pipeline.machine.robot.model import model as pin_model
+from bench.as_pinocchio import model as pin_model
 
 
 class BendingRobot:

@@ -10,7 +10,7 @@ import coal
 import numpy as np
 import pinocchio as pin
 
-from pipeline.machine.robot.model import model
+from bench.as_pinocchio import model
 
 CELL = {
     "tracker_m": [5.0, 7.5, 1.2],

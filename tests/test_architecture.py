@@ -176,13 +176,12 @@ ORDER = (
     "answer",
     "report",
     "run",
-    "library",
     "app",
 )
 """Packages and files of the core, each importing only what stands before it."""
 
 DOORS = ("base", "machine", "tables", "answer.contract", "library")
-"""What an outbuilding may import of the core."""
+"""What an outbuilding may import; the library is one itself, in which the others meet."""
 
 _COMMAND = "how options are written and answers are shown, the same for every command"
 _PLACES = "where a campaign lies, what may be written there, and how"
@@ -197,6 +196,7 @@ OUTBUILDINGS = {
         "reduction.settings": "a plan becomes a campaign.toml, and is written in its words",
         "reduction.bring": "further poses begin with the readings that a campaign has",
         "run": "further poses begin with the readings that a campaign has",
+        "reduction.measured": "and are weighed beside its pulls",
         "system": "a plan is judged by the estimator that will read it",
         "diagnosis": "and by what the diagnosis will be able to tell apart",
         "geometry.unloaded": "and unloaded poses by the table that they will determine",
@@ -233,6 +233,12 @@ OUTBUILDINGS = {
         "diagnosis.average": "from which probability on a cause counts as likely",
         "report": _PAGES,
     },
+    "library": {
+        "run": "it identifies campaigns",
+        "answer.archive": "or takes the answer that is there",
+        "store.campaign": _PLACES,
+        "prediction": "and predicts from the model of the answer",
+    },
     "intake": {
         "app.commands._shared": _COMMAND,
         "app.outcome": _COMMAND,
@@ -260,6 +266,7 @@ OUTBUILDINGS = {
         "run": "it runs campaigns",
     },
     "simulate": {
+        "design.poses": "poses are drawn where a plan would draw them",
         "app.commands._shared": _COMMAND,
         "store.campaign": _PLACES,
         "readers": "what is simulated is written in the dialects that are read",

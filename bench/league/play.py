@@ -11,7 +11,7 @@ import numpy as np
 from bench.league.hidden_effect import NOMINAL, Course, Secret, Setup, setup
 from bench.league.machine import turned
 from pipeline.base.arrays import Array, Locked
-from pipeline.machine.poses import default_anchors, draw_poses
+from pipeline.design.poses import default_anchors, draw_poses
 from pipeline.machine.robot import Robot
 
 NAMES = ("P1", "P2", "P3")

@@ -17,11 +17,11 @@ from bench.league.in_catalogue import KNOWN
 from bench.league.judge import Score, foretold, score
 from bench.league.outside_catalogue import STRANGE
 from bench.league.play import Plan, Rules, at_further_poses, drawn, play
+from bench.league.visible import identifiable
 from pipeline.base.errors import PipelineError
 from pipeline.diagnosis.blindspots import needed, smallest_visible
 from pipeline.diagnosis.diagnose import case_of
 from pipeline.diagnosis.isolability import twins
-from pipeline.diagnosis.separability import identifiable
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot, load
 from pipeline.prediction.model import IdentifiedModel

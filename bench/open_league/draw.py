@@ -27,8 +27,8 @@ from bench.worlds.worlds import PULLED, STATED
 from pipeline.base import files
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
+from pipeline.design.poses import default_anchors, draw_poses
 from pipeline.diagnosis.isolability import twins
-from pipeline.machine.poses import default_anchors, draw_poses
 from pipeline.machine.robot import Robot, load
 
 SEEDS = Path(__file__).with_name("seeds.txt")

@@ -21,7 +21,7 @@ from bench.worlds.payloads import (
     rows_of,
 )
 from pipeline.base.arrays import Array, Ints
-from pipeline.machine.poses import default_anchors, draw_poses
+from pipeline.design.poses import default_anchors, draw_poses
 from pipeline.machine.robot import Robot
 
 REFLECTORS = np.array(

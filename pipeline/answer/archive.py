@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import json
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -20,6 +20,7 @@ from pipeline.answer.words import BECAUSE
 from pipeline.base import files, parquet
 from pipeline.base.doors import is_there, opened
 from pipeline.base.errors import UsageError
+from pipeline.base.look import Facts, Look
 from pipeline.diagnosis.finding import Verdict
 from pipeline.store.campaign import CampaignFolder, dump
 
@@ -229,3 +230,27 @@ def shown(campaign: CampaignFolder) -> dict[str, pd.DataFrame]:
     """The tables of a report, as the run left them."""
     paths = {name: campaign.processed / f"{file}.parquet" for name, file in _SHOWN.items()}
     return {name: tables.frame(parquet.read(p)) for name, p in paths.items() if p.is_file()}
+
+
+def look_of(
+    dress: Callable[[Mapping[str, Any], Facts], Look], said: Mapping[str, Any], of: Answer
+) -> Look:
+    """How a campaign's certificate looks, with what a line of the house may say of it.
+
+    Args:
+        dress: Of `looks`, for its project.
+        said: What campaign.toml says of it, as the manifest keeps it.
+        of: Its answer.
+    """
+    worst = of.tolerance.worst if of.tolerance else None
+    facts = {
+        "campaign": of.name,
+        "measured": (of.measured or "")[:10],
+        "operator": (of.identity and of.identity.operator) or "",
+        "robot": of.robot,
+        "machine": of.machine,
+        "verdict": str(of.diagnosis.verdict),
+        "tolerance": str(worst or ""),
+        "digest": files.sha256(dump(of.as_json()))[:16],
+    }
+    return dress(said, facts)

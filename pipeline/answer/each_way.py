@@ -18,9 +18,9 @@ def told(joint: Stiffness) -> str:
     first, other = sorted((both.positive, both.negative), key=lambda one: one.axis_turns != "plus")
     held = both.positive if both.value_of == "positive" else both.negative
     return (
-        f"{joint.called} is {_size(first, joint)} where the {load} turns {way(first, joint)}, and "
-        f"{_size(other, joint)} where it turns {way(other, joint)}; at the test pose it turns "
-        f"{way(held, joint)}."
+        f"{joint.called} is {_size(first, joint)} where the {load} turns {_way(first, joint)}, and "
+        f"{_size(other, joint)} where it turns {_way(other, joint)}; at the test pose it turns "
+        f"{_way(held, joint)}."
     )
 
 
@@ -33,7 +33,7 @@ def _size(one: OneWay, joint: Stiffness) -> str:
     return f"{shown} {prefixed(joint.unit, letter)}"
 
 
-def way(one: OneWay, joint: Stiffness) -> str:
+def _way(one: OneWay, joint: Stiffness) -> str:
     """`A3 towards plus`; `joint 4 in its positive sense` without an axis of the controller."""
     if one.axis_turns is not None:
         return f"{joint.axis} towards {one.axis_turns}"

@@ -12,8 +12,8 @@ from pipeline.answer.contract import AxisValue, JudgedPath, Stretch, TestPose
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import MM
 from pipeline.machine.robot import Robot, axes
-from pipeline.prediction.compensate import beside_pulls
 from pipeline.prediction.decision import Decision
+from pipeline.prediction.path import beside_pulls
 from pipeline.prediction.tolerance import JudgedTolerance, stretches
 from pipeline.reduction import settings
 from pipeline.reduction.pose_of_interest import Where

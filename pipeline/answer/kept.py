@@ -25,7 +25,7 @@ from pipeline.prediction.workspace import workspace
 from pipeline.reduction.bring import Keep, Step
 from pipeline.reduction.pose_of_interest import Where
 
-SEED = 20261103
+_SEED = 20261103
 """Of its draws: another one moves numbers within what they say of their scatter."""
 
 _CORRECTED = (("22_forces", tables.FORCES), ("23_displacements", tables.DISPLACEMENTS))
@@ -36,7 +36,7 @@ def predicted(model: IdentifiedModel, values: ModelValues, where: Where, step: S
     """One model's values with what they predict."""
     checked = None
     if values.found.identifiable.any():
-        checked = step(validate)(values.hypotheses, where, np.random.default_rng(SEED))
+        checked = step(validate)(values.hypotheses, where, np.random.default_rng(_SEED))
     return Told(values, model, checked)
 
 

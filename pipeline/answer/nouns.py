@@ -11,7 +11,7 @@ from collections.abc import Iterator, Mapping
 from pipeline.answer.contract import Amplitude, Cause
 from pipeline.base.quantities import MISSING, common_prefix, known, prefixed, scaled, with_std
 
-NOUNS: Mapping[str, Mapping[str, str]] = {
+_NOUNS: Mapping[str, Mapping[str, str]] = {
     "rail_lateral": {"c_lateral": "lateral compliance of the carriage"},
     "rail_vertical": {"c_vertical": "vertical compliance of the carriage"},
     "rail_roll": {"c_roll": "roll compliance of the carriage about the rail"},
@@ -94,7 +94,7 @@ def noun(cause: Cause, parameter: str) -> str:
     """`tilt compliance of the bearing of A2 about x`; what is not listed is the cause's size."""
     number = cause.where if isinstance(cause.where, int) else ""
     own = {"joint": cause.axis or f"joint {number}", "number": number}
-    for pattern, said in NOUNS.get(cause.name, {}).items():
+    for pattern, said in _NOUNS.get(cause.name, {}).items():
         found = re.fullmatch(pattern, parameter)
         if found:
             return said.format(*(one.replace("_", " ") for one in found.groups()), **own)

@@ -19,10 +19,10 @@ from pipeline.prediction.workspace import arm_in_plane
 from pipeline.reduction.bring import Keep, Step
 from pipeline.system.enough import enough
 
-Tables = dict[str, pd.DataFrame]
+_Tables = dict[str, pd.DataFrame]
 
 
-def pictured(found: Findings, keep: Keep, step: Step) -> Tables:
+def pictured(found: Findings, keep: Keep, step: Step) -> _Tables:
     """The scene, the models beside each other, the worth of poses, laws of causes, the arm."""
     values, right = found.told.values, found.right
     nominal = np.array([1 / (joint.stiffness or np.nan) for joint in right.case.robot.joints])
@@ -43,7 +43,7 @@ def pictured(found: Findings, keep: Keep, step: Step) -> Tables:
     }
 
 
-def kept_scene(made: Mapping[str, pd.DataFrame], keep: Keep) -> Tables:
+def kept_scene(made: Mapping[str, pd.DataFrame], keep: Keep) -> _Tables:
     """The tables of a scene, checked and kept."""
     return {
         "scene": keep("70_scene", made["scene"], tables.SCENE),

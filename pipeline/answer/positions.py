@@ -149,8 +149,8 @@ def answer(said: PositionsFound) -> Answer:
         identity=identity_entry(
             raw.settings, None, np.arange(len(last.found.readings)), np.zeros((0, 3))
         ),
-        geometry=letter_entries(last.found),
-        geometry_combinations=letter_combinations(last.found),
+        geometry=_letter_entries(last.found),
+        geometry_combinations=_letter_combinations(last.found),
         position_steps=tuple(_step(one) for one in found.stages),
         model=contract.Forward(equilibrium=contract.Equilibrium.UNDEFORMED),
         assumptions=(*raw.robot.assumptions, *_ASSUMED),
@@ -234,7 +234,7 @@ def _stage(found: Study, step: Step) -> Stage:
 
 def _values(stage: Stage) -> contract.Values:
     return contract.Values(
-        stiffness=stiffness_entries(stage.found),
+        stiffness=_stiffness_entries(stage.found),
         fit=_fit(stage.found),
         validation=_validation(stage),
         test_pose_deflection=(),
@@ -243,11 +243,11 @@ def _values(stage: Stage) -> contract.Values:
 
 def _extended(stage: Stage) -> contract.Extended:
     return contract.Extended(
-        stiffness=stiffness_entries(stage.found), fit=_fit(stage.found), test_pose_deflection=()
+        stiffness=_stiffness_entries(stage.found), fit=_fit(stage.found), test_pose_deflection=()
     )
 
 
-def stiffness_entries(found: Identified) -> tuple[contract.Stiffness, ...]:
+def _stiffness_entries(found: Identified) -> tuple[contract.Stiffness, ...]:
     """One record per joint, from what the arm's own weight does to it."""
     part, robot = layout(found.mechanism).compliance, found.mechanism.table
     x, cov = found.solution.x[part], found.solution.cov[part, part]
@@ -281,7 +281,7 @@ def _about(joint: Joint, x: float, known: bool) -> str | None:
     return None
 
 
-def letter_entries(found: Identified) -> tuple[contract.TableLetter, ...]:
+def _letter_entries(found: Identified) -> tuple[contract.TableLetter, ...]:
     """The robot's table as found."""
     mechanism, known = found.mechanism, found.known
     k = len(mechanism.values)
@@ -294,11 +294,11 @@ def letter_entries(found: Identified) -> tuple[contract.TableLetter, ...]:
     )
 
 
-def letter_combinations(found: Identified) -> tuple[contract.TableCombination, ...]:
+def _letter_combinations(found: Identified) -> tuple[contract.TableCombination, ...]:
     """What is determined of several entries of the robot's table together."""
     k = len(found.mechanism.values)
     cov = found.solution.cov[:k, :k]
-    return table_combinations(letter_entries(found), cov, cov, found.known.std[:k])
+    return table_combinations(_letter_entries(found), cov, cov, found.known.std[:k])
 
 
 def _fit(found: Identified) -> contract.Fit:
@@ -371,7 +371,7 @@ def _instrument(found: Study) -> Iterator[str]:
 
 def _first_screen(said: PositionsFound) -> Iterator[Line]:
     """The first screen, line by line as for a campaign of pulls."""
-    stiffness = stiffness_entries(said.found.stages[-1].found)
+    stiffness = _stiffness_entries(said.found.stages[-1].found)
     lines = (
         (About.VERDICT, _verdict(said)),
         (About.TO_DO, _to_do(said)),
@@ -517,6 +517,9 @@ _SHARE = 0.25
 
 def _next(said: PositionsFound, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
     last = said.found.stages[-1]
+    if said.facts.mistakes:
+        yield "Nothing until the files are put right: the readings taken may then do."
+        return
     if not said.row.reason.holds_for_its_readings:
         yield _AGAIN
         return

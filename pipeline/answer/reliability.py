@@ -57,7 +57,7 @@ class Asked(Locked):
     stated: Bools
 
 
-def asked(cell: Cell, values: Array, where: Where) -> Asked:
+def _asked(cell: Cell, values: Array, where: Where) -> Asked:
     """Springs, causes and the deflection at the test pose.
 
     Args:
@@ -80,7 +80,7 @@ def control(values: ModelValues, where: Where) -> tuple[pd.DataFrame, pd.DataFra
     """Tables RELIABILITY and INFLUENCE of the likeliest model."""
     first, fitted = values.first, values.fitted
     system, x = first.system, first.estimate.value
-    about = asked(first.cell, x, where)
+    about = _asked(first.cell, x, where)
     at = solution(system, about.of, first.ratio)
     force, turn = by_inputs(replace(first.cell, equilibrium="undeformed"), fitted.data, x)
     inputs = _Inputs.of(system, fitted.data, force, turn)

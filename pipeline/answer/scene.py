@@ -26,10 +26,10 @@ MOST = 40
 TOOL_RADIUS = 0.35
 """Radius of a rod of the effector over that of the last link."""
 
-Tables = dict[str, pd.DataFrame]
+_Tables = dict[str, pd.DataFrame]
 
 
-def scene(values: ModelValues) -> Tables:
+def scene(values: ModelValues) -> _Tables:
     """Tables SCENE, POSES and VECTORS of a campaign of loads."""
     case, data = values.fitted.case, values.fitted.data
     first = np.unique(data.pulls.pose, return_index=True)[1]
@@ -183,7 +183,7 @@ def _typed(rows: Sequence[dict[str, Any]]) -> pd.DataFrame:
 # --- positions ------------------------------------------------------------------------------------
 
 
-def scene_of_positions(found: Study) -> Tables:
+def scene_of_positions(found: Study) -> _Tables:
     """Tables SCENE, POSES and VECTORS of a campaign of absolute positions."""
     final = found.final
     readings, mechanism = final.readings, final.mechanism

@@ -537,7 +537,7 @@ def _proposed(poses: Sequence[NextPose]) -> str:
     """How the first proposed pose is pulled, and whether all of them settle what is open."""
     most = max(one.sigmas_after or 0.0 for one in poses)
     count = "The proposed pose" if len(poses) == 1 else f"The {len(poses)} proposed poses"
-    first = f"{'Pose 1' if len(poses) > 1 else 'It'}: {pulled(poses[0])}."
+    first = f"{'Pose 1' if len(poses) > 1 else 'It'}: {_pulled(poses[0])}."
     if most >= APART:
         return (
             f"{count}: the causes in question are then {plain(most, 2)} standard deviations "
@@ -556,7 +556,7 @@ def _unchecked(stated: Stated) -> str:
     return " Collisions and lines of sight were not checked."
 
 
-def pulled(pose: ToMeasure) -> str:
+def _pulled(pose: ToMeasure) -> str:
     """Where the robot stands and how it is pulled there."""
     at = ", ".join(f"{axis.name} {at_axis(axis.value, axis.unit)}" for axis in pose.axes)
     return f"{at or _joints(pose)}, {loads(pose)}"
@@ -565,8 +565,10 @@ def pulled(pose: ToMeasure) -> str:
 def loads(pose: ToMeasure) -> str:
     """`5 load steps up to 3012 N along (0.10, -0.99, 0.05) of F_b`."""
     along = ", ".join(f"{part:.2f}" for part in pose.direction)
-    steps = "1 load step of" if pose.steps == 1 else f"{pose.steps} load steps up to"
-    return f"{steps} {pose.force_n:.0f} N along ({along}) of F_b"
+    force = f"1 load step of {pose.force_n:.0f} N"
+    if pose.steps > 1:
+        force = f"{pose.steps} load steps up to {pose.force_n:.0f} N"
+    return f"{force} along ({along}) of F_b"
 
 
 def _joints(pose: ToMeasure) -> str:
@@ -581,7 +583,7 @@ def _least_certain(stated: Stated, worst: Stiffness) -> str:
     more = (
         ""
         if best is None
-        else f" One more pose: {pulled(best)}. {_settled(best, worst)}{_unchecked(stated)}"
+        else f" One more pose: {_pulled(best)}. {_settled(best, worst)}{_unchecked(stated)}"
     )
     pulls = capital(remarks.WORK[worst.joint_type])
     if worst.value is None:

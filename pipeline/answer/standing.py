@@ -42,7 +42,7 @@ from pipeline.store.campaign import Raw
 _SEED = 20261123
 """Of its draws: another one moves numbers within what they say of their scatter."""
 
-MODEL = "positions.npz"
+_MODEL = "positions.npz"
 """What `pipeline predict` reads."""
 
 _ACROSS = 400
@@ -50,7 +50,7 @@ _ACROSS = 400
 
 
 @dataclass(frozen=True, eq=False)
-class Stood:
+class _Stood:
     """The end of a campaign of positions.
 
     Attributes:
@@ -83,7 +83,7 @@ def identified(name: str, raw: Raw, keep: Keep, step: Step) -> PositionsFound:
     return PositionsFound.of(name, raw, found, mistakes, rejected)
 
 
-def stood(said: PositionsFound, keep: Keep, step: Step) -> Stood:
+def stood(said: PositionsFound, keep: Keep, step: Step) -> _Stood:
     """The end of a campaign of nothing but positions."""
     found, given = said.found, positions.answer(said)
     laws = {"laws": keep("53_laws", law_table(found), tables.LAWS)}
@@ -91,7 +91,7 @@ def stood(said: PositionsFound, keep: Keep, step: Step) -> Stood:
     drawn = {"posture": keep("73_posture", _posture(found), tables.POSTURE), **scene}
     shown = {"rejected": said.rejected, **pictures(said, keep), **laws, **drawn}
     model = _model(said.campaign, found.final, given)
-    return Stood(given, shown, model, model_file(said))
+    return _Stood(given, shown, model, model_file(said))
 
 
 def pictures(said: PositionsFound, keep: Keep) -> dict[str, pd.DataFrame]:
@@ -110,7 +110,7 @@ def model_file(said: PositionsFound, by_pulls: ByPulls | None = None) -> dict[st
     """What `pipeline predict` reads, by name."""
     settings = said.raw.settings
     tip = None if settings.of_positions else np.array(settings.tool["load_point"])
-    return {MODEL: dumps(standing(said.campaign, said.found.final, tip, by_pulls))}
+    return {_MODEL: dumps(standing(said.campaign, said.found.final, tip, by_pulls))}
 
 
 def _studied(raw: Raw, read: Positioned, step: Step) -> Study:

@@ -29,19 +29,19 @@ def stated(values: ModelValues, model: IdentifiedModel, where: Where) -> dict[st
     fitted = values.fitted
     return {
         "stiffness": stiffness_entries(fitted.case.cell, values.hypotheses, where),
-        "fit": fit_entry(fitted.case.cell, fitted.data, values.first.estimate),
-        "test_pose_deflection": deflection_entries(model, where),
+        "fit": _fit_entry(fitted.case.cell, fitted.data, values.first.estimate),
+        "test_pose_deflection": _deflection_entries(model, where),
     }
 
 
 def values_entry(told: Told, where: Where) -> contract.Values:
     """The same with its validation."""
     left, checked = told.values.left_out_m, told.checked
-    validation = None if checked is None else validation_entry(checked, left, where, told.values)
+    validation = None if checked is None else _validation_entry(checked, left, where, told.values)
     return contract.Values(validation=validation, **stated(told.values, told.model, where))
 
 
-def fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> Fit:
+def _fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> Fit:
     """How well the model meets the data."""
     return Fit(
         rms_mm=rms_mm(estimate.residual),
@@ -98,7 +98,7 @@ def noise_statement(estimate: Estimate, tracked: bool) -> str:
     )
 
 
-def validation_entry(
+def _validation_entry(
     checked: pd.DataFrame, left_out_m: Array, where: Where, values: ModelValues
 ) -> Validation:
     """Means of Eq. (22) per target, from the full covariance and as in Eq. (23).
@@ -136,7 +136,7 @@ def _means(rows: pd.DataFrame) -> contract.PerTarget:
     return {str(target): float(mean) for target, mean in means.items()}
 
 
-def deflection_entries(model: IdentifiedModel, where: Where) -> tuple[TargetDeflection, ...]:
+def _deflection_entries(model: IdentifiedModel, where: Where) -> tuple[TargetDeflection, ...]:
     """Predicted deflection at the test pose with its standard uncertainty."""
     moved, std = (1e3 * part for part in model.deflection(where.q, where.force))
     return tuple(

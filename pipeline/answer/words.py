@@ -402,6 +402,18 @@ def _tracker_moved(facts: Facts) -> str:
     )
 
 
+def _tracker_knocked(facts: Facts) -> str:
+    assert facts.base is not None
+    assert facts.base.knocked is not None
+    first, then = facts.base.knocked
+    return (
+        f"Between {first} and {then} the base reflectors moved together by "
+        f"{plain(1e3 * facts.base.moved_m, 2)} mm, as no drift moves them: the tracker was "
+        "knocked, or rounds of base reflectors stand in each other's place. Which poses were "
+        "read from where nobody can tell; a displacement within a pose hardly depends on it."
+    )
+
+
 def _lasting(drift: Drift) -> str:
     """Between the first and the last reading."""
     if drift.effect.parameters[0].unit == PER_GROUP:
@@ -501,8 +513,9 @@ def _scattered(facts: Facts) -> str:
     places = [f"pose {listed([str(pose) for pose in poses])}"] if poses else []
     places += [f"{left.base} in the rounds of the base reflectors"] if left.base else []
     first = f" {_look_first(facts)}" if poses else ""
+    count = f"{left.count} are" if left.count > 1 else "at least one is"
     return (
-        f"Of the readings in use {left.count} are more than {AWAY:.0f} standard uncertainties "
+        f"Of the readings in use {count} more than {AWAY:.0f} standard uncertainties "
         f"from where all others put them, which no noise explains ({'; '.join(places)}).{first}"
     )
 
@@ -524,6 +537,7 @@ _FINDINGS: Mapping[Finding, Callable[[Facts], str]] = {
         f"{_tracker_moved(facts)} As they were read, a tracker that was knocked once would look "
         "the same."
     ),
+    Finding.TRACKER_KNOCKED: _tracker_knocked,
     Finding.STANDS_ELSEWHERE: _stands_elsewhere,
     Finding.STANDS_ELSEWHERE_OR_RIVAL: _stands_elsewhere,
     Finding.REFLECTORS_LOOSE: lambda _: (

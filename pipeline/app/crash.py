@@ -50,7 +50,7 @@ def _chained(error: traceback.TracebackException) -> Iterator[str]:
         line = f": {frame.line}" if where and where.startswith("pipeline/") else ""
         yield f"  {where}:{frame.lineno} {frame.name}{line}" if where else f"  {_ELSEWHERE}"
     said = "".join(error.format_exception_only()).strip().partition(": ")
-    yield f"{said[0]}: {anonymous(said[2])}"
+    yield f"{said[0]}: {_anonymous(said[2])}"
 
 
 def _place(filename: str) -> str | None:
@@ -65,7 +65,7 @@ def _place(filename: str) -> str | None:
     return None
 
 
-def anonymous(words: str) -> str:
+def _anonymous(words: str) -> str:
     """Words of an exception without what may be a customer's: quoted text, paths, values, names.
 
     What is left are words in small letters and whole numbers below 1000.

@@ -97,7 +97,7 @@ def _outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
         f"{name}: {first}",
         *(f"  {line}" for line in more),
         *_stiffnesses(answer.stiffness),
-        *(f"  {mixed(one)}" for one in answer.combinations),
+        *(f"  {_mixed(one)}" for one in answer.combinations),
         *(f"  {size}" for cause in answer.diagnosis.causes for size in sizes(cause)),
         f"  {campaign.reports / 'index.html'}",
     ]
@@ -151,7 +151,7 @@ def shown(joint: Stiffness) -> str:
     return f"{value} {prefixed(joint.unit, letter)}"
 
 
-def mixed(one: Combination) -> str:
+def _mixed(one: Combination) -> str:
     """`c_theta2 + 0.58 c_theta4   (8.50 ± 0.11) × 10⁻⁵ rad/(N·m)`, all that is known of them."""
     return f"{one.formula}   {bracketed(one.value, one.std)} {prefixed(one.unit, '')}"
 

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING
 
 from pipeline.app.outcome import EARLIER, Meant, Outcome, Several, dated, failed, named, outcome
 from pipeline.app.progress import Progress, Tell, told
-from pipeline.base import preferences
+from pipeline.base import files, preferences
 from pipeline.base.doors import is_there, opened
 from pipeline.base.errors import InputError, UsageError
 from pipeline.store import campaign as campaigns
@@ -19,7 +19,7 @@ from pipeline.store.campaign import CampaignFolder
 if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
     from pipeline.answer.contract import Answer
 
-PREFECT = "pipeline.service.engine:through_prefect"
+_PREFECT = "pipeline.service.engine:through_prefect"
 """Brings a campaign up to date as a Prefect flow."""
 FETCH, PUBLISH = "pipeline.service.sync:fetch", "pipeline.service.sync:publish"
 """Campaigns that live on object storage, to this machine and back."""
@@ -27,7 +27,7 @@ FETCH, PUBLISH = "pipeline.service.sync:fetch", "pipeline.service.sync:publish"
 
 def usual_engine() -> str:
     """What carries out a run where nobody says: Prefect, where the service is there."""
-    return "prefect" if is_there(PREFECT) else "local"
+    return "prefect" if is_there(_PREFECT) else "local"
 
 
 def run_all(
@@ -67,7 +67,7 @@ def run_all(
 def _one_by_one(
     root: Path, everyone: Iterable[Meant], engine: str, force: bool, bar: Progress
 ) -> Iterator[Outcome]:
-    compute = plainly if engine == "local" else opened(PREFECT)
+    compute = _plainly if engine == "local" else opened(_PREFECT)
     work = partial(outcome, compute=partial(compute, force=force, tell=bar.at))
     for one in everyone:
         bar.now(one.name if isinstance(one, CampaignFolder) else campaigns.label(one))
@@ -85,7 +85,7 @@ def no_campaign(root: Path) -> InputError:
     )
 
 
-def plainly(campaign: CampaignFolder, force: bool = False, tell: Tell = str) -> Answer:
+def _plainly(campaign: CampaignFolder, force: bool = False, tell: Tell = str) -> Answer:
     """Bring a campaign up to date in this process."""
     from pipeline.run import run
 
@@ -122,8 +122,14 @@ def _standing(campaign: CampaignFolder, state: str, verdict: str | None) -> Outc
     return Outcome(campaign.name, content, text)
 
 
-def report(root: Path, name: str | None, form: str) -> Path:
+def report(root: Path, name: str | None, form: str, language: str | None = None) -> Path:
     """A report brought up to date: its page, PDF or numbers; without a name the page over all.
+
+    Args:
+        root: The project's root.
+        name: Of the campaign, or its path.
+        form: html, pdf or json.
+        language: Of a further certificate, beside the one that the project has.
 
     Raises:
         UsageError: There is no finished campaign, or only campaigns have this form.
@@ -132,7 +138,7 @@ def report(root: Path, name: str | None, form: str) -> Path:
     from pipeline.run import run
 
     if name is None:
-        if form != "html":
+        if form != "html" or language:
             raise UsageError(f"the page over all campaigns has no form {form}: name a campaign")
         page = archive.refresh(root)
         if page is None:
@@ -143,7 +149,24 @@ def report(root: Path, name: str | None, form: str) -> Path:
     run(campaign)
     archive.refresh(root)
     names = {"html": "index.html", "pdf": "report.pdf", "json": "result.json"}
-    return campaign.reports / names[form]
+    if language is None or form == "json":
+        return campaign.reports / names[form]
+    return _beside(root, campaign, names[form], language)
+
+
+def _beside(root: Path, campaign: CampaignFolder, name: str, language: str) -> Path:
+    """The report in another language, in a folder of that name below its own."""
+    from pipeline.answer import archive
+    from pipeline.base.look import looks
+    from pipeline.report.render import render
+
+    answer, manifest = archive.read(campaign), campaign.manifest() or {}
+    look = archive.look_of(looks(root), manifest | {"language": language}, answer)
+    before, wear = archive.earlier(campaign, answer), archive.together(answer, root)
+    took = manifest.get("run_time_s")
+    pages = render(answer, archive.shown(campaign), took, before, (), wear, look)
+    files.write(campaign.reports / language / name, pages[name])
+    return campaign.reports / language / name
 
 
 def report_text(root: Path, name: str) -> str:

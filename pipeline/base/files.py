@@ -15,11 +15,12 @@ from functools import partial
 from pathlib import Path
 
 from pipeline.base.errors import CannotWrite, InputError
+from pipeline.base.shown import too_large
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
-BEGUN = ".*.????????"
+_BEGUN = ".*.????????"
 """What the names of half-written files are like."""
-CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS)
+_CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
 def write(path: Path, data: bytes) -> None:
@@ -53,7 +54,7 @@ def _way_out(path: Path, problem: OSError) -> str:
                 return f"{above} is no folder, move it out of the way"
     if problem.errno in FULL:
         return "free some space and run it again"
-    if problem.errno in CLOSED:
+    if problem.errno in _CLOSED:
         return "get the permission, close what has it open, or work in a copy with --root"
     return "check what is there, then run it again"
 
@@ -105,13 +106,13 @@ def _replace(folder: Path, temporary: Path) -> None:
         raise
 
 
-def sweep(folder: Path, pattern: str = f"**/{BEGUN}") -> None:
+def sweep(folder: Path, pattern: str = f"**/{_BEGUN}") -> None:
     """Remove what a killed `write` left behind; only while the folder's lock is held."""
     for path in leftovers(folder, pattern):
         path.unlink(missing_ok=True)
 
 
-def leftovers(folder: Path, pattern: str = f"**/{BEGUN}") -> list[Path]:
+def leftovers(folder: Path, pattern: str = f"**/{_BEGUN}") -> list[Path]:
     """Files in a folder that a `write` has begun; what nobody works at is of a killed one."""
     return [path for path in folder.glob(pattern) if path.is_file()]
 
@@ -164,12 +165,6 @@ BEGIN = 4096
 """Bytes that tell what a file is."""
 NEVER = (errno.ENAMETOOLONG, errno.EISDIR, errno.ELOOP)
 """What trying again does not help against."""
-
-
-def too_large(size: int, most: int) -> str:
-    """What is wrong with a file of so many bytes."""
-    unit, one = ("GB", 1e9) if most >= 1e9 else ("MiB", 2**20)
-    return f"has {size / one:.1f} {unit}, more than the {most / one:g} {unit} that are read"
 
 
 def words(path: Path, file: str, most: int, missing: InputError | None = None) -> str:

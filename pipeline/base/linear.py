@@ -44,7 +44,7 @@ def rms(values: Array) -> float:
 
 
 @dataclass(frozen=True, eq=False)
-class Inverse:
+class _Inverse:
     """The pseudoinverse X+ = half U' of columns X, (M, k); undetermined parameters are zero.
 
     Attributes:
@@ -121,7 +121,7 @@ def complement(X: Array) -> Array:
     return np.asarray(U[:, int(np.sum(s > _ROUNDING * s.max(initial=TINY))) :])
 
 
-def pseudoinverse(X: Array) -> Inverse:
+def pseudoinverse(X: Array) -> _Inverse:
     """X+ with its rank, by singular values of unit columns."""
     size = _lengths(X)
     U, s, Vt = np.linalg.svd(X / size, full_matrices=False)
@@ -129,7 +129,7 @@ def pseudoinverse(X: Array) -> Inverse:
     half = Vt[:rank].T / (s[:rank] * size.T)
     lost = 1 - np.einsum("rk,rk->k", Vt[:rank], Vt[:rank]) > _PART
     free = complement(Vt[:rank].T) / np.where(np.isfinite(size), size, 1.0).T
-    return Inverse(U[:, :rank], half, lost, orthonormal(free))
+    return _Inverse(U[:, :rank], half, lost, orthonormal(free))
 
 
 def shortest(X: Array, least: float = _ROUNDING) -> Array:

@@ -17,7 +17,7 @@ if TYPE_CHECKING:
 
 _MOST = 300
 """Letters of an expression."""
-LONGEST = 200
+_LONGEST = 200
 """Letters of a name that is matched; no longer one has a meaning."""
 
 _TOKENS = re.compile(r"\\.|\[\^?\]?(?:\\.|\[:\w*:\]|[^\]\\])*\]?|\(\??|\{\d+,?\d*\}|.", re.DOTALL)
@@ -42,7 +42,7 @@ def parts(names: pa.StringArray, pattern: str) -> pa.StructArray:
     """The named parts of whole names, null where the expression does not fit."""
     import pyarrow.compute as pc
 
-    short = pc.if_else(pc.less_equal(pc.utf8_length(names), LONGEST), names, None)
+    short = pc.if_else(pc.less_equal(pc.utf8_length(names), _LONGEST), names, None)
     return pc.extract_regex(short, _in_re2(pattern))
 
 

@@ -13,7 +13,8 @@ from pydantic import AfterValidator, Field
 
 from pipeline.base import files, toml
 from pipeline.base.errors import InputError, UsageError
-from pipeline.base.strict import Strict, checked
+from pipeline.base.language import Language
+from pipeline.base.strict import FileName, Strict, checked
 
 FILE = "pipeline.toml"
 
@@ -109,6 +110,18 @@ class Fleet(Strict):
     scatter: Annotated[float, Field(ge=1e-4, le=0.5)] | None = None
 
 
+class Report(Strict):
+    """Certificates.
+
+    Attributes:
+        language: Of those whose campaign.toml says none.
+        templates: Folder below the root with what the house adds to them; docs/house.md.
+    """
+
+    language: Language = Language.EN
+    templates: FileName | None = None
+
+
 class Preferences(Strict):
     """A whole pipeline.toml; all of it may be missing."""
 
@@ -116,6 +129,7 @@ class Preferences(Strict):
     notify: Notify = Notify()
     storage: Storage = Storage()
     fleet: Fleet = Fleet()
+    report: Report = Report()
 
 
 def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:
@@ -141,5 +155,5 @@ def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:
 
 
 def _validated(content: dict[str, Any], text: str = "") -> Preferences:
-    way_out = "correct it as docs/serve.md or docs/object-storage.md describes"
+    way_out = "correct it as docs/serve.md, docs/object-storage.md or docs/house.md describes"
     return checked(Preferences, content, FILE, "", way_out, text)

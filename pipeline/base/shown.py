@@ -109,3 +109,9 @@ def say(line: str, screen: TextIO | None = None) -> None:
     with contextlib.suppress(OSError):
         screen.write(f"{lines(line)}\n")
         screen.flush()
+
+
+def too_large(size: int, most: int) -> str:
+    """What is wrong with a file of so many bytes."""
+    unit, one = ("GB", 1e9) if most >= 1e9 else ("MiB", 2**20)
+    return f"has {size / one:.1f} {unit}, more than the {most / one:g} {unit} that are read"

@@ -15,8 +15,7 @@ from contextlib import contextmanager
 from typing import Any
 
 from pipeline.base.errors import InputError
-from pipeline.base.files import too_large
-from pipeline.base.shown import in_toml
+from pipeline.base.shown import in_toml, too_large
 
 LARGEST = 2**20
 """Bytes of a file that people write; a plan with a thousand poses has a tenth of it."""

@@ -20,7 +20,7 @@ from pipeline.reduction.settings import Settings
 
 _WORDS = ("unit", "decimal", "coordinates", "angle", "vertical", "horizontal")
 
-Read = Callable[[Settings], Case | None]
+_Read = Callable[[Settings], Case | None]
 """A campaign with some settings, None where it cannot be read so."""
 
 
@@ -43,7 +43,7 @@ class Word:
     after_m: float
 
 
-def wrong_word(settings: Settings, given: Case | None, read: Read) -> Word | None:
+def wrong_word(settings: Settings, given: Case | None, read: _Read) -> Word | None:
     """The one word of [tracker] that is wrong; None where all are right or nobody can tell.
 
     Args:

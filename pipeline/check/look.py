@@ -30,7 +30,7 @@ from pipeline.check.wrong_lines import TOML, Wrong, mistaken, text_of, wrong_lin
 from pipeline.machine.effect import HUNG, MOUNTED
 from pipeline.machine.robot import Robot, axes, configure
 from pipeline.machine.robot.axes import in_log_units
-from pipeline.prediction.compensate import Path, beside_pulls
+from pipeline.prediction.path import Path, beside_pulls
 from pipeline.prediction.tolerance import asked
 from pipeline.readers import logs
 from pipeline.reduction.bring import Reduced, bring, conformed, plain

@@ -1,5 +1,6 @@
 """Outbuilding: which poses to measure, with plan file and measurement sheet.
 
-Door: `design.command:design` for the command line, `design.library` for `import pipeline`.
+Door: `design.command:design` for the command line, `design.library` for `import pipeline`; for the
+diagnosis `design.undecided`, the next poses of a campaign that was measured.
 Tests: `tests/design/`; what is promised is measured by bench/bench_design.py.
 """

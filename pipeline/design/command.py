@@ -13,8 +13,8 @@ from typer import Argument, Option
 from pipeline.app.commands._shared import AsJson, Root, Steps, at_work
 from pipeline.base import files
 from pipeline.base.errors import InputError, Interrupted, UsageError
+from pipeline.base.language import Language
 from pipeline.base.shown import lines, typed
-from pipeline.design.language import Language
 
 if TYPE_CHECKING:
     from pipeline.base.arrays import Array

@@ -50,22 +50,22 @@ def cost(problem: Problem, plan: Plan, rng: np.random.Generator) -> Cost | None:
     """
     if problem.spec.cell is None:
         return None
-    free = without(problem)
+    free = _without(problem)
     *_, last = search(free, rng, _QUICK)
-    best = min(one.figure for one in (plan, last.best, relaxed(free, plan)) if one is not None)
+    best = min(one.figure for one in (plan, last.best, _relaxed(free, plan)) if one is not None)
     *_, certificate = certify(free, last.pool, rng, _QUICK.bounds, _QUICK.directions)
-    excluded, left = shares(problem, rng)
+    excluded, left = _shares(problem, rng)
     return Cost(best, certificate.figure, excluded, left)
 
 
-def without(problem: Problem) -> Problem:
+def _without(problem: Problem) -> Problem:
     """The problem in a cell that leaves everything free; the tracker stays where it is."""
     limits = problem.spec.limits.model_copy(update={"clear_of_itself": False})
     spec = problem.spec.model_copy(update={"cell": None, "limits": limits})
     return replace(build(spec, problem.robot), known=problem.known)
 
 
-def relaxed(free: Problem, plan: Plan) -> Plan | None:
+def _relaxed(free: Problem, plan: Plan) -> Plan | None:
     """What becomes of a plan that is let go downhill without the limits of the cell."""
     box = Box(free, free.poses)
     start = np.clip(box.closed(plan.q[None], plan.anchor[None]), 0, 1)
@@ -74,11 +74,11 @@ def relaxed(free: Problem, plan: Plan) -> Plan | None:
     return best if best.kept else None
 
 
-def shares(
+def _shares(
     problem: Problem, rng: np.random.Generator
 ) -> tuple[tuple[tuple[str, float], ...], float]:
     """`Cost.excluded` and `Cost.left`."""
-    wide = without(problem)
+    wide = _without(problem)
     at = Box(wide, 1).stations(rng.uniform(size=(_LOOKED_AT, Box(wide, 1).size)))
     broken = _turned_too_far(problem, wide, at.configuration.q)
     for slack in slacks(problem.limits, at):

@@ -23,7 +23,7 @@ SHRINK, SHORTEST = 0.35, 1e-5
 
 
 @dataclass(frozen=True, eq=False)
-class Found:
+class _Found:
     """Where the starts ended.
 
     Attributes:
@@ -64,7 +64,7 @@ class _State:
 
 def descend(
     function: Function, start: Array, rounds: int = 600, gain: float = 1e-9, patience: int = 5
-) -> Found:
+) -> _Found:
     """Walk downhill from every start, inside the unit box.
 
     Args:
@@ -94,7 +94,7 @@ def descend(
         if not len(rows):
             break
         _try(function, state, rows, gain)
-    return Found(state.x, state.value)
+    return _Found(state.x, state.value)
 
 
 def _try(function: Function, state: _State, rows: Ints, gain: float) -> None:

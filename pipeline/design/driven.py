@@ -20,8 +20,8 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.design.arm import arm_alone
+from pipeline.design.gaps import gaps
 from pipeline.design.problem import Problem
-from pipeline.machine.gaps import gaps
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.room import Room
 
@@ -43,7 +43,7 @@ of 200 kg have about these."""
 
 
 @dataclass(frozen=True, eq=False)
-class Leg(Locked):
+class _Leg(Locked):
     """The way to a pose from the one before it.
 
     Attributes:
@@ -67,7 +67,7 @@ class Leg(Locked):
         )
 
 
-def legs(problem: Problem, q: Array, anchor: Array) -> list[Leg]:
+def legs(problem: Problem, q: Array, anchor: Array) -> list[_Leg]:
     """The ways between poses in their order, straight where that is free.
 
     Args:
@@ -189,18 +189,18 @@ def _arm(problem: Problem) -> Room:
     return replace(room, cones=(), crossed=np.zeros_like(room.crossed))
 
 
-def _leg(road: _Roadmap, lines: Room, anchor: Array, k: int, start: Array, end: Array) -> Leg:
+def _leg(road: _Roadmap, lines: Room, anchor: Array, k: int, start: Array, end: Array) -> _Leg:
     """The first way on which all is free, else the first that keeps arm and floor."""
     problem = road.problem
     blocked, left = _met(problem, road.arm, start, end), None
     for via in _ways(road, start, end, blocked is None):
         points = [start, *via, end]
-        every = np.concatenate([between(problem.robot, a, b) for a, b in pairwise(points)])
+        every = np.concatenate([_between(problem.robot, a, b) for a, b in pairwise(points)])
         crossed = _broken(problem, lines, every, anchor)
         if crossed is None:
-            return Leg(k + 1, via)
-        left = left or Leg(k + 1, via, crossed=crossed)
-    return left or Leg(k + 1, np.zeros((0, len(start))), blocked)
+            return _Leg(k + 1, via)
+        left = left or _Leg(k + 1, via, crossed=crossed)
+    return left or _Leg(k + 1, np.zeros((0, len(start))), blocked)
 
 
 def _ways(road: _Roadmap, start: Array, end: Array, straight: bool) -> Iterator[Array]:
@@ -295,7 +295,7 @@ def _path(cost: Array, first: int, last: int) -> list[int] | None:
     return found[::-1]
 
 
-def between(robot: Robot, start: Array, end: Array) -> Array:
+def _between(robot: Robot, start: Array, end: Array) -> Array:
     """Joint values on the straight way between two poses, both ends included, shape (s, n)."""
     step = np.where(robot.prismatic, _STEP_M, _STEP_RAD)
     count = int(np.ceil(np.max(np.abs(end - start) / step, initial=1.0)))
@@ -304,7 +304,7 @@ def between(robot: Robot, start: Array, end: Array) -> Array:
 
 def _met(problem: Problem, room: Room, start: Array, end: Array) -> str | None:
     """The rule that is not kept on the straight way, by halving; None where all are."""
-    share = np.linspace(0.0, 1.0, len(between(problem.robot, start, end)))
+    share = np.linspace(0.0, 1.0, len(_between(problem.robot, start, end)))
     far = float(np.abs(end - start) @ _lever(problem))
     near = far * float(share[1]) + _FINEST_M
     wide = _widths(problem, room, start + share[:, None] * (end - start), near)

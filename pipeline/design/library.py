@@ -105,10 +105,10 @@ def design_poses(
     asked = problem_of(problem, changes)
     if add_to is not None:
         asked = added_to(asked, add_to)
-    return designed(make(asked, seed, Effort(rounds=rounds), tell))
+    return _designed(make(asked, seed, Effort(rounds=rounds), tell))
 
 
-def designed(made: Made) -> Design:
+def _designed(made: Made) -> Design:
     """The numbers of a finished design."""
     proposal = made.proposal
     measurement, certificate = proposal.measurement, proposal.certificate

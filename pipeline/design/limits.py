@@ -5,17 +5,18 @@ Joint limits are not here: they are the box in which the search moves.
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from itertools import pairwise
 
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools
+from pipeline.design.gaps import Gaps, gaps
 from pipeline.design.information import Station
 from pipeline.design.singular import dexterity
 from pipeline.design.spec import Limits
-from pipeline.machine.gaps import Gaps, gaps, pushed
+from pipeline.machine.robot import Configuration
 from pipeline.machine.robot.configuration import velocity
 from pipeline.machine.room import Room
 
@@ -24,7 +25,7 @@ _MARGIN_M = 1e-3
 
 
 @dataclass(frozen=True)
-class Slack:
+class _Slack:
     """How far poses are from breaking one limit.
 
     Attributes:
@@ -40,13 +41,13 @@ class Slack:
     by_anchor: Array
 
 
-def slacks(limits: Limits, at: Station) -> Iterator[Slack]:
+def slacks(limits: Limits, at: Station) -> Iterator[_Slack]:
     """Every limit that is set, at every pose."""
     yield from _chain_length(limits.chain_m, at)
     if limits.singular_margin:
         value, by_q = dexterity(at.configuration)
         rule = "the arm clear of singular poses, where its wrist, elbow or shoulder is stretched"
-        yield Slack(rule, value - limits.singular_margin, by_q, np.zeros((3, 1)))
+        yield _Slack(rule, value - limits.singular_margin, by_q, np.zeros((3, 1)))
     if limits.flange_above_m is not None:
         rule = f"the flange above {limits.flange_above_m:g} m"
         yield _height(rule, at, at.configuration.flange_origin.T, limits.flange_above_m)
@@ -99,7 +100,7 @@ def penalty(
     broken = [(found, 2 * (found.value - margin)) for found in narrow(room, at, margin)]
     for found, weight in broken:
         total = total + np.bincount(found.pose, weight**2 / 4, len(total))
-    more, more_anchor = pushed(at.configuration, broken)
+    more, more_anchor = _pushed(at.configuration, broken)
     return total, by_q.T + more, by_anchor.T + more_anchor
 
 
@@ -111,19 +112,19 @@ def _motion(at: Station, point: Array, carrier: int | None = None) -> Array:
     return moved
 
 
-def _height(rule: str, at: Station, point: Array, floor: float) -> Slack:
-    return Slack(rule, point[2] - floor, _motion(at, point)[:, 2], np.zeros((3, 1)))
+def _height(rule: str, at: Station, point: Array, floor: float) -> _Slack:
+    return _Slack(rule, point[2] - floor, _motion(at, point)[:, 2], np.zeros((3, 1)))
 
 
-def _chain_length(bounds: tuple[float, float], at: Station) -> Iterator[Slack]:
+def _chain_length(bounds: tuple[float, float], at: Station) -> Iterator[_Slack]:
     shortest, longest = bounds
     by_q = -np.einsum("im,nim->nm", at.direction, at.J_load)
     rule = f"a chain of {shortest:g} to {longest:g} m"
-    yield Slack(rule, at.chain_m - shortest, by_q, at.direction)
-    yield Slack(rule, longest - at.chain_m, -by_q, -at.direction)
+    yield _Slack(rule, at.chain_m - shortest, by_q, at.direction)
+    yield _Slack(rule, longest - at.chain_m, -by_q, -at.direction)
 
 
-def _fold(most: float, at: Station) -> Slack:
+def _fold(most: float, at: Station) -> _Slack:
     """The chain leads away from the effector: cosine of the angle minus cosine of the limit."""
     flange = at.configuration.flange_origin.T
     arm = at.load_point - flange
@@ -135,10 +136,10 @@ def _fold(most: float, at: Station) -> Slack:
     along = (out - cosine * at.direction) / at.chain_m
     by_q = np.einsum("im,nim->nm", across, turned) - np.einsum("im,nim->nm", along, at.J_load)
     rule = f"the pull within {np.rad2deg(most):.0f} deg of the line from flange to load point"
-    return Slack(rule, cosine - np.cos(most), by_q, along)
+    return _Slack(rule, cosine - np.cos(most), by_q, along)
 
 
-def _clearance(distance: float, at: Station) -> Iterator[Slack]:
+def _clearance(distance: float, at: Station) -> Iterator[_Slack]:
     """Distance of the chain from each link; its slope is that of the two closest points."""
     joints = [*np.moveaxis(at.configuration.origin, 0, -1), at.configuration.flange_origin.T]
     rule = f"the chain {distance:g} m clear of the arm"
@@ -153,7 +154,7 @@ def _clearance(distance: float, at: Station) -> Iterator[Slack]:
         normal = apart / length
         moved = (1 - s) * at.J_load
         moved = moved - (1 - t) * _motion(at, a, link) - t * _motion(at, b, link + 1)
-        yield Slack(rule, length - distance, np.einsum("im,nim->nm", normal, moved), s * normal)
+        yield _Slack(rule, length - distance, np.einsum("im,nim->nm", normal, moved), s * normal)
 
 
 def _closest(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
@@ -166,3 +167,40 @@ def _closest(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
     t = np.clip((np.clip(s, 0, 1) * uv + vw) / vv, 0, 1)
     s = np.clip((t * uv - uw) / uu, 0, 1)
     return s, np.clip((s * uv + vw) / vv, 0, 1)
+
+
+def _pushed(at: Configuration, every: Sequence[tuple[Gaps, Array]]) -> tuple[Array, Array]:
+    """Slope of a weighted sum of gaps in each pose, by joints (m, n) and by the anchor (m, 3).
+
+    Args:
+        at: The poses.
+        every: Gaps, each with its weights, shape (k,).
+    """
+    m, n = at.q.shape
+    wrench, by_anchor = _wrench(m, n, every), np.zeros((3, m))
+    for found, weight in every:
+        if found.by_anchor is not None:
+            for part, values in zip(by_anchor, weight * found.by_anchor, strict=True):
+                part += np.bincount(found.pose, values, m)
+    by_q, beyond = np.empty((n, m)), np.zeros((6, m))
+    twists = at.twists.transpose(1, 2, 0)
+    for joint in range(n, 0, -1):
+        beyond += wrench[:, joint]
+        by_q[joint - 1] = (twists[joint - 1] * beyond).sum(axis=0)
+    return by_q.T, by_anchor.T
+
+
+def _wrench(m: int, n: int, every: Sequence[tuple[Gaps, Array]]) -> Array:
+    """What the slopes of gaps push each body with, about the origin of F_b, (6, n + 1, m)."""
+    wrench = np.zeros((6, n + 1, m))
+    acting = [(p, f.pose, weight) for f, weight in every for p in f.points if len(f.pose)]
+    if acting:
+        place = np.concatenate([p.carrier * m + pose for p, pose, _ in acting])
+        force = np.concatenate([weight * p.slope for p, _, weight in acting], axis=1)
+        x, y, z = np.concatenate([p.at for p, _, _ in acting], axis=1)
+        u, v, w = force
+        for part, values in zip(
+            wrench, (y * w - z * v, z * u - x * w, x * v - y * u, u, v, w), strict=True
+        ):
+            part += np.bincount(place, values, (n + 1) * m).reshape(n + 1, m)
+    return wrench

@@ -75,7 +75,7 @@ class Made:
             _summary(self),
             cell_lines(self.proposal),
             _poses(self.proposal),
-            [*unpulled_lines(self.proposal), *_poses_without_a_pull(self.proposal)],
+            [*_unpulled_lines(self.proposal), *_poses_without_a_pull(self.proposal)],
             _joints(self.proposal),
         ]
         parts += [[str(path) for path in self.written]] if self.written else []
@@ -176,7 +176,7 @@ def _unpulled(proposal: Proposal) -> dict[str, Any]:
     }
 
 
-def unpulled_lines(proposal: Proposal) -> list[str]:
+def _unpulled_lines(proposal: Proposal) -> list[str]:
     """The same in a sentence."""
     if (found := proposal.unpulled) is None:
         return []

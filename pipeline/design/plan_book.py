@@ -14,8 +14,8 @@ import numpy as np
 import xlsxwriter
 
 from pipeline.base.arrays import Array
+from pipeline.base.language import Say
 from pipeline.base.quantities import MM
-from pipeline.design.language import Say
 from pipeline.design.made import printed
 from pipeline.design.plan_sheet import expected, turnings
 from pipeline.design.propose import Proposal
@@ -70,6 +70,11 @@ def _widen(page: Any, titles: Sequence[str], rows: Sequence[_Row]) -> None:
         page.set_column(column, column, min(60, max(9, widest + 1)))
 
 
+def _words(cell: Any) -> bool:
+    """Whether a cell has words; numbers keep their points, for whoever reads the workbook."""
+    return isinstance(cell, str) and any(map(str.isalpha, cell))
+
+
 def _put(
     made: xlsxwriter.Workbook,
     styles: dict[str, Any],
@@ -83,7 +88,7 @@ def _put(
     """A sheet: what to do, titles, rows; columns from `free[0]` to before `free[1]` are open."""
     page = made.add_worksheet(name)
     titles = list(map(say, titles))
-    rows = [[say(one) if isinstance(one, str) else one for one in row] for row in rows]
+    rows = [[say(one) if _words(one) else one for one in row] for row in rows]
     page.write(0, 0, say(told))
     page.write_row(2, 0, titles, styles["bold"])
     for k, row in enumerate(rows, 3):

@@ -11,10 +11,10 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.base.arrays import Array
+from pipeline.base.language import Say
 from pipeline.base.quantities import plain
 from pipeline.design.curves import ByAnchor, BySize
 from pipeline.design.discriminate import Sight
-from pipeline.design.language import Say
 from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem
 from pipeline.machine.robot import configure

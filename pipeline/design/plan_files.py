@@ -6,10 +6,10 @@ from dataclasses import replace
 
 import numpy as np
 
+from pipeline.base.language import Language, Say, said, spoken
 from pipeline.base.quantities import MM
 from pipeline.design.control import controls
 from pipeline.design.curves import ByAnchor, BySize, by_anchor, by_size
-from pipeline.design.language import Language, Say, said, spoken
 from pipeline.design.plan_book import book
 from pipeline.design.plan_figures import anchor_curve, pose_picture, sight_chart, size_curves
 from pipeline.design.plan_sheet import Extras, sheet

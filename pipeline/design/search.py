@@ -78,7 +78,7 @@ class Plan(Locked):
 
 
 @dataclass(frozen=True, eq=False)
-class Progress(Locked):
+class _Progress(Locked):
     """How far a search has come.
 
     Attributes:
@@ -98,7 +98,7 @@ class Progress(Locked):
 
 def search(
     problem: Problem, rng: np.random.Generator, effort: Effort | None = None
-) -> Iterator[Progress]:
+) -> Iterator[_Progress]:
     """Look for the plan with the smallest figure; twice a round give the best so far.
 
     Args:
@@ -122,13 +122,13 @@ def search(
         near = descend(soft, start, rounds=160, gain=1e-5)
         x = np.vstack([x, near.x[np.argsort(near.value)[:settled]]])
         best, nearest = _best(evaluate(problem, *box.opened(x)), best)
-        yield Progress(done, len(looks), best, _single(box, x), nearest)
+        yield _Progress(done, len(looks), best, _single(box, x), nearest)
         far = descend(hard, x, rounds=600)
         x = far.x[np.argsort(far.value)][:settled]
         changed = _exchange(box, x[:exchanged])
         x = np.vstack([descend(hard, changed, rounds=600, gain=1e-11).x, x])
         best, nearest = _best(evaluate(problem, *box.opened(x)), best)
-        yield Progress(done, len(looks), best, _single(box, x), nearest)
+        yield _Progress(done, len(looks), best, _single(box, x), nearest)
 
 
 def _best(plans: list[Plan], best: Plan | None) -> tuple[Plan | None, Plan]:

@@ -33,7 +33,7 @@ from pipeline.reduction.settings import AskedPose, Point
 SHIPPED = ("paper_reference", "paper_cell", "diagnosis_reference")
 
 
-Range = tuple[Length, Length]
+_Range = tuple[Length, Length]
 """From and to [m] or [deg]."""
 
 
@@ -70,13 +70,13 @@ class PullSpec(Strict):
 class AnchorSpec(Strict):
     """Where the chain is attached, F_b [m]: a number where it is fixed, an interval where free."""
 
-    x_m: Length | Range
-    y_m: Length | Range
-    z_m: Length | Range
+    x_m: Length | _Range
+    y_m: Length | _Range
+    z_m: Length | _Range
 
     @field_validator("x_m", "y_m", "z_m")
     @classmethod
-    def in_order(cls, value: float | Range) -> float | Range:
+    def in_order(cls, value: float | _Range) -> float | _Range:
         """An interval goes upwards."""
         if isinstance(value, tuple) and value[0] >= value[1]:
             raise ValueError(f"the interval {list(value)} is empty; give [lower, upper]")
@@ -103,7 +103,7 @@ class CriterionSpec(Strict):
         return said
 
 
-class WeightedPose(AskedPose):
+class _WeightedPose(AskedPose):
     """A test pose and how much it matters."""
 
     weight: Positive = 1.0
@@ -162,7 +162,7 @@ class Limits(Strict):
         approach: Which way the carriage comes along the rail.
     """
 
-    joints: dict[Name, Range] = Field(default_factory=dict)
+    joints: dict[Name, _Range] = Field(default_factory=dict)
     margin_deg: NotNegative = 5.0
     margin_m: NotNegative = 0.02
     wrist_within_deg: Annotated[float, Field(gt=0, le=720)] = 180.0
@@ -170,7 +170,7 @@ class Limits(Strict):
     clear_of_itself: bool = True
     flange_above_m: Length | None = None
     effector_above_m: Length | None = None
-    chain_m: Range = (0.1, 20.0)
+    chain_m: _Range = (0.1, 20.0)
     chain_clearance_m: Positive | None = None
     pull_within_deg: Annotated[float, Field(gt=0, lt=180)] | None = None
     payload_kg: Positive | None = None
@@ -220,7 +220,7 @@ class ProblemFile(Surrounded):
     pull: PullSpec = PullSpec()
     anchor: AnchorSpec
     criterion: CriterionSpec = CriterionSpec()
-    test_pose: list[WeightedPose] = Field(default_factory=list)
+    test_pose: list[_WeightedPose] = Field(default_factory=list)
     noise: NoiseSpec = NoiseSpec(displacement_sigma_m=3e-5)
     limits: Limits = Limits()
     diagnosis: DiagnosisSpec | None = None

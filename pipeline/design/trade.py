@@ -26,7 +26,7 @@ from pipeline.design.spec import DiagnosisSpec
 
 
 @dataclass(frozen=True, eq=False)
-class Visit(Locked):
+class _Visit(Locked):
     """A pose with what is done there.
 
     Attributes:
@@ -56,7 +56,7 @@ class Mixed(Locked):
         named_from: Size from which each cause is separated from every rival, typical sizes, (g,).
     """
 
-    visits: tuple[Visit, ...]
+    visits: tuple[_Visit, ...]
     anchor: Array
     figure: float
     relative_std: Array
@@ -125,20 +125,20 @@ def trade(
         )
 
 
-def products(visits: Sequence[Visit]) -> Array:
+def products(visits: Sequence[_Visit]) -> Array:
     """Products of the columns of several visits together, shape (W, W)."""
     X = np.concatenate([visit.columns for visit in visits])
     return np.asarray(X.T @ X)
 
 
-def _information(visits: Sequence[Visit]) -> Array:
+def _information(visits: Sequence[_Visit]) -> Array:
     """What several visits tell together about the scaled compliances, shape (n, n)."""
     return np.sum([visit.information for visit in visits], axis=0)
 
 
 def _beginning(
     view: Lens, plan: Plan, asked: DiagnosisSpec, rng: np.random.Generator
-) -> list[Visit]:
+) -> list[_Visit]:
     """Poses of the plan in random order, some with the longer programmes, readings as planned."""
     lengths = _lengths(asked, view.problem.spec.plan.readings)
     order = rng.permutation(np.resize(np.arange(len(plan.q)), asked.poses))
@@ -170,10 +170,10 @@ def _lengths(asked: DiagnosisSpec, readings: int) -> Ints:
 
 def _offers(
     view: Lens, plan: Plan, asked: DiagnosisSpec, rng: np.random.Generator, pool: int
-) -> dict[int, list[Visit]]:
+) -> dict[int, list[_Visit]]:
     """Poses with every programme and approach, by the number of pulls."""
     q = np.vstack([plan.q, feasible_poses(view.problem, plan.anchor, rng, pool)])
-    out: dict[int, list[Visit]] = {len(steps): [] for steps in asked.programmes}
+    out: dict[int, list[_Visit]] = {len(steps): [] for steps in asked.programmes}
     for steps in asked.programmes:
         for way in _ways(view.problem):
             approach = np.full(len(q), way)
@@ -188,8 +188,8 @@ def _ways(problem: Problem) -> tuple[float, ...]:
 
 
 def _near(
-    view: Lens, visit: Visit, anchor: Array, rng: np.random.Generator, count: int
-) -> list[Visit]:
+    view: Lens, visit: _Visit, anchor: Array, rng: np.random.Generator, count: int
+) -> list[_Visit]:
     """Poses near one of a plan, with its own load steps and approach, that keep the limits."""
     problem = view.problem
     span = problem.upper - problem.lower
@@ -200,19 +200,19 @@ def _near(
     return _visits(view, q, anchor, np.full(len(q), visit.approach), visit.steps)
 
 
-def _visits(view: Lens, q: Array, anchor: Array, approach: Array, steps: Array) -> list[Visit]:
+def _visits(view: Lens, q: Array, anchor: Array, approach: Array, steps: Array) -> list[_Visit]:
     """Poses with the same load steps; times as if all plans had visits of this length."""
     experiment = with_steps(view.problem, steps)
     start_s = starts(np.full(view.problem.poses, len(steps))).mean()
     informations = information(experiment, station(experiment, q, anchor))
     columns = rows(view, q, anchor, approach, steps, np.full(len(q), start_s))
     each = zip(q, approach, informations, columns, strict=True)
-    return [Visit(at, way, steps, known, X) for at, way, known, X in each]
+    return [_Visit(at, way, steps, known, X) for at, way, known, X in each]
 
 
 def _exchanged(
-    view: Lens, chosen: list[Visit], slot: int, offers: list[Visit], most: float
-) -> list[Visit]:
+    view: Lens, chosen: list[_Visit], slot: int, offers: list[_Visit], most: float
+) -> list[_Visit]:
     """The visits with the one at `slot` replaced by the best offer, if that is an improvement."""
     criterion, mine, whole = view.problem.criterion, chosen[slot], _information(chosen)
     M = whole - mine.information + np.array([offer.information for offer in offers])

@@ -77,8 +77,12 @@ class Bounds:
 
     @property
     def scattered(self) -> bool:
-        """Whether too many readings are too far off for any tails."""
-        return self.far.count > 1 and self.far.p_value < alarms.READING
+        """Whether too many readings are too far off for any tails.
+
+        One of a pose is let pass, as it moves little. One of the base is not: a single one that is
+        wrong would have been found, so that it is the least that several can be.
+        """
+        return self.far.count > (self.far.base == 0) and self.far.p_value < alarms.READING
 
     @property
     def predicts(self) -> bool:

@@ -8,19 +8,17 @@ from dataclasses import replace
 import numpy as np
 from scipy import special
 
+from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.diagnosis.blindspots import blind_spots
 from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_scatter, of_unloaded
 from pipeline.diagnosis.facts import (
     CrossValidation,
-    Determining,
     Diagnosed,
     Drift,
     Facts,
-    FoundCause,
     PossibleCause,
-    Proposal,
     SoleCause,
     Unnoticed,
 )
@@ -30,7 +28,6 @@ from pipeline.diagnosis.improvement import alone, gain
 from pipeline.diagnosis.isolability import Twins, twins
 from pipeline.diagnosis.separability import separation, separation_found
 from pipeline.diagnosis.suspect_statistics import clues, misfits
-from pipeline.diagnosis.undecided import LEAST, determining, next_poses
 from pipeline.diagnosis.unlisted import beyond
 from pipeline.diagnosis.unloaded_geometry import as_stiff, corrected, standing
 from pipeline.machine.cell import Cell
@@ -53,25 +50,17 @@ from pipeline.system.whitened import Whitened
 
 _EQUILIBRIA = ("deformed", "undeformed")
 
+LEAST = 0.02
+"""Rivals less probable than this are ignored."""
+
 _SHOWN = 5
 """So many causes are shown that could be the only one."""
 
+_FURTHER = "pipeline.design.undecided:to_measure"
+"""Poses to measure next: which they are is for the design to say."""
+
 _POINTS_M = 3e-4
 """Standard uncertainty per axis of the tool's points [m] where the campaign states none."""
-
-
-def _to_measure(
-    case: SearchCase,
-    found: Found,
-    causes: tuple[FoundCause, ...],
-    worth: CrossValidation | None,
-    known: Twins,
-    rng: np.random.Generator,
-) -> tuple[tuple[Proposal, ...], tuple[Determining, ...]]:
-    """Poses that would tell causes apart; where there are none, those that determine joints."""
-    proposed = next_poses(case, found, causes, worth, known, rng)
-    joints = () if proposed else determining(case, found, rng.spawn(1)[0])
-    return proposed, joints
 
 
 def diagnose(
@@ -134,7 +123,8 @@ def diagnose(
     every = by_label(case.suspects)
     main = [forms[0] for forms in every.values()]
     single = _alone(found, worth, rng)
-    proposed, joints = _to_measure(case, found, causes, worth, known, rng)
+    further = doors.found(_FURTHER)
+    proposed, joints = further(case, found, causes, worth, known, rng) if further else ((), ())
     return Diagnosed(
         facts=facts,
         causes=facts.moved + drifts + held,

@@ -23,8 +23,13 @@ from pipeline.machine.effects.tracker_drift import HOUR_S, LAWS, PER_GROUP, amou
 from pipeline.reduction.register import XYZ, Registration, seconds
 from pipeline.system import alarms, odds
 from pipeline.system.beside import Base, Beside
+from pipeline.system.family import AWAY
 from pipeline.system.noise import TOLERATED
 from pipeline.system.wander import Wander
+
+_ROUNDS = 100
+"""Rounds of readings of which each has a motion of its own at most [1]; of more, a motion is one in
+time."""
 
 _LEVER_M = 10.0
 """Turns are estimated in shifts at this distance, for the conditioning."""
@@ -83,7 +88,33 @@ def drift(
     moved_m = float(np.sqrt(np.mean(np.sum(parts**2, axis=1))))
     hours = float(np.ptp(since)) / HOUR_S
     found = _stated(forms[best], laws, best, float(better), moved_m, hours)
+    if not found.named:
+        return _knocked(found, base, table, white, rigid)
     return replace(found, effect=_undecided(found.effect, table)) if found.undecided else found
+
+
+def _knocked(law: Drift, base: Base, table: pd.DataFrame, white: Array, rigid: Array) -> Drift:
+    """The same, with the rounds between which the tracker moved by more than it scatters.
+
+    y_k = p_t(k) + v_r(k) + w_r(k) x (p_k - p_0) + e_k, v_r and w_r of its own for each round:
+    P[chi2 > drop] < alarms.MOVED, where that is all that the rounds differ by, and a step that
+    moves the reflectors by more than `AWAY` standard uncertainties, rms.
+    """
+    after = _rounds(table)
+    if not 0 < len(after) < _ROUNDS:
+        return law
+    columns = (white @ rigid)[:, :, None, :] * np.array(after).T[:, None, :, None]
+    every = base.beside(columns.reshape(1, 3 * len(table), 1, -1)).of_block(0)
+    left, dof = float(every.rest - every.drop[0]), every.dof - int(every.rank[0])
+    if dof < 1 or chi2_beyond(left / TOLERATED**2, dof) <= odds.FITS:
+        return law
+    size = every.size[0].reshape(len(after), 6)
+    steps = np.sqrt(np.mean(np.sum((rigid @ size.T) ** 2, axis=1), axis=0))
+    most, unit_m = int(np.argmax(steps)), float(np.sqrt(3 / np.mean(np.sum(white**2, axis=(1, 2)))))
+    if every.p(TOLERATED**2, np.inf)[0] >= alarms.MOVED or steps[most] <= AWAY * unit_m:
+        return law
+    begun = table.groupby(table["group"].astype(str))["since"].mean().sort_values()
+    return replace(law, knocked=tuple(begun.index[most : most + 2]), moved_m=float(steps[most]))
 
 
 def _repeated(table: pd.DataFrame, by_order: bool) -> pd.DataFrame:

@@ -195,6 +195,8 @@ class Drift(Locked):
         named: Whether it is called a drift.
         undecided: Whether a tracker that was knocked once would look the same.
         visible: Multiple of the typical size that would be named in 80 % of the cases.
+        knocked: The rounds between which it moved most, by `moved_m` then, where it moved by
+            more than noise of any kind moves it, and no law in time says how; None else.
     """
 
     effect: Observation
@@ -208,6 +210,7 @@ class Drift(Locked):
     named: bool
     undecided: bool
     visible: float
+    knocked: tuple[str, str] | None = None
 
 
 @dataclass(frozen=True)

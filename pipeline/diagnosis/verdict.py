@@ -76,6 +76,11 @@ _BASE = (
         Verdict.AMBIGUOUS,
         lambda f: f.drift is not None and f.drift.undecided,
     ),
+    VerdictRow(
+        Finding.TRACKER_KNOCKED,
+        Verdict.AMBIGUOUS,
+        lambda f: f.base is not None and f.base.knocked is not None,
+    ),
     VerdictRow(Finding.TRACKER_MOVED, Verdict.EXPLAINED, lambda f: f.drift is not None),
 )
 

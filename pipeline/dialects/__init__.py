@@ -1,11 +1,12 @@
-"""Outbuilding: files that other makers' programs write, told by their marks.
+"""Outbuilding: files that are none of our own CSV.
 
-Exports of trackers, each a `Reader` in a file of its own (docs/add-a-reader.md), which `readers`
-tries beside its own plain CSV; and what the controller of a robot keeps, points and recordings, as
-a table of joint values. Without this folder a file is read as any table is, by its titles or by
-[tracker.mapping].
+Exports of trackers told by their marks, each a `Reader` in a file of its own
+(docs/add-a-reader.md), which `readers` tries beside its own plain CSV; any other table, as
+[tracker.mapping] or the intake says; workbooks; readings without names, by the order they were
+taken in; and what the controller of a robot keeps, points and recordings, as a table of joint
+values. Without this folder a file is read that names its columns as we do.
 
-Door: `DIALECTS`; for logs `of_controller`.
+Door: `DIALECTS`; `mapped.read`, `workbook.opened`, `assignment.assigned`; for logs `of_controller`.
 Tests: `tests/readers/`, `tests/dialects/`.
 """
 
@@ -16,11 +17,12 @@ from pipeline.dialects import (
     leica_6dof,
     recorded,
     spatial_analyzer,
+    table,
     taught,
     tracker_pilot,
     xyz,
 )
-from pipeline.readers import Reader
+from pipeline.readers import TABLE, Reader
 
 DIALECTS: dict[str, Reader] = {
     "spatialanalyzer": spatial_analyzer.READER,
@@ -28,7 +30,9 @@ DIALECTS: dict[str, Reader] = {
     "leica_6dof": leica_6dof.READER,
     "tracker_pilot": tracker_pilot.READER,
     "xyz": xyz.READER,
+    TABLE: table.READER,
 }
+"""In the order in which they are tried; any other table is the last."""
 
 
 def of_controller(data: bytes) -> bytes | None:

@@ -20,7 +20,6 @@ from pipeline.readers._reader import (
     A_PRIORI,
     STANDARD,
     Export,
-    Hints,
     Reader,
     Readings,
     export,
@@ -28,6 +27,7 @@ from pipeline.readers._reader import (
     settled_unit,
 )
 from pipeline.readers._text import Text
+from pipeline.readers.said import Hints
 
 _VALUES = ("dVal1", "dVal2", "dVal3")
 _KINDS = {STANDARD: "d", A_PRIORI: "dApriori"}
@@ -54,7 +54,7 @@ _COMPLETE = (0, 8, 14)
 """How many of them there are: none, those without covariances, all."""
 
 
-def recognise(lines: Sequence[str]) -> bool:
+def _recognise(lines: Sequence[str]) -> bool:
     """The first line names dVal1, dVal2 and dVal3."""
     return set(_VALUES) <= set(_titles(next((line for line in lines if line.strip()), "")))
 
@@ -159,4 +159,4 @@ def _statistics(six: Array) -> list[str]:
     return [repr(value) for value in (*std, xy, xz, yz)]
 
 
-READER = Reader("Leica emScon dump", recognise, read, write, says_unit=False, says_names=False)
+READER = Reader("Leica emScon dump", _recognise, read, write, says_unit=False, says_names=False)

@@ -14,19 +14,12 @@ from pipeline.dialects.tracker_pilot import expanded
 from pipeline.readers import _named, _tables, plain
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import Meaning, raw
-from pipeline.readers._reader import (
-    EXPANDED,
-    USUAL_FACTORS,
-    Export,
-    Hints,
-    Reader,
-    Readings,
-    written,
-)
+from pipeline.readers._reader import EXPANDED, USUAL_FACTORS, Export, Reader, Readings, written
 from pipeline.readers._text import Text
+from pipeline.readers.said import Hints
 
 
-def recognise(lines: Sequence[str]) -> bool:
+def _recognise(lines: Sequence[str]) -> bool:
     """A header names X, Y, Z and U(95)."""
     header = _named.find(lines)
     return header is not None and expanded(header) and not plain.recognise(lines)
@@ -51,4 +44,4 @@ def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     return "\r\n".join([*lines, ""]).encode("cp1252")
 
 
-READER = Reader("Leica 6DoF CSV", recognise, read, write, general=True)
+READER = Reader("Leica 6DoF CSV", _recognise, read, write, general=True)

@@ -17,7 +17,8 @@ from typing import TypeVar
 import numpy as np
 
 from pipeline.base.errors import InputError, at
-from pipeline.readers import _named, _tables, _time, plain, table
+from pipeline.dialects import table
+from pipeline.readers import _named, _tables, _time, plain
 from pipeline.readers._cells import cells_or_none, is_number, is_plain, is_remark
 from pipeline.readers._circle import within_a_circle
 from pipeline.readers._coordinates import AXES, KIND_WORDS, Angles, Meaning, settled
@@ -26,7 +27,6 @@ from pipeline.readers._layout import DELIMITERS, JOINT, Field, Kind, Layout, Typ
 from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS, Header, Named
 from pipeline.readers._reader import (
     Export,
-    Hints,
     Reader,
     Readings,
     export,
@@ -35,6 +35,7 @@ from pipeline.readers._reader import (
     written,
 )
 from pipeline.readers._text import SAMPLE_LINES, Text
+from pipeline.readers.said import Hints
 
 _T = TypeVar("_T")
 
@@ -65,7 +66,7 @@ class _RowShape:
     form: str
 
 
-def recognise(lines: Sequence[str]) -> bool:
+def _recognise(lines: Sequence[str]) -> bool:
     """Rows that are no comments have a name of one to three parts, then three numbers."""
     comments = [line for line in lines if is_remark(line, _COMMENT)]
     sample = [line for line in lines if is_plain(line, _COMMENT)]
@@ -258,4 +259,4 @@ def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     return "\r\n".join([*head, *lines, ""]).encode()
 
 
-READER = Reader("SpatialAnalyzer ASCII", recognise, read, write, suffix=".txt", general=True)
+READER = Reader("SpatialAnalyzer ASCII", _recognise, read, write, suffix=".txt", general=True)

@@ -8,10 +8,12 @@ from __future__ import annotations
 import re
 from collections.abc import Sequence
 
-from pipeline.readers import _named, plain, table
+from pipeline.dialects import table
+from pipeline.readers import _named, plain
 from pipeline.readers._named import Header
-from pipeline.readers._reader import Export, Hints, Reader, Readings, written
+from pipeline.readers._reader import Export, Reader, Readings, written
 from pipeline.readers._text import Text
+from pipeline.readers.said import Hints
 
 _TURNED = {"rx", "ry", "rz", "q0", "q1", "q2", "q3", "qw", "qx", "qy", "qz", "roll", "pitch", "yaw"}
 
@@ -26,7 +28,7 @@ def _turned(header: Header) -> bool:
     return bool({c.title.lower().split(" ")[0].split("[")[0] for c in header.columns} & _TURNED)
 
 
-def recognise(lines: Sequence[str]) -> bool:
+def _recognise(lines: Sequence[str]) -> bool:
     """A header names a point and X, Y, Z, and nothing of a six-degrees-of-freedom target."""
     header = _named.find(lines)
     if header is None or plain.recognise(lines):
@@ -49,4 +51,4 @@ def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     return "\r\n".join([*lines, ""]).encode("cp1252")
 
 
-READER = Reader("Leica Tracker Pilot CSV", recognise, read, write, general=True)
+READER = Reader("Leica Tracker Pilot CSV", _recognise, read, write, general=True)

@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-from pipeline.readers import _named, table
+from pipeline.dialects import table
+from pipeline.readers import _named
 from pipeline.readers._cells import cells_or_none, is_number
 from pipeline.readers._layout import JOINT
-from pipeline.readers._reader import Export, Hints, Reader, Readings, written
+from pipeline.readers._reader import Export, Reader, Readings, written
 from pipeline.readers._text import Text
+from pipeline.readers.said import Hints
 
 _WIDTHS = (3, 4, 5)
 """Cells of a row: three numbers behind up to two names."""
 
 
-def recognise(lines: Sequence[str]) -> bool:
+def _recognise(lines: Sequence[str]) -> bool:
     """Every row has up to two names and three numbers between semicolons."""
     rows = [_cells(line) for line in lines if line.strip()]
     fitting = [len(row) in _WIDTHS and all(map(is_number, row[-3:])) for row in rows]
@@ -48,4 +50,4 @@ def write(readings: Readings, unit: str, digits: int | None) -> bytes:
     return "\r\n".join([*lines, ""]).encode()
 
 
-READER = Reader("semicolon xyz", recognise, read, write, suffix=".xyz", says_unit=False)
+READER = Reader("semicolon xyz", _recognise, read, write, suffix=".xyz", says_unit=False)

@@ -15,7 +15,7 @@ from pipeline.machine.robot.mdh import Robot
 if TYPE_CHECKING:
     import pinocchio as pin
 
-CONFIGURATIONS = 1000
+_CONFIGURATIONS = 1000
 """Drawn within the limits; a joint without limits turns once, or slides a metre."""
 
 
@@ -62,13 +62,13 @@ def agreement(
     free = np.where(robot.prismatic, 1.0, np.pi)
     lower = np.where(np.isfinite(robot.lower), robot.lower, -free)
     upper = np.where(np.isfinite(robot.upper), robot.upper, free)
-    q = rng.uniform(lower, upper, (CONFIGURATIONS, robot.n))
+    q = rng.uniform(lower, upper, (_CONFIGURATIONS, robot.n))
     here = configure(robot, q)
     there = [_flange(model, robot, one, base, flange) for one in q]
     R = np.stack([one.rotation for one in there])
     at = np.stack([one.translation for one in there])
     return Agreement(
-        configurations=CONFIGURATIONS,
+        configurations=_CONFIGURATIONS,
         position_m=float(np.linalg.norm(here.flange_origin - at, axis=1).max()),
         angle_rad=float(_angles(here.flange_axes, R).max()),
     )

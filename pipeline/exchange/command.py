@@ -45,7 +45,7 @@ def robot(
 ) -> None:
     """List the robots that ship, show one, or make a robot file from a URDF and verify it."""
     if every or shown is not None:
-        typer.echo("\n".join(listing(str(file or ""))) if every else shipped(shown or ""))
+        typer.echo("\n".join(_listing(str(file or ""))) if every else _shipped(shown or ""))
         return
     if file is None or base is None or flange is None:
         raise UsageError(
@@ -79,7 +79,7 @@ def _refuse(output: Path) -> None:
         raise UsageError(f"{output} is there already: choose another --output")
 
 
-def listing(part: str = "") -> list[str]:
+def _listing(part: str = "") -> list[str]:
     """The robots that ship: name, maker and variant, axes of the controller, rated payload.
 
     Raises:
@@ -99,7 +99,7 @@ def listing(part: str = "") -> list[str]:
     return ["  ".join(f"{c:{w}}" for c, w in zip(row, wide, strict=True)).rstrip() for row in rows]
 
 
-def shipped(name: str) -> str:
+def _shipped(name: str) -> str:
     """The robot file of a robot that ships.
 
     Raises:

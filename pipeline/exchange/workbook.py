@@ -51,12 +51,12 @@ def files(answer: Answer, tables: Mapping[str, pd.DataFrame]) -> dict[str, bytes
         tables: RESIDUALS and RELIABILITY by the lower-case names of their promises, SI; a table
             that is missing gives an empty sheet.
     """
-    found = sheets(answer, tables)
+    found = _sheets(answer, tables)
     each = {f"csv/{name}.csv": as_csv(table) for name, table in found.items()}
-    return {"results.xlsx": workbook(found), **each}
+    return {"results.xlsx": _workbook(found), **each}
 
 
-def sheets(answer: Answer, tables: Mapping[str, pd.DataFrame]) -> dict[str, pa.Table]:
+def _sheets(answer: Answer, tables: Mapping[str, pd.DataFrame]) -> dict[str, pa.Table]:
     """The sheets by name, in the order of the report."""
     return {
         "summary": _sheet(_SUMMARY, _summary(answer)),
@@ -323,7 +323,7 @@ _WIDEST = 60
 """Of a column, in characters."""
 
 
-def workbook(found: Mapping[str, pa.Table]) -> bytes:
+def _workbook(found: Mapping[str, pa.Table]) -> bytes:
     """Sheets as one .xlsx: headings bold and always in sight, no cell is a formula or a link."""
     import xlsxwriter
 

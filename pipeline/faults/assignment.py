@@ -76,8 +76,9 @@ def said(ring: Ring, names: Sequence[str], one: str) -> str:
     """Which members they are, in words; `one` is what a member is."""
     if len(names) == 2:
         return " and ".join(sorted(names))
-    how = f", off by one {one}" if ring.by_one else ""
-    return f"{min(names)} to {max(names)} ({len(names)}{how})"
+    if ring.by_one:
+        return f"{min(names)} to {max(names)} ({len(names)}, off by one {one})"
+    return f"{min(names)} to {max(names)} ({len(names)})"
 
 
 _FEW = 6

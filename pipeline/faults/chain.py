@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 import pandas as pd
@@ -188,7 +188,9 @@ def chain_gross(case: Case) -> list[Mistake]:
     return [_finding(case, chain, off, names, told, off.size, _end(chain, best))]
 
 
+@lru_cache(maxsize=1)
 def _read(case: Case) -> _Chain:
+    """The chain of a case: two tests ask, one after the other."""
     near, far = case.settings.naming.chain
     rows = case.readings[case.readings["state"] == "loaded"].drop_duplicates(["group", "target"])
     ends = [rows[rows["target"] == name].set_index("group") for name in (near, far)]

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 import pandas as pd
@@ -178,6 +178,7 @@ def chain_distances(case: Case, R: Array, t: Array) -> pd.DataFrame:
     return table.reset_index()
 
 
+@lru_cache(maxsize=1)
 def unlike(case: Case) -> pd.DataFrame:
     """How much farther apart or nearer the ends of the chain are than usual, by group: away, gross.
 

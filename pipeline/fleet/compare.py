@@ -11,7 +11,7 @@ import numpy as np
 
 from pipeline.answer.archive import Finished, finished, with_digest
 from pipeline.answer.contract import Answer, Data, Stiffness, Which
-from pipeline.answer.history import alike, chance, changes, of_one_day, together, trusted
+from pipeline.answer.history import alike, changes, of_one_day, trusted
 from pipeline.app.outcome import Outcome
 from pipeline.base import files, parquet
 from pipeline.base.arrays import Array
@@ -26,6 +26,7 @@ from pipeline.fleet.overview import (
     comparison,
 )
 from pipeline.fleet.sentences import of
+from pipeline.fleet.trends import chance, together
 from pipeline.report import words
 from pipeline.report.record import Report
 from pipeline.report.render import page as as_page

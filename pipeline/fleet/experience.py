@@ -29,7 +29,7 @@ from pipeline.diagnosis.finding import Verdict
 ROBOTS, CAMPAIGNS = 10, 20
 """From so many robots and campaigns on, rates are learnt."""
 
-SIZED = 3
+_SIZED = 3
 """From so many robots with a cause on, its size is learnt."""
 
 _CERTAIN = 0.5
@@ -95,7 +95,7 @@ def experience(answers: Iterable[Answer], names: Collection[str]) -> Experience:
     robots = np.array([len(one) for one in seen.values()])
     odds = _odds(total, robots) if told.learnt else np.ones(len(seen))
     causes = [
-        Expected(name, y, o, _expected_size(sizes[name]), told.learnt, len(sizes[name]) >= SIZED)
+        Expected(name, y, o, _expected_size(sizes[name]), told.learnt, len(sizes[name]) >= _SIZED)
         for name, y, o in zip(seen, total.tolist(), odds.tolist(), strict=True)
     ]
     return Experience(len(by_robot), count, tuple(causes))
@@ -148,7 +148,7 @@ def _size(own: Sequence[Answer], name: str) -> list[float]:
 def _expected_size(logs: Sequence[float]) -> float:
     """Exp of the mean of mu_c, shrunk to ln 1; typical where too few tell."""
     n = len(logs)
-    if n < SIZED:
+    if n < _SIZED:
         return 1.0
     mean = float(np.mean(logs)) * n / (n + (_SPREAD / _BETWEEN) ** 2)
     return float(np.clip(math.exp(mean), 1 / _MOST_SIZE, _MOST_SIZE))

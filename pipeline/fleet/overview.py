@@ -7,19 +7,7 @@ from typing import TYPE_CHECKING
 from urllib.parse import quote
 
 from pipeline.answer.contract import Answer, Cause, Stiffness
-from pipeline.answer.history import (
-    NO_SCATTER,
-    Change,
-    Trend,
-    chance,
-    changes,
-    ordered,
-    robots,
-    together,
-    trends,
-    trusted,
-    within_a_day,
-)
+from pipeline.answer.history import NO_SCATTER, Change, changes, ordered, trusted
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import (
     MISSING,
@@ -31,6 +19,7 @@ from pipeline.base.quantities import (
 )
 from pipeline.diagnosis.average import LIKELY
 from pipeline.fleet.sentences import alarm, changed_of, joints_table, of, robots_tables
+from pipeline.fleet.trends import Trend, chance, robots, together, trends, within_a_day
 from pipeline.fleet.worn import Robot
 from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
@@ -308,7 +297,7 @@ _DAILY = (
     "The robot's campaigns tell what its stiffnesses differ by from day to day; that much counts "
     "as no difference, as in its wear."
 )
-OTHER_ROBOTS = "They are of different robots, {} and {}: what differs is no change of one."
+_OTHER_ROBOTS = "They are of different robots, {} and {}: what differs is no change of one."
 
 
 # --- two beside each other -----------------------------------------------------------------
@@ -344,7 +333,7 @@ def comparison(
     verdict, tone, told = ("Not tested", "neutral", not_tested)
     if covariances is not None:
         verdict, tone, told = _differ(surely)
-    apart = [OTHER_ROBOTS.format(*robots)] if robots[0] != robots[1] else []
+    apart = [_OTHER_ROBOTS.format(*robots)] if robots[0] != robots[1] else []
     daily = [_DAILY] if scatter and covariances is not None else []
     sentences = (told, *apart, *daily, *_together(before, after, covariances))
     title = f"{names[0]} beside {names[1]}"
@@ -423,11 +412,11 @@ def _judged(change: Change) -> str:
 def render_overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> bytes:
     """The page over all campaigns, from their answers and from what robots' campaigns say."""
     report = overview(answers, wear)
-    drawings = {figure.name: draw_robot(figure.name, answers, wear) for figure in report.figures}
+    drawings = {figure.name: _draw_robot(figure.name, answers, wear) for figure in report.figures}
     return page(report, {name: drawing.inline for name, drawing in drawings.items()}).encode()
 
 
-def draw_robot(name: str, answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Drawing:
+def _draw_robot(name: str, answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Drawing:
     """Draw the history of one robot: `history-0` is that of the first of `robots`."""
     # matplotlib imports for half a second
     from pipeline.report.figures.stiffness import draw_history

@@ -3,25 +3,26 @@
 from __future__ import annotations
 
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from contextlib import suppress
 from pathlib import Path
 from typing import Any
 
 from filelock import FileLock
 
-from pipeline.answer.archive import Finished, earlier, finished, mark, read, shown
+from pipeline.answer.archive import Finished, earlier, finished, look_of, mark, read, shown
 from pipeline.answer.contract import Answer
 from pipeline.answer.history import previous
 from pipeline.base import files, preferences
 from pipeline.base.errors import CannotWrite
+from pipeline.base.look import Facts, Look, looks
 from pipeline.base.shown import printable
 from pipeline.fleet import tables as fleet
 from pipeline.fleet.sentences import alarm, told
 from pipeline.fleet.worn import Robot
 from pipeline.store.campaign import CampaignFolder, code_version, dump, recalled, versions
 
-INDEX_MANIFEST = "index.json"
+_INDEX_MANIFEST = "index.json"
 
 
 def refresh(root: Path) -> Path | None:
@@ -35,12 +36,14 @@ def refresh(root: Path) -> Path | None:
     """
     everyone = finished(root, _left_out)
     answers = [one.answer for one in everyone]
-    wear = _wear(root)
+    wear, dress = _wear(root), looks(root)
     for one in everyone:
         one.campaign.tidy()
         stands = {"previous": mark(previous(one.answer, answers)), "wear": told(one.answer, wear)}
-        if not _says(one.campaign.manifest() or {}, stands):
-            _tell(one.campaign)
+        manifest = one.campaign.manifest() or {}
+        stands["look"] = look_of(dress, manifest, one.answer).key
+        if not _says(manifest, stands):
+            _tell(one.campaign, dress)
     return _index(root, everyone, wear) if everyone else None
 
 
@@ -74,7 +77,7 @@ def _left_out(why: str) -> None:
     sys.stderr.write(f"{why} Until then it is left out of the page over all campaigns.\n")
 
 
-def _tell(campaign: CampaignFolder) -> None:
+def _tell(campaign: CampaignFolder, dress: Callable[[Mapping[str, Any], Facts], Look]) -> None:
     """Write a campaign's report anew, with what has changed since the previous campaigns."""
     from pipeline.report.render import render
 
@@ -82,11 +85,12 @@ def _tell(campaign: CampaignFolder) -> None:
         manifest, answer = campaign.manifest(), read(campaign)
         before = earlier(campaign, answer)  # of what is there now that nobody else writes here
         wear = together(answer, campaign.root)
-        stands = {"previous": mark(before), "wear": wear}
+        look = look_of(dress, manifest or {}, answer)
+        stands = {"previous": mark(before), "wear": wear, "look": look.key}
         if manifest is None or _says(manifest, stands):
             return  # another run has been faster
         took, beside = manifest.get("run_time_s"), campaign.answers(manifest)
-        pages = render(answer, shown(campaign), took, before, beside, wear)
+        pages = render(answer, shown(campaign), took, before, beside, wear, look)
         campaign.publish(manifest | stands, pages)
 
 
@@ -94,7 +98,7 @@ def _index(root: Path, everyone: Sequence[Finished], wear: Sequence[Robot]) -> P
     """The page over these, drawn of those that are finished once no other run draws it."""
     from pipeline.fleet.overview import render_overview
 
-    page, manifest = root / "reports" / "index.html", root / "data" / "processed" / INDEX_MANIFEST
+    page, manifest = root / "reports" / "index.html", root / "data" / "processed" / _INDEX_MANIFEST
     if _is_of(page, manifest, _key(everyone, wear)):
         return page
     with files.writing(manifest):

@@ -27,7 +27,7 @@ FORMATS = ("table", "csv", "json", "xlsx")
 
 
 @dataclass(frozen=True)
-class Found:
+class _Found:
     """What a query gives.
 
     Attributes:
@@ -39,7 +39,7 @@ class Found:
     rows: list[tuple[Any, ...]]
 
 
-def ask(root: Path, query: str) -> Found:
+def ask(root: Path, query: str) -> _Found:
     """Carry out one query.
 
     Args:
@@ -70,7 +70,7 @@ def ask(root: Path, query: str) -> Found:
         raise UsageError(f"the query cannot be answered: {_said(problem)}; {_SEE}") from problem
 
 
-def _answered(duckdb: Any, place: Path, query: str) -> Found:
+def _answered(duckdb: Any, place: Path, query: str) -> _Found:
     """What one query gives.
 
     Raises:
@@ -80,7 +80,7 @@ def _answered(duckdb: Any, place: Path, query: str) -> Found:
         _prepare(duckdb, base, place)
         _select(duckdb, query)
         answer = base.execute(query)
-        return Found([column[0] for column in answer.description], answer.fetchall())
+        return _Found([column[0] for column in answer.description], answer.fetchall())
 
 
 _SEE = "docs/query.md has the tables, their columns and examples"
@@ -136,12 +136,12 @@ def _said(problem: Exception) -> str:
 # --- shown ---------------------------------------------------------------------------------------
 
 
-def written(found: Found, form: str) -> bytes:
+def written(found: _Found, form: str) -> bytes:
     """The rows as a file of one of `FORMATS` but `table`."""
     return {"csv": _csv, "json": _json, "xlsx": _xlsx}[form](found)
 
 
-def _csv(found: Found) -> bytes:
+def _csv(found: _Found) -> bytes:
     sink = io.StringIO()
     writer = csv.writer(sink, lineterminator="\n")
     columns = [_cells([row[k] for row in found.rows]) for k in range(len(found.columns))]
@@ -158,12 +158,12 @@ def _cells(values: Sequence[Any]) -> list[str]:
     return [_word(value) if word is None else word for value, word in pairs]
 
 
-def _json(found: Found) -> bytes:
+def _json(found: _Found) -> bytes:
     rows = [dict(zip(found.columns, map(_plain, row), strict=True)) for row in found.rows]
     return f"{in_json(rows, indent=2)}\n".encode()
 
 
-def _xlsx(found: Found) -> bytes:
+def _xlsx(found: _Found) -> bytes:
     try:
         from openpyxl import Workbook
     except ImportError:
@@ -208,7 +208,7 @@ _WIDEST = 10_000
 """Letters of a line that no terminal breaks."""
 
 
-def show(found: Found) -> None:
+def show(found: _Found) -> None:
     """The rows as a table on stdout."""
     from rich.console import Console
     from rich.table import Table
@@ -229,7 +229,7 @@ def _shown(value: Any) -> str:
     return f"{value:.4g}" if isinstance(value, float | Decimal) else _word(value)
 
 
-def described() -> Found:
+def described() -> _Found:
     """The tables and their columns, with unit and meaning."""
     robot = ("robot", "1", "the robot that was measured")
     rows = [
@@ -237,14 +237,14 @@ def described() -> Found:
         for name, promise in fleet.VIEWS.items()
         for about in (robot, *((f.name, *_about(f)) for f in promise))
     ]
-    return Found(["table", "column", "unit", "meaning"], rows)
+    return _Found(["table", "column", "unit", "meaning"], rows)
 
 
 def _about(field: Any) -> tuple[str, str]:
     return field.metadata[b"unit"].decode(), field.metadata[b"meaning"].decode()
 
 
-def save(found: Found, form: str, path: Path) -> None:
+def save(found: _Found, form: str, path: Path) -> None:
     """The rows in a file.
 
     Raises:

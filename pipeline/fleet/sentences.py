@@ -6,9 +6,9 @@ from collections.abc import Mapping, Sequence
 from urllib.parse import quote
 
 from pipeline.answer.contract import Answer
-from pipeline.answer.history import trends, within_a_day
 from pipeline.base.errors import listed
 from pipeline.base.quantities import MISSING, bracketed, p_value, plain, with_std
+from pipeline.fleet.trends import trends, within_a_day
 from pipeline.fleet.worn import Joint, Robot
 from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, said, table_of

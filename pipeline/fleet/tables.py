@@ -38,7 +38,7 @@ _F64, _STR = pa.float64(), pa.string()
 
 _CAMPAIGN = column("campaign", _STR, "1", "name of the campaign")
 
-CAMPAIGNS = pa.schema(
+_CAMPAIGNS = pa.schema(
     [
         _CAMPAIGN,
         column("title", _STR, "1", "`name` in campaign.toml"),
@@ -64,7 +64,7 @@ CAMPAIGNS = pa.schema(
     ]
 )
 
-STIFFNESS = pa.schema(
+_STIFFNESS = pa.schema(
     [
         _CAMPAIGN,
         column("model", _STR, "1", "recommended, joint_springs or extended"),
@@ -86,7 +86,7 @@ STIFFNESS = pa.schema(
     ]
 )
 
-COVARIANCE = pa.schema(
+_COVARIANCE = pa.schema(
     [
         _CAMPAIGN,
         column("parameter", _STR, "1", "c_r1, c_theta2, ...: a compliance"),
@@ -95,7 +95,7 @@ COVARIANCE = pa.schema(
     ]
 )
 
-REPAIRS = pa.schema(
+_REPAIRS = pa.schema(
     [
         _CAMPAIGN,
         column("day", pa.date32(), "1", "of the repair: `history` of [robot_unit]"),
@@ -104,7 +104,7 @@ REPAIRS = pa.schema(
     ]
 )
 
-CAUSES = pa.schema(
+_CAUSES = pa.schema(
     [
         _CAMPAIGN,
         column("rank", pa.int64(), "1", "place in the answer, from 1"),
@@ -141,18 +141,18 @@ def _plain(kind: pa.DataType) -> pa.DataType:
     return kind.value_type if pa.types.is_dictionary(kind) else kind
 
 
-PROMISED = {
-    "campaigns": CAMPAIGNS,
-    "stiffness": STIFFNESS,
-    "covariance": COVARIANCE,
-    "causes": CAUSES,
-    "repairs": REPAIRS,
+_PROMISED = {
+    "campaigns": _CAMPAIGNS,
+    "stiffness": _STIFFNESS,
+    "covariance": _COVARIANCE,
+    "causes": _CAUSES,
+    "repairs": _REPAIRS,
     "residuals": _of(tables.RESIDUALS),
     "reliability": _of(tables.RELIABILITY),
 }
 """The tables by name; every row has the `robot` of its partition besides."""
 
-VIEWS = PROMISED | {"wear": worn.WEAR}
+VIEWS = _PROMISED | {"wear": worn.WEAR}
 """The same, with the one that is made of them."""
 
 _OWN = {"residuals": "42_residuals", "reliability": "43_reliability"}
@@ -312,7 +312,7 @@ def _known(place: Path, scatter: float | None) -> dict[str, _Entry]:
     except (TypeError, LookupError, AttributeError):
         return {}
     whole = {
-        part: all(parquet.begins_and_ends(_path(place, table, *part)) for table in PROMISED)
+        part: all(parquet.begins_and_ends(_path(place, table, *part)) for table in _PROMISED)
         and parquet.begins_and_ends(_path(place, "wear", part[0], "wear"))
         for part in {(entry.robot, _part(name)) for name, entry in known.items()}
     }
@@ -337,7 +337,7 @@ def _write(
     place: Path, robot: str, part: str, rows: Iterable[Mapping[str, pa.Table]], stale: set[str]
 ) -> None:
     """Replace the rows of some campaigns in one part of every table."""
-    for name, promise in PROMISED.items():
+    for name, promise in _PROMISED.items():
         path = _path(place, name, robot, part)
         kept = []
         if parquet.begins_and_ends(path):
@@ -345,7 +345,7 @@ def _write(
             kept = [old.filter(pc.invert(pc.is_in(old["campaign"], pa.array(list(stale)))))]
         table = pa.concat_tables([promise.empty_table(), *kept, *(one[name] for one in rows)])
         if not table.num_rows and name == "campaigns":
-            for other in PROMISED:  # the last campaign of this part is gone
+            for other in _PROMISED:  # the last campaign of this part is gone
                 _path(place, other, robot, part).unlink(missing_ok=True)
             return
         parquet.write(path, table)
@@ -363,7 +363,7 @@ def _rows(campaign: CampaignFolder, answer: Answer) -> dict[str, pa.Table]:
     }  # fmt: skip
     found = {
         name: pa.Table.from_pylist(
-            [{"campaign": campaign.name, **row} for row in rows], PROMISED[name]
+            [{"campaign": campaign.name, **row} for row in rows], _PROMISED[name]
         )
         for name, rows in made.items()
     }
@@ -372,7 +372,7 @@ def _rows(campaign: CampaignFolder, answer: Answer) -> dict[str, pa.Table]:
 
 def _own(campaign: CampaignFolder, name: str) -> pa.Table:
     """One of a campaign's own tables; empty where it has none."""
-    path, promise = campaign.processed / f"{_OWN[name]}.parquet", PROMISED[name]
+    path, promise = campaign.processed / f"{_OWN[name]}.parquet", _PROMISED[name]
     if not path.is_file():
         return promise.empty_table()
     table = parquet.read(path)
@@ -441,7 +441,7 @@ def _stiffness(answer: Answer) -> list[dict[str, Any]]:
     }
     if answer.extended is not None:
         sets["extended"] = answer.extended.stiffness
-    same = {*STIFFNESS.names} & {*Stiffness.model_fields}
+    same = {*_STIFFNESS.names} & {*Stiffness.model_fields}
     return [
         {"model": model, "low": one.ci95[0], "high": one.ci95[1]}
         | {name: getattr(one, name) for name in same}

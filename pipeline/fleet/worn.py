@@ -75,7 +75,7 @@ WEAR = pa.schema(
 READ = ("campaigns", "stiffness", "covariance", "repairs")
 """Tables that it is made of, in the order of `History`."""
 
-Rows = Sequence[Mapping[str, Any]]
+_Rows = Sequence[Mapping[str, Any]]
 
 _Repaired = tuple[date, int | None]
 """Day and number of the joint, None for all."""
@@ -85,10 +85,10 @@ _Repaired = tuple[date, int | None]
 class History:
     """Rows of the tables in `READ`, of all robots of one type."""
 
-    campaigns: Rows
-    stiffness: Rows
-    covariance: Rows
-    repairs: Rows
+    campaigns: _Rows
+    stiffness: _Rows
+    covariance: _Rows
+    repairs: _Rows
 
 
 @dataclass(frozen=True)
@@ -113,7 +113,7 @@ class Joint:
 
 
 @dataclass(frozen=True)
-class Alarm:
+class _Alarm:
     """What a robot's campaigns raised.
 
     Attributes:
@@ -151,7 +151,7 @@ class Robot:
     campaigns: int
     last: date
     joints: tuple[Joint, ...]
-    alarm: Alarm | None
+    alarm: _Alarm | None
     p_value: float | None
     robots: int
 
@@ -171,7 +171,7 @@ class Robot:
         return tuple(one for one in self.joints if one.changed)
 
 
-def robots(robot: str, found: Rows) -> list[Robot]:
+def robots(robot: str, found: _Rows) -> list[Robot]:
     """What the rows of one type say, robot by robot."""
     by_serial: dict[str | None, list[Mapping[str, Any]]] = {}
     for row in found:
@@ -184,7 +184,7 @@ def _robot(robot: str, own: Sequence[Mapping[str, Any]]) -> Robot:
     alarm = (
         None
         if one["alarm"] is None
-        else Alarm(one["alarm"], one["raised"], one["after"], one["confirmed"])
+        else _Alarm(one["alarm"], one["raised"], one["after"], one["confirmed"])
     )
     names = Joint.__dataclass_fields__
     joints = tuple(Joint(**{name: row[name] for name in names if name in row}) for row in own)
@@ -252,7 +252,7 @@ def _axes(history: History) -> dict[str, str | None]:
     return {row["name"]: row["axis"] for row in rows}
 
 
-def _compliances(rows: Rows, n: int) -> dict[str, Array]:
+def _compliances(rows: _Rows, n: int) -> dict[str, Array]:
     """Of each campaign what its recommended model determines, else NaN, shape (n,)."""
     found: dict[str, Array] = {}
     for row in rows:
@@ -262,7 +262,7 @@ def _compliances(rows: Rows, n: int) -> dict[str, Array]:
     return found
 
 
-def _covariances(rows: Rows, names: Sequence[str]) -> dict[str, Array]:
+def _covariances(rows: _Rows, names: Sequence[str]) -> dict[str, Array]:
     """Of the compliances of each campaign, NaN where it states none, shape (n, n)."""
     place, n = {name.removeprefix("k_"): k for k, name in enumerate(names)}, len(names)
     found: dict[str, Array] = {}
@@ -289,7 +289,7 @@ class _Known:
             x[campaign][~np.isfinite(np.diag(own))] = np.nan
         return cls(x, cov)
 
-    def machine(self, serial: str | None, own: Rows, told: Iterable[_Repaired]) -> Machine:
+    def machine(self, serial: str | None, own: _Rows, told: Iterable[_Repaired]) -> Machine:
         """One robot with the repairs that its campaigns tell."""
         n = len(self.x[own[0]["campaign"]])
         repairs = [

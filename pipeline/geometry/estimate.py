@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import cached_property
+from functools import cached_property, lru_cache
 from itertools import pairwise
 
 import numpy as np
@@ -155,8 +155,9 @@ class ReadRows(Locked):
     def along(self, x: Array) -> Array:
         """X x, shape (m, r)."""
         dense = self.D.shape[2]
-        knots = x[dense:][self.at] if self.knots else np.zeros(self.at.shape)
-        return np.asarray(self.D @ x[:dense] + np.einsum("mrk,mk->mr", self.K, knots))
+        flat = self.D.reshape(-1, dense) @ x[:dense]  # one product, not one for each pose
+        out = flat.reshape(self.y.shape)
+        return out + np.einsum("mrk,mk->mr", self.K, x[dense:][self.at]) if self.knots else out
 
     def variance(self, cov: Array) -> Array:
         """X cov X' of each pose, shape (m, r, r)."""
@@ -230,9 +231,15 @@ def precision(mechanism: Mechanism, known: Prior) -> tuple[Array, float]:
 
 def _inverse(curve: Curve) -> tuple[Array, float]:
     """Inverse covariance of a curve's knots, and the log of its determinant."""
-    own = linear.cholesky(curve.shape())
-    log = -own.log_det - 2 * curve.count * float(np.log(curve.size))
-    return own.solve(np.eye(curve.count)) / curve.size**2, log
+    own, log_det = _of_unit_size(curve.first, curve.spacing, curve.count, curve.length)
+    return own / curve.size**2, -log_det - 2 * curve.count * float(np.log(curve.size))
+
+
+@lru_cache(maxsize=64)
+def _of_unit_size(first: float, spacing: float, count: int, length: float) -> tuple[Array, float]:
+    """Inverse of the shape of such knots, which no size changes, and its log determinant."""
+    own = linear.cholesky(Curve(0, first, spacing, count, length, 1.0, 0).shape())
+    return own.solve(np.eye(count)), own.log_det
 
 
 def solve(
@@ -248,13 +255,13 @@ def solve(
         mean: Of the parameters before any data.
     """
     P, log = prior_of
-    whole, right = _factored(N + P), b + P @ mean
+    whole, right = factored(N + P), b + P @ mean
     x = whole.solve(right)
     chi2 = square + mean @ P @ mean - x @ right
     return Posterior(x, whole.solve(np.eye(len(b))), float(-0.5 * (chi2 + whole.log_det - log)))
 
 
-def _factored(A: Array) -> linear.Cholesky:
+def factored(A: Array) -> linear.Cholesky:
     """The factor of a precision, where rounding spoils it with each parameter known better by that.
 
     So it is where readings contradict the robot.
@@ -267,11 +274,6 @@ def _factored(A: Array) -> linear.Cholesky:
 
 _ROUNDING = 1e-9
 """Part of a precision that sums of thousands of squares of metres in microns may lose."""
-
-
-def values(N: Array, b: Array, P: Array, mean: Array) -> Array:
-    """The parameters alone."""
-    return _factored(N + P).solve(b + P @ mean)
 
 
 def solved(rows: ReadRows, mechanism: Mechanism, known: Prior) -> Posterior:

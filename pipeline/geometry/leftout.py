@@ -6,14 +6,14 @@ the sums of the rest.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from dataclasses import dataclass
 
 import numpy as np
 from scipy.spatial import cKDTree
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Bools, Ints
-from pipeline.geometry.estimate import padded, precision, values
+from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.geometry.estimate import factored, padded, precision
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import frame_of
 from pipeline.geometry.readings import PositionReadings
@@ -44,7 +44,7 @@ def by_space(readings: PositionReadings, rng: np.random.Generator, parts: int = 
     return np.asarray(part, dtype=np.int64)
 
 
-def errors(found: Identified, part: Ints, without: Sequence[slice | Ints] = ()) -> Array:
+def errors(found: Identified, part: Ints) -> Array:
     """Reading minus prediction of each pose, by an estimate without its part, (m, 6 t), F_b.
 
     Where a whole series is left out, its frame is fitted to its own readings.
@@ -52,28 +52,68 @@ def errors(found: Identified, part: Ints, without: Sequence[slice | Ints] = ()) 
     Args:
         found: The estimate.
         part: Part of each pose, (m,).
-        without: Parameters that are held at zero.
     """
-    rows, mechanism = found.rows, found.mechanism
-    P, _ = precision(mechanism, found.known)
-    for one in without:
-        diagonal = np.arange(len(P))[one]
-        P[diagonal, diagonal] += _NOT**-2
+    return LeftOut(found, part).errors()
+
+
+class LeftOut:
+    """Estimates without each part of the poses, for several questions about one of them."""
+
+    def __init__(self, found: Identified, part: Ints) -> None:
+        self._found = found
+        self._parts = [_without(found, part == k) for k in np.unique(part)]
+
+    def errors(self, held: slice | Ints | None = None) -> Array:
+        """As `errors`, also with some parameters held at what they were before any data."""
+        out = np.empty(self._found.linear.y.shape)
+        for one in self._parts:
+            own = self._found.rows.of(one.mine)
+            e = own.y - own.along(one.x if held is None else one.holding(held))
+            for K, mine in one.alone:
+                e = _aligned(K, e, mine)
+            out[one.mine] = self._found.linear.spread(linear.solve(own.W, e))
+        return out
+
+
+@dataclass(frozen=True, eq=False)
+class _Without(Locked):
+    """An estimate without a part.
+
+    Attributes:
+        mine: Poses of the part, (m,).
+        known: Factors of the precision that the others give.
+        x: The parameters from these.
+        mean: Of the parameters before any data.
+        alone: Of each series that is left out as a whole, derivatives by its frame, and its poses.
+    """
+
+    mine: Bools
+    known: linear.Cholesky
+    x: Array
+    mean: Array
+    alone: tuple[tuple[Array, Bools], ...]
+
+    def holding(self, held: slice | Ints) -> Array:
+        """The parameters on the condition that some are as before any data.
+
+        x - C E (E' C E)^-1 E' (x - x0), C the covariance, E the columns of unity of what is held.
+        """
+        unity = np.eye(len(self.x))[:, held]
+        moves = self.known.solve(unity)
+        return self.x - moves @ linear.solve(unity.T @ moves, (self.x - self.mean)[held])
+
+
+def _without(found: Identified, mine: Bools) -> _Without:
+    rows, mechanism, series = found.rows, found.mechanism, found.readings.series
+    own, (P, _) = rows.of(mine), precision(mechanism, found.known)
+    alone = []
+    for one in np.setdiff1d(series[mine], series[~mine]):
+        frame = frame_of(mechanism, one)
+        P[frame, frame] += _NOT**-2 * np.eye(6)
+        alone.append((own.D[:, :, frame], series[mine] == one))
     mean = padded(found.known.mean, len(P))
-    out = np.empty(found.linear.y.shape)
-    for k in np.unique(part):
-        mine = part == k
-        own = rows.of(mine)
-        alone = np.setdiff1d(found.readings.series[mine], found.readings.series[~mine])
-        fixed = P.copy()
-        for series in alone:
-            fixed[frame_of(mechanism, series), frame_of(mechanism, series)] += _NOT**-2 * np.eye(6)
-        e = own.y - own.along(values(rows.N - own.N, rows.b - own.b, fixed, mean))
-        for series in alone:
-            e = _aligned(own.D[:, :, frame_of(mechanism, series)], e,
-                         found.readings.series[mine] == series)  # fmt: skip
-        out[mine] = found.linear.spread(linear.solve(own.W, e))
-    return out
+    known = factored(rows.N - own.N + P)
+    return _Without(mine, known, known.solve(rows.b - own.b + P @ mean), mean, tuple(alone))
 
 
 def _aligned(D: Array, e: Array, mine: Bools) -> Array:

@@ -316,7 +316,7 @@ def moved(found: Identified, signs: Array) -> MoveTime | None:
         return None
     seen = [_frame_moved(found, plain, pose, signs[:0]) for pose in at]
     best = int(np.argmax([one.T[0] for one in seen]))
-    here = score(found, signs, seen[best].left)
+    here = score(found, signs, seen[best].left(found, plain))
     frames = np.stack([_frame_moved(found, here, pose, signs).T for pose in at])
     cost = float(np.log(found.linear.read.sum()))
     rival = _most_by_a_joint(here, inputs) - cost
@@ -331,34 +331,50 @@ def moved(found: Identified, signs: Array) -> MoveTime | None:
 
 
 class _FrameMoved(NamedTuple):
-    """T of readings and copies, (1 + copies,), and what the move leaves of the readings, (m, r)."""
+    """The instrument's having moved before a pose of a series.
+
+    Attributes:
+        T: Of readings and copies, (1 + copies,).
+        after: Poses that it changes.
+        F: Derivatives of their rows by turn and shift, (m', r, 6).
+        shared: What these have in common with all parameters, (k, 6).
+        size: Of the move, (6,).
+    """
 
     T: Array
-    left: Array
+    after: slice | Ints
+    F: Array
+    shared: Array
+    size: Array
+
+    def left(self, found: Identified, here: Score) -> Array:
+        """What the move leaves of the readings, (m, r)."""
+        left = here.left + found.rows.along(here.cov @ (self.shared @ self.size))
+        left[self.after] -= self.F @ self.size
+        return left
 
 
 def _frame_moved(found: Identified, here: Score, pose: int, signs: Array) -> _FrameMoved:
-    """The instrument's having moved before a pose of a series."""
     series = int(found.readings.series[pose])
-    after = np.flatnonzero(found.readings.series == series)
-    after = after[after >= pose]
+    at = np.flatnonzero(found.readings.series == series)
+    at = at[at >= pose]
+    neighbours = at[-1] - at[0] + 1 == len(at)  # a slice of an array is no copy
+    after = slice(at[0], at[-1] + 1) if neighbours else at
     rows = found.rows
-    F = rows.D[after][:, :, frame_of(found.mechanism, series)]
-    shared = np.zeros((len(here.cov), 6))
-    dense = rows.D.shape[2]
-    shared[:dense] = np.einsum("mrd,mrk->dk", rows.D[after], F)
+    D = rows.D[after]
+    dense, F = D.shape[2], D[:, :, frame_of(found.mechanism, series)]
+    shared, flat = np.zeros((len(here.cov), 6)), F.reshape(-1, 6)
+    shared[:dense] = D.reshape(-1, dense).T @ flat
     beside = np.swapaxes(rows.K[after], 1, 2) @ F
     for k in range(rows.K.shape[2]):
         np.add.at(shared[dense:], rows.at[after, k], beside[:, k])
     own, copied = (np.einsum("mrk,mr->mk", F, one[after]) for one in (here.left, here.copied))
     num = np.column_stack([own.sum(axis=0), copied.T @ signs[:, after].T])
     num[:, 1:] -= shared.T @ here.x[:, : len(signs)]
-    whole = np.einsum("mrk,mrl->kl", F, F)
+    whole = flat.T @ flat
     inverse, _ = linear.left(whole - shared.T @ here.cov @ shared, np.diag(whole))
-    size = inverse @ num[:, 0]
-    left = here.left + rows.along(here.cov @ (shared @ size))
-    left[after] -= F @ size
-    return _FrameMoved(np.asarray(np.einsum("ks,kl,ls->s", num, inverse, num)), left)
+    T = np.asarray(np.einsum("ks,kl,ls->s", num, inverse, num))
+    return _FrameMoved(T, after, F, shared, inverse @ num[:, 0])
 
 
 def sharpened(here: Score, law: JointLaw, inputs: Inputs) -> JointLaw:

@@ -12,6 +12,7 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.bootstrap import interval
 from pipeline.geometry import leftout, search
 from pipeline.geometry.identify import Identified
+from pipeline.geometry.leftout import LeftOut
 from pipeline.geometry.mechanism import frame_of
 from pipeline.geometry.readings import PositionReadings
 
@@ -93,7 +94,7 @@ class Judge:
     def __init__(self, parts: dict[Parting, Ints], rng: np.random.Generator) -> None:
         self._parts = parts
         self._rng = rng
-        self._made: tuple[Identified | None, dict[Parting, Array]] = (None, {})
+        self._made: tuple[Identified | None, dict[Parting, tuple[LeftOut, Array]]] = (None, {})
 
     def far(self, once: bool = False) -> Parting:
         """What is farthest from all others: a series, of what happened once a part of space."""
@@ -135,10 +136,11 @@ class Judge:
     def _gain(self, found: Identified, parting: Parting, without: slice | Ints) -> LeftOutGain:
         if self._made[0] is not found:
             self._made = found, {}
-        known, part = self._made[1], self._parts[parting]
+        known = self._made[1]
         if parting not in known:
-            known[parting] = leftout.errors(found, part)
-        with_it, bare = known[parting], leftout.errors(found, part, [without])
+            parts = LeftOut(found, self._parts[parting])
+            known[parting] = parts, parts.errors()
+        with_it, bare = known[parting][1], known[parting][0].errors(without)
         seen = np.tile(np.arange(6) < 3, with_it.shape[1] // 6) & found.readings.read
         block = np.broadcast_to(search.blocks(found.readings)[:, None], seen.shape)[seen]
         _, ci95 = interval(bare[seen], with_it[seen], block, self._rng)

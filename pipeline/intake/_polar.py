@@ -68,11 +68,11 @@ class Polar:
         return Meaning(unit, "spherical", self.angle, self.vertical)
 
 
-USUAL = ((2, 0, 1), (0, 1, 2))
+_USUAL = ((2, 0, 1), (0, 1, 2))
 """Orders in which programs write: Hz V D of surveyors, and R Theta Phi."""
 
 
-def possible(numbers: Array, unit: str | None) -> list[Polar]:
+def _possible(numbers: Array, unit: str | None) -> list[Polar]:
     """Every way in which three columns may be angles and a distance, usual orders first.
 
     Args:
@@ -80,13 +80,14 @@ def possible(numbers: Array, unit: str | None) -> list[Polar]:
         unit: Unit of length, None where nobody says.
     """
     orders = sorted(
-        itertools.permutations(range(3)), key=lambda o: USUAL.index(o) if o in USUAL else len(USUAL)
+        itertools.permutations(range(3)),
+        key=lambda o: _USUAL.index(o) if o in _USUAL else len(_USUAL),
     )
     ways = itertools.product(orders, FULL, ZEROS)
     return [
         Polar((d, a, v), angle, vertical)
         for (d, a, v), angle, vertical in ways
-        if (angle != "rad" or (d, a, v) in USUAL)  # instruments show degrees, programs radians
+        if (angle != "rad" or (d, a, v) in _USUAL)  # instruments show degrees, programs radians
         and (angle != PACKED or may_be_packed(numbers[:, [a, v]]))
         and _is_distance(numbers[:, d], unit)
         and _is_azimuth(numbers[:, a], angle)
@@ -116,7 +117,7 @@ def _is_vertical(values: Array, angle: str, vertical: str) -> bool:
 
 def beams(numbers: Array, names: Sequence[str], unit: str | None) -> list[Polar]:
     """Those of all ways in which targets do not seem to move along the beam only."""
-    return [way for way in possible(numbers, unit) if not only_along(numbers, names, way)]
+    return [way for way in _possible(numbers, unit) if not _only_along(numbers, names, way)]
 
 
 def in_two_faces(numbers: Array, names: Sequence[str], groups: Sequence[str]) -> list[Polar]:
@@ -129,7 +130,7 @@ def in_two_faces(numbers: Array, names: Sequence[str], groups: Sequence[str]) ->
         pairs = [] if not any(names) else list(_again(keys))
         if pairs and not found:
             one, other = (numbers[[pair[k] for pair in pairs]] for k in (0, 1))
-            ways = {w: int(_faces(one, other, w).sum()) for w in possible(numbers, None)}
+            ways = {w: int(_faces(one, other, w).sum()) for w in _possible(numbers, None)}
             most = max([1, *ways.values()])
             found = [way for way, count in ways.items() if count == most]
     return found
@@ -155,7 +156,7 @@ def _faces(one: Array, other: Array, way: Polar) -> Bools:
     return np.asarray(turned & plunged & same)
 
 
-def as_polar(numbers: Array, way: Polar, unit: str) -> Array:
+def _as_polar(numbers: Array, way: Polar, unit: str) -> Array:
     """Cartesian coordinates [m] of the columns read that way, shape (n, 3)."""
     return cartesian([numbers[:, k] for k in way.order], way.meaning(unit))
 
@@ -225,9 +226,9 @@ def rigid_ways(
     own = softness(numbers, names, groups)
     if own is None or keeps(own):
         return []
-    found = {way: softness(as_polar(numbers, way, unit), names, groups) for way in ways}
+    found = {way: softness(_as_polar(numbers, way, unit), names, groups) for way in ways}
     keeping = [way for way, soft in found.items() if soft is not None and soft <= _RIGID]
-    return keeping if keeping and rigid(found[keeping[0]], [own]) else []
+    return keeping if keeping and _rigid(found[keeping[0]], [own]) else []
 
 
 def rigid_space(
@@ -237,7 +238,7 @@ def rigid_space(
     own = softness(numbers, names, groups)
     if not keeps(own):
         return False
-    return rigid(own, [softness(as_polar(numbers, way, unit), names, groups) for way in ways])
+    return _rigid(own, [softness(_as_polar(numbers, way, unit), names, groups) for way in ways])
 
 
 def in_part(numbers: Array, names: Sequence[str], groups: Sequence[str], unit: str) -> int | None:
@@ -254,9 +255,9 @@ def in_part(numbers: Array, names: Sequence[str], groups: Sequence[str], unit: s
     found: dict[int, float] = {}
     for parts in ([(k, row < k) for k in edges], [(k, row >= k) for k in reversed(edges)]):
         for k, angles, way in _while_possible(numbers, parts, unit):
-            place = np.where(angles[:, None], as_polar(numbers, way, unit), lengths)
+            place = np.where(angles[:, None], _as_polar(numbers, way, unit), lengths)
             soft = softness(place, names, groups)
-            if soft is not None and rigid(soft, [own]):
+            if soft is not None and _rigid(soft, [own]):
                 found[k] = min(soft, found.get(k, soft))
     return min(found, key=found.__getitem__, default=None)
 
@@ -266,7 +267,7 @@ def _while_possible(
 ) -> Iterator[tuple[int, Bools, Polar]]:
     """Every way to read rows of growing parts as angles; where one has none, no larger one has."""
     for k, angles in parts:
-        ways = possible(numbers[angles], unit)
+        ways = _possible(numbers[angles], unit)
         if not ways:
             return
         yield from ((k, angles, way) for way in ways)
@@ -277,21 +278,21 @@ def keeps(soft: float | None) -> bool:
     return soft is not None and soft <= _RIGID
 
 
-def rigid(soft: float | None, others: Sequence[float | None]) -> bool:
+def _rigid(soft: float | None, others: Sequence[float | None]) -> bool:
     """Whether targets keep their distances in one kind of coordinates, and in no other."""
     if soft is None or not keeps(soft) or None in others:
         return False
     return all(other > _SOFTER * max(soft, _RIGID / 2) for other in others if other is not None)
 
 
-def only_along(numbers: Array, names: Sequence[str], way: Polar) -> bool:
+def _only_along(numbers: Array, names: Sequence[str], way: Polar) -> bool:
     """Whether targets would move along the beam only, which they do not: then it is none.
 
     What lengths in metres are taken for degrees, moves seem to be fifty times smaller than the same
     along the third axis. Directions alike, P(|cos| > c) = 1 - c (Archimedes), pairs by Fisher.
     """
     found = list(_along(numbers, names, way))
-    chance = _BY_CHANCE if way.order in USUAL else _UNUSUAL
+    chance = _BY_CHANCE if way.order in _USUAL else _UNUSUAL
     if not found or np.median(found) > chance ** (1 / 2):
         return False
     statistic = -2.0 * float(np.sum(np.log(np.maximum(found, _BY_CHANCE / _DIGITS))))
@@ -301,7 +302,7 @@ def only_along(numbers: Array, names: Sequence[str], way: Polar) -> bool:
 def _along(numbers: Array, names: Sequence[str], way: Polar) -> Iterator[float]:
     """1 - |cos| between beam and movement, for each small movement with enough digits."""
     _, a, v = way.order
-    position = as_polar(numbers, way, "m")
+    position = _as_polar(numbers, way, "m")
     last = max(_last_digit(numbers[:, a]), _last_digit(numbers[:, v]))
     digit = 2 * np.pi * float(circles(np.array([last]), way.angle)[0])
     for j, k in _again(names) if any(names) else ():

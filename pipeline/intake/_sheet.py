@@ -16,7 +16,7 @@ from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers._text import Text
 from pipeline.readers._titles import name_a_place, titled
 
-SEPARATORS = (";", "\t", "|", ",", " ")
+_SEPARATORS = (";", "\t", "|", ",", " ")
 """What may stand between cells; of two that cut a file alike the first, which is the rarer sign."""
 _SAMPLED = 400
 """Lines by which a table is known: the longest preamble seen has 60, and a pose has 10 rows."""
@@ -90,7 +90,7 @@ def sheet(text: Text) -> Sheet | None:
     """The table in a file, None where no separator gives rows with three numbers."""
     lines = list(text.lines(1, _SAMPLED))
     mark = _mark(lines)
-    found = max((_rows(lines, one, mark) for one in SEPARATORS), key=lambda one: one.rank)
+    found = max((_rows(lines, one, mark) for one in _SEPARATORS), key=lambda one: one.rank)
     if not found.rows:
         return None
     found = _below_titles(_without_numbered_titles(found), lines, mark)

@@ -18,14 +18,15 @@ import pyarrow as pa
 from pipeline import readers
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
+from pipeline.intake import log_columns
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._separators import LOOKED_AT, separators
 from pipeline.intake.offer import Offer, offer
 from pipeline.intake.which_logs import Logs, propose_logs, unsure
 from pipeline.readers import Columns, Export, Hints, logs
-from pipeline.readers._log_form import LogForm
 from pipeline.readers._names import split
 from pipeline.readers._text import is_workbook
+from pipeline.readers.said import LogForm
 
 _UNIT = Hints(unit="mm")
 _SHOWN = 8
@@ -231,8 +232,11 @@ def _told(
     if logged.loads is None or not rows or len(ways_to_read(rows)) == 1:
         return _Told()
     data = files[logged.loads]
-    form = logs.settled(LogForm(columns=logged.load_columns))
-    for columns in ({}, *({title: "group"} for title in logs.unknown(logged.loads, data, form))):
+    form = log_columns.settled(LogForm(columns=logged.load_columns))
+    for columns in (
+        {},
+        *({title: "group"} for title in log_columns.unknown(logged.loads, data, form)),
+    ):
         tried = form.model_copy(update={"columns": form.columns | columns})
         with contextlib.suppress(InputError):
             found = logs.loads(logged.loads, data, tried).states

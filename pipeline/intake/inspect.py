@@ -13,17 +13,17 @@ from pipeline import tables
 from pipeline.base.quantities import plain
 from pipeline.base.shown import in_toml
 from pipeline.intake._separators import separators
+from pipeline.intake.known import rounds
 from pipeline.intake.offer import Offer, offer
-from pipeline.readers import Export, Hints, read
-from pipeline.readers._names import rounds, split
-from pipeline.readers.table import NAME
+from pipeline.readers import TABLE, Export, Hints, read
+from pipeline.readers._names import split
 
 _MOST_TARGETS = 50
 """Names that are listed; more of them nobody reads."""
 
 
 @dataclass(frozen=True)
-class Inspection:
+class _Inspection:
     """What was recognised in a file.
 
     Attributes:
@@ -84,7 +84,7 @@ class Inspection:
     def to_text(self) -> str:
         """For people, one line per fact."""
         lines = [f"{self.file}", *(f"  {name:12} {fact}" for name, fact in self._facts())]
-        lines += columns_in_words(self.columns or []) + rows_in_words(self.preview or [])
+        lines += _columns_in_words(self.columns or []) + rows_in_words(self.preview or [])
         return "\n".join([*lines, "", self.proposal.rstrip()] if self.proposal else lines)
 
     def _facts(self) -> Iterator[tuple[str, str]]:
@@ -151,7 +151,7 @@ _WHY = {
 """What says what a column is, in words."""
 
 
-def columns_in_words(columns: Sequence[Mapping[str, Any]]) -> list[str]:
+def _columns_in_words(columns: Sequence[Mapping[str, Any]]) -> list[str]:
     """One line for each column: number, title, first cell, what it is, and why."""
     out = []
     for one in columns:
@@ -165,7 +165,7 @@ def columns_in_words(columns: Sequence[Mapping[str, Any]]) -> list[str]:
 def offer_in_words(file: str, found: Offer) -> str:
     """What a file seems to be, for people: its columns, first rows and what to paste."""
     lines = [file, f"  {'dialect':12} {found.dialect}"]
-    lines += columns_in_words([vars(column) for column in found.columns])
+    lines += _columns_in_words([vars(column) for column in found.columns])
     lines += rows_in_words(found.preview)
     return "\n".join([*lines, "", found.proposal.rstrip()])
 
@@ -179,7 +179,7 @@ def rows_in_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
     ]
 
 
-def inspect(name: str, data: bytes, hints: Hints | None = None) -> Inspection:
+def inspect(name: str, data: bytes, hints: Hints | None = None) -> _Inspection:
     """Read an export and say what it is.
 
     Args:
@@ -197,7 +197,7 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> Inspection:
     meaning, angles = export.meaning, export.meaning.angles
     span = pc.min_max(export.time).as_py()
     first, last = (None if span[end] is None else span[end].isoformat() for end in ("min", "max"))
-    return Inspection(
+    return _Inspection(
         file=name,
         dialect=export.dialect,
         encoding=export.encoding,
@@ -249,7 +249,7 @@ def _as_proposed(
     """
     if names:
         hints = hints.model_copy(update={"names": names[0]})
-    found = offer(name, data, hints) if export.dialect == NAME else None
+    found = offer(name, data, hints) if export.dialect == TABLE else None
     if found is None:
         others = f"   # or {', '.join(map(in_toml, names[1:]))}" if names[1:] else ""
         return {"proposal": f"[tracker]\nnames = {in_toml(names[0])}{others}"} if names else {}

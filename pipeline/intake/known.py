@@ -12,14 +12,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.base.arrays import Array
+from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import InputError
 from pipeline.base.linear import rigid
 from pipeline.base.quantities import plain
 from pipeline.intake.offer import proposal
 from pipeline.intake.question import Proposal
 from pipeline.readers import Export, Hints, opened_as_text, read
-from pipeline.readers._names import rounds
 from pipeline.readers._text import until
 from pipeline.readers.known import BETTER, GROSS_M, ReflectorSet
 
@@ -167,3 +166,16 @@ def _away(nominal: Array, position: Array) -> float:
 
 def _length(metres: float) -> str:
     return f"{plain(metres, 3)} m" if metres >= 1.0 else f"{plain(1e3 * metres, 2)} mm"
+
+
+def rounds(target: Ints) -> Ints:
+    """Number of the round of each reading, from 1: a round ends where a name comes again."""
+    out = np.ones(len(target), dtype=np.int64)
+    seen: set[int] = set()
+    for k, name in enumerate(target.tolist()):
+        out[k] = out[k - 1] if k else 1
+        if name in seen:
+            seen.clear()
+            out[k] += 1
+        seen.add(name)
+    return out

@@ -20,7 +20,7 @@ def inspect(
     said: Mapping[str, Any],
     csv: bool = False,
     mapping: Path | None = None,
-    ask: Ask | None = None,
+    ask: _Ask | None = None,
 ) -> Outcome:
     """Say what a tracker export or a log is, or with `csv` give an export's readings in SI.
 
@@ -38,8 +38,8 @@ def inspect(
     from pipeline.intake.inspect import as_csv
     from pipeline.intake.inspect import inspect as look
     from pipeline.intake.known import settled
+    from pipeline.intake.log_columns import refuse_without_poses
     from pipeline.readers import largest, refuse_other_programs
-    from pipeline.readers.logs import refuse_without_poses
 
     data, hints = b"", None
     try:
@@ -96,7 +96,7 @@ def _named_robot(data: bytes) -> str | None:
     return None
 
 
-Ask = Callable[[Any], Mapping[str, Any]]
+_Ask = Callable[[Any], Mapping[str, Any]]
 """What [tracker] says in answer to the question of a `readers.offer.Offer`."""
 
 
@@ -134,7 +134,7 @@ def _words(data: bytes, name: str, known: Any) -> Any:
     return known.model_copy(update={word: getattr(tried, word) for word in words})
 
 
-def _answered(name: str, data: bytes, hints: Any, ask: Ask | None) -> Any:
+def _answered(name: str, data: bytes, hints: Any, ask: _Ask | None) -> Any:
     """What is said of an export, with all that it leaves open asked."""
     from pipeline.intake.offer import offer
 

@@ -13,7 +13,7 @@ from pipeline.base.quantities import MM
 from pipeline.base.shown import in_toml
 from pipeline.intake.proposal import propose
 from pipeline.intake.question import Answer, Column, Proposal, Question
-from pipeline.readers import Columns, Export, Hints, Text, opened_as_text, read, recognise, table
+from pipeline.readers import TABLE, Columns, Export, Hints, Text, opened_as_text, read, recognise
 from pipeline.readers._circle import FULL
 from pipeline.readers._coordinates import AXES, SENSES, USUAL_UNITS, ZEROS
 
@@ -86,7 +86,7 @@ def offer(name: str, data: bytes, hints: Hints) -> Offer | None:
         dialect=reader.name,
         columns=found.columns,
         preview=_preview(name, data, found.hints),
-        proposal=as_toml(found),
+        proposal=_as_toml(found),
         questions=found.questions,
         hints=found.hints,
     )
@@ -100,7 +100,7 @@ def proposal(name: str, data: bytes, hints: Hints) -> Proposal | None:
     """
     with at(name):
         file = opened_as_text(name, data, hints)
-        unknown = hints.mapping is not None or recognise(file) is table.READER
+        unknown = hints.mapping is not None or recognise(file).name == TABLE
         return propose(file, hints) if unknown else _of_dialect(name, data, file, hints)
 
 
@@ -155,12 +155,12 @@ def _open(name: str, data: bytes, hints: Hints, wrong: InputError) -> Question |
 def _preview(name: str, data: bytes, hints: Hints) -> tuple[Mapping[str, Any], ...]:
     """The first readings with what is proposed; none where that is refused."""
     try:
-        return first_rows(read(name, data, hints))
+        return _first_rows(read(name, data, hints))
     except InputError:
         return ()
 
 
-def first_rows(export: Export) -> tuple[Mapping[str, Any], ...]:
+def _first_rows(export: Export) -> tuple[Mapping[str, Any], ...]:
     """The first readings of an export, coordinates in mm."""
     n = min(_FIRST, len(export.line))
     names = {
@@ -179,7 +179,7 @@ def first_rows(export: Export) -> tuple[Mapping[str, Any], ...]:
     )
 
 
-def as_toml(found: Proposal) -> str:
+def _as_toml(found: Proposal) -> str:
     """[tracker] and [tracker.mapping], what is open with its other answers behind it."""
     others: dict[str, list[str]] = {
         one.about: [in_toml(other.said) for other in one.answers[1:]] for one in found.questions

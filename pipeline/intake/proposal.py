@@ -48,10 +48,11 @@ from pipeline.readers._named import (
     is_unit_title,
     known_units,
 )
-from pipeline.readers._reader import Columns, Hints, settled_unit
+from pipeline.readers._reader import settled_unit
 from pipeline.readers._text import Text
 from pipeline.readers._time import ISO
 from pipeline.readers._titles import horizontal, titled
+from pipeline.readers.said import Columns, Hints
 
 _COORDINATES = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
 _PACKED = re.compile(r"\bd+\.?m+\.?s+\b", re.IGNORECASE)

@@ -8,7 +8,7 @@ from typing import Any, Literal
 
 from pipeline.base.errors import InputError, listed
 from pipeline.intake._beside import Why
-from pipeline.readers._reader import Hints
+from pipeline.readers.said import Hints
 
 About = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertical", "horizontal",
                 "decimal"]  # fmt: skip

@@ -6,8 +6,8 @@ from pipeline.base.errors import InputError
 from pipeline.intake._sheet import sheet
 from pipeline.intake.proposal import propose
 from pipeline.readers._cells import shown
-from pipeline.readers._reader import Hints
 from pipeline.readers._text import Text
+from pipeline.readers.said import Hints
 
 
 def holds_one(text: Text) -> bool:

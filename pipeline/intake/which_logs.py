@@ -12,12 +12,13 @@ from typing import Any
 import numpy as np
 
 from pipeline.base.errors import InputError
+from pipeline.intake import log_columns
 from pipeline.machine.robot import SHIPPED, Robot, load
 from pipeline.machine.robot.mdh import parse as parse_robot
 from pipeline.readers import logs
-from pipeline.readers._log_form import OURS, LogForm
 from pipeline.readers._text import is_workbook
 from pipeline.readers.logs import Log
+from pipeline.readers.said import OURS, LogForm
 from pipeline.reduction import limits
 
 
@@ -69,7 +70,7 @@ def propose_logs(files: Mapping[str, bytes]) -> Logs:
 
 def _may_be_log(name: str, data: bytes) -> bool:
     try:
-        return not name.endswith(".toml") and logs.may_be_log(name, data)
+        return not name.endswith(".toml") and log_columns.may_be_log(name, data)
     except InputError:
         return is_workbook(data)  # several of its sheets may be meant: each log looks for its own
 
@@ -98,7 +99,7 @@ def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> Iterator[tup
     for key, robot in robots.items():
         form = _form(
             partial(logs.joints, name, data, robot),
-            partial(logs.understood_joints, name, data, robot),
+            partial(log_columns.understood_joints, name, data, robot),
         )
         if form:
             yield key, _within_limits(name, data, robot, form)
@@ -124,7 +125,7 @@ def _by_number(
     """Robots that can take every row of numbers of a log as a pose, in one order of the columns."""
     for key, robot in robots.items():
         with contextlib.suppress(InputError):
-            ways = logs.numbered_joints(name, data, robot)
+            ways = log_columns.numbered_joints(name, data, robot)
             fitting = [form for form in ways if _possible(name, data, robot, form)]
             if len(fitting) == 1:
                 yield key, _within_limits(name, data, robot, fitting[0])
@@ -151,7 +152,7 @@ def _in_one_of(ours: str, units: Sequence[str]) -> str:
 
 def _loads(name: str, data: bytes) -> LogForm | None:
     """What has to be said of the columns of a log of loads, None where it is none."""
-    return _form(partial(logs.loads, name, data), partial(logs.understood_loads, name, data))
+    return _form(partial(logs.loads, name, data), partial(log_columns.understood_loads, name, data))
 
 
 def unsure(
@@ -162,7 +163,7 @@ def unsure(
     A scale shows forces wherever nothing else can be read.
     """
     with contextlib.suppress(InputError):
-        form = logs.settled(LogForm(columns=dict(columns)))
+        form = log_columns.settled(LogForm(columns=dict(columns)))
         log = logs.loads(name, files[name], form) if name else None
         if log is not None and len(log.line):
             given = {kind: ~np.isnan(log.number[kind]) for kind in ("force", "mass")}

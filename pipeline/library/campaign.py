@@ -28,7 +28,7 @@ from pipeline.store.campaign import Raw, find, in_memory, unfit
 _POSITIONS = "positions.npz"
 
 
-class Stiffnesses(tuple[Stiffness, ...]):
+class _Stiffnesses(tuple[Stiffness, ...]):
     """The stiffness of each joint in the order of the robot file, also by name."""
 
     __slots__ = ()
@@ -136,9 +136,9 @@ class Result:
         return str(self.answer.diagnosis.verdict)
 
     @property
-    def stiffness(self) -> Stiffnesses:
+    def stiffness(self) -> _Stiffnesses:
         """Each joint's stiffness with its standard uncertainty and unit, by place or by name."""
-        return Stiffnesses(self.answer.stiffness)
+        return _Stiffnesses(self.answer.stiffness)
 
     def to_frame(self) -> pd.DataFrame:
         """The stiffnesses as a table, a row for each joint."""

@@ -8,7 +8,7 @@ import numpy.typing as npt
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, listed
 from pipeline.machine.robot import Joint, Robot, rating
-from pipeline.readers.logs import LIMIT_SLACK
+from pipeline.machine.robot.axes import LIMIT_SLACK
 
 _TURN = 2 * np.pi
 """[rad]: what is beyond its limits by more than a turn from its zero is in degrees."""

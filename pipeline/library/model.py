@@ -11,13 +11,15 @@ import numpy.typing as npt
 from pipeline.base import files
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import InputError, listed
+from pipeline.library import compensate as offsets
+from pipeline.library import compliance
+from pipeline.library.compensate import Compensation
+from pipeline.library.compliance import CartesianStiffness
 from pipeline.library.joints import loaded, point
 from pipeline.machine.robot import Robot
-from pipeline.prediction import compensate as offsets
-from pipeline.prediction import compliance, standing
-from pipeline.prediction.compensate import Compensation
-from pipeline.prediction.compliance import CartesianStiffness
+from pipeline.prediction import standing
 from pipeline.prediction.model import IdentifiedModel as Identified
+from pipeline.prediction.path import Path as JointPath
 from pipeline.prediction.standing import Standing
 
 
@@ -151,7 +153,7 @@ class Model:
             InputError: A shape, a unit or a joint limit is broken; says which joint.
         """
         rows, force = loaded(self.robot, q, force_n)
-        path = offsets.Path(np.arange(1, len(rows) + 1), rows, force, controller=False)
+        path = JointPath(np.arange(1, len(rows) + 1), rows, force, controller=False)
         return offsets.compensate(self.identified, path, point("tip_m", tip_m))
 
 

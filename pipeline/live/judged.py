@@ -16,7 +16,7 @@ from pipeline.library.campaign import Campaign, Result
 from pipeline.machine.robot import axes
 from pipeline.readers import logs
 
-CERTAIN = 3.0
+_CERTAIN = 3.0
 """Standard uncertainties between the predicted deflection and the tolerance from which to stop: a
 decision is looked at after each of some ten poses, each time wrong by chance in 1.4 of 1000."""
 
@@ -28,7 +28,7 @@ _LIKELY = 0.5
 
 
 @dataclass(frozen=True)
-class Suspect:
+class _Suspect:
     """A reading, row or pull that does not agree with the others.
 
     Attributes:
@@ -45,7 +45,7 @@ class Suspect:
 
 
 @dataclass(frozen=True)
-class Open:
+class _Open:
     """How far a stiffness is known; value and std in `unit`, None where not determined."""
 
     name: str
@@ -57,7 +57,7 @@ class Open:
 
 
 @dataclass(frozen=True)
-class Next:
+class _Next:
     """A pose to measure next.
 
     Attributes:
@@ -75,7 +75,7 @@ class Next:
 
 
 @dataclass(frozen=True)
-class Stop:
+class _Stop:
     """Whether to stop, why, and how many planned poses that saves."""
 
     now: bool
@@ -105,11 +105,11 @@ class Update:
     poses: int
     accepted: bool
     complete: bool = False
-    suspects: tuple[Suspect, ...] = ()
-    stiffness: tuple[Open, ...] = ()
+    suspects: tuple[_Suspect, ...] = ()
+    stiffness: tuple[_Open, ...] = ()
     warnings: tuple[str, ...] = ()
-    next: tuple[Next, ...] = ()
-    stop: Stop = Stop(now=False, text="")
+    next: tuple[_Next, ...] = ()
+    stop: _Stop = _Stop(now=False, text="")
     verdict: str | None = None
     why: str | None = None
 
@@ -159,18 +159,18 @@ class _Of:
         self._groups = set(readings["group"].astype(str))
         self._lines = set(readings["file"].astype(str) + ":" + readings["line"].astype(str))
 
-    def concerned(self, one: Suspect) -> bool:
+    def concerned(self, one: _Suspect) -> bool:
         """Readings that are left out are in no table; their groups are, with other targets."""
         return one.where.rpartition("/")[0] in self._groups or bool(self._lines & {*one.readings})
 
 
-def _suspects(answer: Answer) -> Iterator[Suspect]:
+def _suspects(answer: Answer) -> Iterator[_Suspect]:
     for one in answer.diagnosis.causes:
         if one.evidence is not None:
             again = "Measure it again, or correct the file."
             said = one.evidence.sentence
             text = f"{said[:1].upper()}{said[1:]}. {again}"
-            yield Suspect(str(one.name), str(one.where or ""), tuple(one.readings), text)
+            yield _Suspect(str(one.name), str(one.where or ""), tuple(one.readings), text)
 
 
 def _warnings(answer: Answer) -> Iterator[str]:
@@ -180,16 +180,16 @@ def _warnings(answer: Answer) -> Iterator[str]:
             yield f"{str(one.name).replace('_', ' ')}{at}: probability {one.probability:.2f}"
 
 
-def _stiffness(answer: Answer) -> Iterator[Open]:
+def _stiffness(answer: Answer) -> Iterator[_Open]:
     for one in answer.stiffness:
         axis = one.axis or one.joint_name
-        yield Open(one.name, axis, one.value, one.std, one.unit, one.relative_std)
+        yield _Open(one.name, axis, one.value, one.std, one.unit, one.relative_std)
 
 
 # --- what comes next ------------------------------------------------------------------------------
 
 
-def _left(campaign: Campaign, result: Result, done: Sequence[int]) -> list[Next]:
+def _left(campaign: Campaign, result: Result, done: Sequence[int]) -> list[_Next]:
     """Planned poses that nothing was read of, the most telling first."""
     log = campaign.raw.settings.joints
     if log.file not in campaign.files or not len(result.tables.get("forces", ())):
@@ -203,7 +203,7 @@ def _left(campaign: Campaign, result: Result, done: Sequence[int]) -> list[Next]
         return []
     worth = _worth(result, q[ahead])
     return [
-        Next(
+        _Next(
             pose=int(number[ahead[k]]),
             axes=_axes(campaign, q[ahead[k]]),
             worth=float(worth[k]) if np.isfinite(worth[k]) else None,
@@ -250,41 +250,41 @@ def _axes(campaign: Campaign, q: Array) -> tuple[tuple[str, float, str], ...]:
     )
 
 
-def _proposed(answer: Answer) -> Iterator[Next]:
+def _proposed(answer: Answer) -> Iterator[_Next]:
     """Poses that the answer proposes where no plan is left."""
     for one in answer.diagnosis.next_poses:
         if not one.axes:
             continue
         at = tuple((axis.name, axis.value, axis.unit) for axis in one.axes)
         apart = " from ".join(one.separates)
-        yield Next(None, at, None, f"it tells {apart}")
+        yield _Next(None, at, None, f"it tells {apart}")
     best = answer.diagnosis.best_pose
     if best is not None and best.axes and not answer.diagnosis.next_poses:
         at = tuple((axis.name, axis.value, axis.unit) for axis in best.axes)
         after = best.relative_std_after
         expected = "" if after is None else f", to {100 * after:.0f} %"
-        yield Next(None, at, None, f"it determines {best.name} best{expected}")
+        yield _Next(None, at, None, f"it determines {best.name} best{expected}")
 
 
 # --- when to stop ---------------------------------------------------------------------------------
 
 
-def _stop(answer: Answer, poses: int, left: int, suspected: bool) -> Stop:
+def _stop(answer: Answer, poses: int, left: int, suspected: bool) -> _Stop:
     """Whether the decision by the tolerance would stay the same."""
     asked = answer.tolerance
     if asked is None or asked.worst is None:
-        return Stop(now=False, text="campaign.toml states no tolerance: measure as planned")
+        return _Stop(now=False, text="campaign.toml states no tolerance: measure as planned")
     if suspected:
-        return Stop(now=False, text="first settle what is suspected")
+        return _Stop(now=False, text="first settle what is suspected")
     if poses < _FEWEST:
         earliest = f"pose {_FEWEST}"
-        return Stop(now=False, text=f"nothing is decided before {earliest}")
+        return _Stop(now=False, text=f"nothing is decided before {earliest}")
     if str(answer.diagnosis.verdict) not in {"adequate", "explained"}:
-        return Stop(now=False, text="the model does not explain the readings yet")
+        return _Stop(now=False, text="the model does not explain the readings yet")
     decided = _decided(answer, asked)
     if decided is None:
-        return Stop(now=False, text="the tolerance is not decided with certainty yet")
-    return Stop(now=True, text=f"the tolerance is decided: {decided}", saved_poses=left)
+        return _Stop(now=False, text="the tolerance is not decided with certainty yet")
+    return _Stop(now=True, text=f"the tolerance is decided: {decided}", saved_poses=left)
 
 
 def _decided(answer: Answer, asked: Tolerance) -> str | None:
@@ -294,6 +294,6 @@ def _decided(answer: Answer, asked: Tolerance) -> str | None:
         tips.append(answer.test_pose)
     d = np.array([tip.deflection_mm for tip in tips], dtype=float)  # None is nan
     u = np.nan_to_num(np.array([tip.std_mm for tip in tips], dtype=float), nan=np.inf)
-    if (d - CERTAIN * u > asked.deflection_mm).any():
+    if (d - _CERTAIN * u > asked.deflection_mm).any():
         return "fail"
-    return "pass" if len(d) and (d + CERTAIN * u <= asked.deflection_mm).all() else None
+    return "pass" if len(d) and (d + _CERTAIN * u <= asked.deflection_mm).all() else None

@@ -17,7 +17,7 @@ QUIET_S = 180.0
 """After so long without a reading something is said of a pose that is not whole [s], taste: some
 minutes go by where somebody tightens a chain."""
 
-REFUSED_S = 20.0
+_REFUSED_S = 20.0
 """After so long without a reading it is told why there is nothing to say [s]: a tracker takes some
 eight seconds for one."""
 
@@ -73,7 +73,7 @@ class Live:
     def _when_quiet(self, quiet_s: float) -> Update | None:
         """What is owed and was held back, when nothing has changed for so long [s]."""
         owed = self._owed
-        if owed is None or quiet_s < (QUIET_S if owed.why is None else REFUSED_S):
+        if owed is None or quiet_s < (QUIET_S if owed.why is None else _REFUSED_S):
             return None
         return self._tell(owed)
 

@@ -26,7 +26,7 @@ _AXIS_M = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Cone(Locked):
+class _Cone(Locked):
     """From where a point of the effector can be reached.
 
     Attributes:
@@ -55,7 +55,7 @@ class Room(Locked):
         cones: From where reflectors and load point can be reached.
         bodies: Capsules of robot and effector.
         pairs: Capsules that may not touch each other, the shorter one first, shape (2, p).
-        crossed: Which capsules the line of each point may not cross, points as of `Cone`,
+        crossed: Which capsules the line of each point may not cross, points as of `_Cone`,
             shape (1 + t, c).
         lifted: Capsules that some joint lifts, shape (c,): the others stand on the floor.
     """
@@ -70,7 +70,7 @@ class Room(Locked):
     upper: Array
     tracker: Array | None
     floor: float | None
-    cones: tuple[Cone, ...]
+    cones: tuple[_Cone, ...]
     bodies: Capsules
     pairs: Ints
     crossed: Bools
@@ -137,7 +137,7 @@ def room_of(
     tracker = None if at is None else np.array(at)
     bodies = robot.capsules.beside(_effector(robot, said))
     outward, crossed = _reached(robot, tool, bodies, tracker is not None)
-    turned = 0.0 if tracker is None else turned_by(robot, tool, lower, upper, hardest_n, tracker)
+    turned = 0.0 if tracker is None else _turned_by(robot, tool, lower, upper, hardest_n, tracker)
     shot = [] if tracker is None else accepted(points, said)
     cones = [replace(one, half_angle=max(one.half_angle - turned, 0.0)) for one in shot]
     return Room(
@@ -206,11 +206,11 @@ def unchecked(robot: Robot, targets: Sequence[str], said: Surrounded) -> tuple[s
     return tuple(out)
 
 
-def accepted(points: Mapping[str, Array], said: Surrounded) -> list[Cone]:
+def accepted(points: Mapping[str, Array], said: Surrounded) -> list[_Cone]:
     """From where each reflector can be shot, as stated; `points` as of `room_of`."""
     names = list(points)
     return [
-        Cone(
+        _Cone(
             f"the beam within the acceptance of {name}",
             names.index(name),
             np.array(one.direction) / np.linalg.norm(one.direction),
@@ -220,7 +220,7 @@ def accepted(points: Mapping[str, Array], said: Surrounded) -> list[Cone]:
     ]
 
 
-def turned_by(
+def _turned_by(
     robot: Robot, tool: Array, lower: Array, upper: Array, force_n: float, tracker: Array
 ) -> float:
     """Largest turn of a beam against the flange between unloaded and loaded [rad].
@@ -267,13 +267,13 @@ def _effector(robot: Robot, said: Surrounded) -> Capsules:
     )
 
 
-def _reached(robot: Robot, tool: Array, bodies: Capsules, seen: bool) -> tuple[list[Cone], Bools]:
+def _reached(robot: Robot, tool: Array, bodies: Capsules, seen: bool) -> tuple[list[_Cone], Bools]:
     """What the line from each point of the effector may not cross.
 
     The capsules of its own link hold a point that sits in or on them. Its line leaves these
     outwards, into the half space beyond the point: further along it is only farther away.
     """
-    cones, crossed = list[Cone](), np.zeros((len(tool), len(bodies)), dtype=bool)
+    cones, crossed = list[_Cone](), np.zeros((len(tool), len(bodies)), dtype=bool)
     flange = robot.flange
     at = tool @ flange[:3, :3].T + flange[:3, 3]
     for point in range(len(tool) if seen else 1):
@@ -285,7 +285,7 @@ def _reached(robot: Robot, tool: Array, bodies: Capsules, seen: bool) -> tuple[l
             if carrier != robot.n or far > bodies.radius[body] + _SEAT_M:
                 crossed[point, body] = True
             elif far > _AXIS_M:
-                cones.append(Cone(_line(point), point, flange[:3, :3].T @ off / far, np.pi / 2))
+                cones.append(_Cone(_line(point), point, flange[:3, :3].T @ off / far, np.pi / 2))
     return cones, crossed
 
 

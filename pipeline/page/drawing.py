@@ -21,7 +21,7 @@ _VIEWS = (("from the side", 0, 2, "x", "z"), ("from above", 0, 1, "x", "y"))
 """Title, and which axes of F_b run to the right and up."""
 
 
-class Mark(NamedTuple):
+class _Mark(NamedTuple):
     """A point with its name and kind: `joint`, `tool` or `base`."""
 
     name: str
@@ -48,7 +48,7 @@ def cell(
     except InputError:
         return ""
     joints, tips = _places(arm, np.asarray(_usual(arm) if q is None else q, dtype=float), tool)
-    marks = [*joints, *tips, *(Mark(n, "base", np.asarray(p)) for n, p in base.items())]
+    marks = [*joints, *tips, *(_Mark(n, "base", np.asarray(p)) for n, p in base.items())]
     return "".join(_view(*view, marks, joints) for view in _VIEWS)
 
 
@@ -61,18 +61,18 @@ def _usual(robot: Robot) -> Array:
 
 def _places(
     robot: Robot, q: Array, tool: Mapping[str, Sequence[float]]
-) -> tuple[list[Mark], list[Mark]]:
+) -> tuple[list[_Mark], list[_Mark]]:
     """Origins of joints and flange, and points of the tool, in F_b [m]."""
     here = configure(robot, q[None])
     names = [*(one.name for one in robot.joints), "flange"]
     at = np.vstack([here.origin[0], here.flange_origin])
-    joints = [Mark(name, "joint", place) for name, place in zip(names, at, strict=True)]
+    joints = [_Mark(name, "joint", place) for name, place in zip(names, at, strict=True)]
     tips = here.points(np.array(list(tool.values())).reshape(-1, 3))[0] if tool else []
-    return joints, [Mark(name, "tool", p) for name, p in zip(tool, tips, strict=True)]
+    return joints, [_Mark(name, "tool", p) for name, p in zip(tool, tips, strict=True)]
 
 
 def _view(
-    title: str, right: int, up: int, x: str, y: str, marks: Sequence[Mark], arm: Sequence[Mark]
+    title: str, right: int, up: int, x: str, y: str, marks: Sequence[_Mark], arm: Sequence[_Mark]
 ) -> str:
     """One view of all points, the arm as a line through its joints."""
     flat = np.array([[one.at[right], one.at[up]] for one in marks] + [[0.0, 0.0]])

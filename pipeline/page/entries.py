@@ -16,7 +16,7 @@ from dataclasses import dataclass, replace
 from pipeline.base.errors import UsageError
 from pipeline.base.shown import in_toml
 
-LENGTHS = {"m": 1.0, "mm": 1e-3, "in": 0.0254}
+_LENGTHS = {"m": 1.0, "mm": 1e-3, "in": 0.0254}
 """Units of a place, in metres."""
 
 _KEY = r"""([\w-]+|"[^"\n]*")"""
@@ -245,9 +245,9 @@ def point(typed: Sequence[str], unit: str) -> str:
     """
     if not any(one.strip() for one in typed):
         return ""
-    if unit not in LENGTHS or len(typed) != 3:
+    if unit not in _LENGTHS or len(typed) != 3:
         raise UsageError("a place has three coordinates in m, mm or in")
-    return str([float(f"{number(one) * LENGTHS[unit]:.12g}") for one in typed])
+    return str([float(f"{number(one) * _LENGTHS[unit]:.12g}") for one in typed])
 
 
 def value(typed: str, words: Sequence[str] = (), key: str = "") -> str:

@@ -77,7 +77,7 @@ async def begun(*words: str | Path) -> asyncio.subprocess.Process:
     )
 
 
-def stopped(process: asyncio.subprocess.Process, how: int = signal.SIGINT) -> None:
+def _stopped(process: asyncio.subprocess.Process, how: int = signal.SIGINT) -> None:
     """Stop a command and all that it has started."""
     with contextlib.suppress(ProcessLookupError):
         os.killpg(process.pid, how)
@@ -88,7 +88,7 @@ async def ended(process: asyncio.subprocess.Process, longest_s: float | None = N
     try:
         output, words = await asyncio.wait_for(process.communicate(), longest_s)
     except (TimeoutError, asyncio.CancelledError):
-        stopped(process, signal.SIGKILL)
+        _stopped(process, signal.SIGKILL)
         await process.wait()
         raise
     text = words.decode("utf-8", "replace")[-_MOST_WORDS:]
@@ -111,7 +111,7 @@ async def command(*words: str | Path) -> Said:
 
 
 @dataclass
-class Run:
+class _Run:
     """One campaign that is being computed, or was.
 
     Attributes:
@@ -142,12 +142,12 @@ class Run:
 class Runs:
     """All campaigns that this page has begun to compute, by name."""
 
-    of: dict[str, Run] = field(default_factory=dict)
+    of: dict[str, _Run] = field(default_factory=dict)
     live: dict[str, Live] = field(default_factory=dict)
     _one: asyncio.Lock = field(default_factory=asyncio.Lock)
     _tasks: set[asyncio.Task[None]] = field(default_factory=set)
 
-    async def begin(self, root: Path, name: str) -> Run:
+    async def begin(self, root: Path, name: str) -> _Run:
         """Compute a campaign; one that is running already goes on."""
         async with self._one:
             there = self.of.get(name)
@@ -163,7 +163,7 @@ class Runs:
                 "--",
                 name,
             )
-            self.of[name] = run = Run(await begun(*words), time.monotonic())
+            self.of[name] = run = _Run(await begun(*words), time.monotonic())
             self._followed(run.follow())
             return run
 
@@ -179,7 +179,7 @@ class Runs:
     def look_away(self, name: str) -> None:
         """No longer."""
         if (live := self.live.get(name)) is not None and live.running:
-            stopped(live.process)
+            _stopped(live.process)
 
     def _followed(self, work: Coroutine[Any, Any, None]) -> None:
         task = asyncio.create_task(work)
@@ -191,7 +191,7 @@ class Runs:
         run = self.of.get(name)
         if run is not None and run.said is None:
             run.cancelled = True
-            stopped(run.process)
+            _stopped(run.process)
 
     async def close(self) -> None:
         """Stop all."""

@@ -46,7 +46,7 @@ from pipeline.page.jobs import Live, Runs, Said, command, stage
 
 HERE = "127.0.0.1"
 
-STAGES = ("files", "setup", "check", "run", "answer")
+_STAGES = ("files", "setup", "check", "run", "answer")
 
 _POLICY = (
     "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self'; connect-src 'self'; "
@@ -76,7 +76,7 @@ _MOST_TYPED = 2**20
 """Bytes of what a page sends that is no file."""
 
 
-class Door:
+class _Door:
     """An application behind a token, which the first address brings and a cookie keeps.
 
     Other hosts' names (DNS rebinding), other origins and whoever has no token are turned away.
@@ -123,7 +123,7 @@ class Door:
 
 
 @dataclass
-class State:
+class _State:
     """What the pages know beside the files.
 
     Attributes:
@@ -214,7 +214,7 @@ _PAGES.filters["path"] = lambda text: quote(str(text), safe="")
 _PAGES.filters["shown"] = lambda text: printable(str(text), 400)
 _PAGES.filters["stiffness"] = _stiffness
 
-Handler = Callable[[State, Request], Awaitable[Response]]
+_Handler = Callable[[_State, Request], Awaitable[Response]]
 
 
 def _mark(desk: Desk) -> str:
@@ -225,18 +225,18 @@ def _mark(desk: Desk) -> str:
 
 
 async def _page(
-    request: Request, state: State, template: str, desk: Desk | None, **more: Any
+    request: Request, state: _State, template: str, desk: Desk | None, **more: Any
 ) -> Response:
     if desk is not None:
         await state.asked(desk)
     reached = state.reached(desk) if desk else {}
     body = _PAGES.get_template(f"{template}.html.jinja").render(
-        stages=STAGES, here=template, reached=reached, campaign=desk.name if desk else "", **more
+        stages=_STAGES, here=template, reached=reached, campaign=desk.name if desk else "", **more
     )
     return HTMLResponse(body, headers={**_HEADERS, "content-security-policy": _POLICY})
 
 
-async def home(state: State, request: Request) -> Response:
+async def home(state: _State, request: Request) -> Response:
     """All campaigns, and a new one."""
     found = [Desk(state.root, name) for name in campaigns(state.root)]
     await state.asked(*found)
@@ -244,14 +244,14 @@ async def home(state: State, request: Request) -> Response:
     return await _page(request, state, "home", None, rows=rows)
 
 
-async def files_page(state: State, request: Request) -> Response:
+async def files_page(state: _State, request: Request) -> Response:
     """The files of a campaign and what each was taken for."""
     desk = state.desk(request)
     names = [name for name in desk.names() if name != TOML]
     return await _page(request, state, "files", desk, names=names, has_toml=desk.text() is not None)
 
 
-async def look(state: State, request: Request) -> Response:
+async def look(state: _State, request: Request) -> Response:
     """What one file was taken for."""
     desk = state.desk(request)
     path = desk.file(request.path_params["file"])
@@ -269,7 +269,7 @@ async def look(state: State, request: Request) -> Response:
     return HTMLResponse(body, headers=_HEADERS)
 
 
-async def put(state: State, request: Request) -> Response:
+async def put(state: _State, request: Request) -> Response:
     """Take a file that was dropped."""
     desk = state.desk(request)
     data = await _body(request, MOST_BYTES)
@@ -278,13 +278,13 @@ async def put(state: State, request: Request) -> Response:
     return _told("" if new else "this file was there already", new=new)
 
 
-async def remove(state: State, request: Request) -> Response:
+async def remove(state: _State, request: Request) -> Response:
     """Take a file away."""
     state.desk(request).removed(request.path_params["file"])
     return _told()
 
 
-async def create(state: State, request: Request) -> Response:
+async def create(state: _State, request: Request) -> Response:
     """Begin a campaign."""
     typed = await _typed(request)
     desk = Desk(state.root, named(str(typed.get("name", "")).strip(), "campaign"))
@@ -292,7 +292,7 @@ async def create(state: State, request: Request) -> Response:
     return _told(go=f"/c/{quote(desk.name, safe='')}/files")
 
 
-async def set_up(state: State, request: Request) -> Response:
+async def set_up(state: _State, request: Request) -> Response:
     """Have campaign.toml written for the files; what an old one says is kept."""
     desk = state.desk(request)
     old, seen = desk.text(), desk.digest(TOML)
@@ -307,7 +307,7 @@ async def set_up(state: State, request: Request) -> Response:
     return _told(go=f"/c/{quote(desk.name, safe='')}/setup")
 
 
-async def setup_page(state: State, request: Request) -> Response:
+async def setup_page(state: _State, request: Request) -> Response:
     """campaign.toml as fields, and the cell as it is filled in."""
     desk = state.desk(request)
     text = desk.text()
@@ -348,7 +348,7 @@ def _picture(desk: Desk, text: str) -> str:
     return ""
 
 
-async def fill(state: State, request: Request) -> Response:
+async def fill(state: _State, request: Request) -> Response:
     """Write one line of campaign.toml."""
     desk, typed = state.desk(request), await _typed(request)
     text = desk.text() or ""
@@ -365,14 +365,14 @@ async def fill(state: State, request: Request) -> Response:
     return _told(seen=desk.digest(TOML))
 
 
-async def rewrite(state: State, request: Request) -> Response:
+async def rewrite(state: _State, request: Request) -> Response:
     """Write campaign.toml as a whole."""
     desk, typed = state.desk(request), await _typed(request)
     desk.written(entries.sound(str(typed.get("text", ""))), str(typed.get("seen", "")))
     return _told(seen=desk.digest(TOML))
 
 
-async def check_page(state: State, request: Request) -> Response:
+async def check_page(state: _State, request: Request) -> Response:
     """What `check` says, each line beside the one of campaign.toml that it is about."""
     desk = state.desk(request)
     digest, said = state.checked.get(desk.name, ("", None))
@@ -383,7 +383,7 @@ async def check_page(state: State, request: Request) -> Response:
     )  # fmt: skip
 
 
-async def check(state: State, request: Request) -> Response:
+async def check(state: _State, request: Request) -> Response:
     """Check the campaign as it is now."""
     desk = state.desk(request)
     digest = await asyncio.to_thread(desk.digest)
@@ -394,7 +394,7 @@ async def check(state: State, request: Request) -> Response:
     return _told(go=f"/c/{quote(desk.name, safe='')}/check")
 
 
-async def run_page(state: State, request: Request) -> Response:
+async def run_page(state: _State, request: Request) -> Response:
     """Run, how far it is, and cancel."""
     desk = state.desk(request)
     return await _page(
@@ -402,7 +402,7 @@ async def run_page(state: State, request: Request) -> Response:
     )
 
 
-async def run(state: State, request: Request) -> Response:
+async def run(state: _State, request: Request) -> Response:
     """Compute the campaign, if `check` accepted it as it is now."""
     desk = state.desk(request)
     if not await asyncio.to_thread(state.passed, desk):
@@ -411,13 +411,13 @@ async def run(state: State, request: Request) -> Response:
     return _told()
 
 
-async def cancel(state: State, request: Request) -> Response:
+async def cancel(state: _State, request: Request) -> Response:
     """Stop computing it."""
     state.runs.cancel(state.desk(request).name)
     return _told()
 
 
-async def progress(state: State, request: Request) -> Response:
+async def progress(state: _State, request: Request) -> Response:
     """How far a run is."""
     desk = state.desk(request)
     one = state.runs.of.get(desk.name)
@@ -434,7 +434,7 @@ async def progress(state: State, request: Request) -> Response:
     )  # fmt: skip
 
 
-async def live_page(state: State, request: Request) -> Response:
+async def live_page(state: _State, request: Request) -> Response:
     """The campaign while it is measured."""
     desk = state.desk(request)
     live = state.runs.live.get(desk.name)
@@ -442,7 +442,7 @@ async def live_page(state: State, request: Request) -> Response:
     return await _page(request, state, "live", desk, running=running, shown=_live(desk, live))
 
 
-async def live_now(state: State, request: Request) -> Response:
+async def live_now(state: _State, request: Request) -> Response:
     """What was told last, how many updates there were, and how many are suspected."""
     desk = state.desk(request)
     live = state.runs.live.get(desk.name)
@@ -462,19 +462,19 @@ def _live(desk: Desk, live: Live | None) -> str:
     )  # fmt: skip
 
 
-async def look_on(state: State, request: Request) -> Response:
+async def look_on(state: _State, request: Request) -> Response:
     """Judge the campaign from now on."""
     await state.runs.look_on(state.root, state.desk(request).name)
     return _told()
 
 
-async def look_away(state: State, request: Request) -> Response:
+async def look_away(state: _State, request: Request) -> Response:
     """No longer."""
     state.runs.look_away(state.desk(request).name)
     return _told()
 
 
-async def answer_page(state: State, request: Request) -> Response:
+async def answer_page(state: _State, request: Request) -> Response:
     """The first sentences, the report, downloads, and a program to correct."""
     desk = state.desk(request)
     await state.asked(desk)
@@ -489,7 +489,7 @@ async def answer_page(state: State, request: Request) -> Response:
     return await _page(request, state, "answer", desk, found=found, names=names, stale=stale)
 
 
-async def report(state: State, request: Request) -> Response:
+async def report(state: _State, request: Request) -> Response:
     """A file of the report."""
     desk = state.desk(request)
     top = desk.reports.resolve()
@@ -499,7 +499,7 @@ async def report(state: State, request: Request) -> Response:
     return FileResponse(path, headers={**_HEADERS, "content-security-policy": _OF_REPORTS})
 
 
-async def correct(state: State, request: Request) -> Response:
+async def correct(state: _State, request: Request) -> Response:
     """A program that was dropped, corrected: both, line by line, and what was not."""
     desk = state.desk(request)
     name = named(request.path_params["file"])
@@ -560,7 +560,7 @@ def _told(problem: str = "", **more: Any) -> Response:
     )
 
 
-_ROUTES: tuple[tuple[str, str, Handler], ...] = (
+_ROUTES: tuple[tuple[str, str, _Handler], ...] = (
     ("GET", "/", home),
     ("POST", "/campaigns", create),
     ("GET", "/c/{name}/files", files_page),
@@ -587,7 +587,7 @@ _ROUTES: tuple[tuple[str, str, Handler], ...] = (
 )
 
 
-def _answering(state: State, handler: Handler) -> Callable[[Request], Awaitable[Response]]:
+def _answering(state: _State, handler: _Handler) -> Callable[[Request], Awaitable[Response]]:
     """A handler whose refusals are sentences."""
 
     async def answered(request: Request) -> Response:
@@ -611,7 +611,7 @@ def _answering(state: State, handler: Handler) -> Callable[[Request], Awaitable[
     return answered
 
 
-async def _said(state: State, request: Request, problem: str) -> Response:
+async def _said(state: _State, request: Request, problem: str) -> Response:
     if request.method == "GET" and "text/html" in request.headers.get("accept", ""):
         answer = await _page(request, state, "problem", None, problem=problem)
         answer.status_code = 400
@@ -621,7 +621,7 @@ async def _said(state: State, request: Request, problem: str) -> Response:
 
 def application(root: Path, port: int, token: str) -> ASGIApp:
     """The pages of a project at a port of this machine, for whoever has a token."""
-    state = State(root)
+    state = _State(root)
 
     @contextlib.asynccontextmanager
     async def lifespan(_: Starlette) -> AsyncIterator[None]:
@@ -635,7 +635,7 @@ def application(root: Path, port: int, token: str) -> ASGIApp:
     looks = Path(__file__).with_name("looks")
     routes.append(Mount("/looks", StaticFiles(directory=looks)))
     return Starlette(
-        routes=routes, lifespan=lifespan, middleware=[Middleware(Door, port=port, token=token)]
+        routes=routes, lifespan=lifespan, middleware=[Middleware(_Door, port=port, token=token)]
     )
 
 

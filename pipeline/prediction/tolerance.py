@@ -16,9 +16,9 @@ from pipeline.base.arrays import Array, Bools, Locked, Strings
 from pipeline.base.doors import opened
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import Robot
-from pipeline.prediction.compensate import Path
 from pipeline.prediction.decision import Decision, decide
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
+from pipeline.prediction.path import Path
 from pipeline.reduction.settings import ToleranceSettings
 
 

@@ -10,8 +10,8 @@ import pandas as pd
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.errors import InputError
+from pipeline.library.compensate import Compensation
 from pipeline.machine.robot import Robot, axes
-from pipeline.prediction.compensate import Compensation
 from pipeline.programs.joint_path import columns, forces, whole
 from pipeline.programs.notation import Form, Notation
 from pipeline.programs.program import Number, Target
@@ -27,7 +27,7 @@ _TURNS: dict[Form, tuple[Quantity, ...]] = {
 
 
 @dataclass(frozen=True, eq=False)
-class Poses(Locked):
+class _Poses(Locked):
     """A path of poses.
 
     Attributes:
@@ -70,7 +70,7 @@ def _title(titles: Sequence[str], q: Quantity) -> str | None:
 
 def read(
     name: str, data: bytes, robot: Robot, letters: Form, constant: Array | None = None
-) -> Poses:
+) -> _Poses:
     """A path of poses: pose, x, y, z, a turn, and the rail where the robot has one.
 
     Joint values beside them say which arm configuration is meant.
@@ -94,7 +94,7 @@ def read(
     log = whole(logs.table(name, data, [logs.POSE, *coordinates, *beside]))
     found = [_title(titles, q) or q.stem for q in coordinates]
     units = [_unit(q, title) for q, title in zip(coordinates, found, strict=True)]
-    return Poses(
+    return _Poses(
         log.number["pose"].astype(np.int64),
         _targets(log, coordinates, said, axes.of(robot), known),
         Notation(letters, 1.0, 1.0),
@@ -158,7 +158,7 @@ def _has_rail(titles: Sequence[str], of: axes.Axes) -> bool:
     return all(_title(titles, q) for q, slides in both if slides)
 
 
-def table(robot: Robot, path: Poses, values: Sequence[Array], found: Compensation) -> bytes:
+def table(robot: Robot, path: _Poses, values: Sequence[Array], found: Compensation) -> bytes:
     """The corrected coordinates under the titles of the path, then what they differ by."""
     head, body = columns(axes.joints(robot), found)
     coordinates = np.array(values) / path.units

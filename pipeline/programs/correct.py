@@ -10,9 +10,10 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError
+from pipeline.library.compensate import Compensation, compensate
 from pipeline.machine.robot import Robot, axes, configure
-from pipeline.prediction.compensate import Compensation, Path, compensate
 from pipeline.prediction.model import IdentifiedModel
+from pipeline.prediction.path import Path
 from pipeline.programs.aim import Aimed, Refused, Setting, aim, beyond, wrong
 from pipeline.programs.forces import Forces, tips_of
 from pipeline.programs.joint_path import in_base
@@ -66,7 +67,7 @@ def correct(
     Raises:
         Refused: Some targets cannot be reached or corrected, or some motions are left.
     """
-    if (standing := [_left(one) for one in left_standing(program)]) and not partial:
+    if (standing := [_left(one) for one in _left_standing(program)]) and not partial:
         raise Refused(standing)
     aimed = aim(model, program.notation, program.targets, setting, program)
     if isinstance(force, Forces):
@@ -98,7 +99,7 @@ def _uncorrected(
     return [(targets[k], float(found.left[k])) for k in joint]
 
 
-def left_standing(program: Program) -> list[Left]:
+def _left_standing(program: Program) -> list[Left]:
     """What moves the tool to where it was taught, while corrected points are elsewhere."""
     return [one for one in (*program.left, *program.elsewhere) if one.counts]
 

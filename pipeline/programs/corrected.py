@@ -280,7 +280,7 @@ def _joints(
     """Offsets of a path of joint values."""
     import numpy as np
 
-    from pipeline.prediction.compensate import compensate
+    from pipeline.library.compensate import compensate
     from pipeline.programs import joint_path
     from pipeline.programs.notation import KUKA
 

@@ -16,7 +16,7 @@ import numpy as np
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.machine.robot import Robot, axes
 
-ARM = 6
+_ARM = 6
 """Axes of an arm that these languages can write."""
 
 _BESIDE_MM = 100.0
@@ -27,7 +27,7 @@ _SPEED = 10
 
 
 @dataclass(frozen=True)
-class Stop:
+class _Stop:
     """A place where the program waits for the operator.
 
     Attributes:
@@ -39,12 +39,12 @@ class Stop:
     todo: str
 
 
-NO_CELL = Stop("NOT CHECKED", "floor, walls, chain: go slowly")
+NO_CELL = _Stop("NOT CHECKED", "floor, walls, chain: go slowly")
 """What is said first where nobody has described the cell."""
 
 
 @dataclass(frozen=True, eq=False)
-class Drive(Locked):
+class _Drive(Locked):
     """What a plan drives.
 
     Attributes:
@@ -64,11 +64,11 @@ class Drive(Locked):
     axes: Array
     rail: Bools
     approach: Array
-    stops: tuple[tuple[Stop, ...], ...]
+    stops: tuple[tuple[_Stop, ...], ...]
     lower: Array
     upper: Array
     via: tuple[Array, ...] = ()
-    first: tuple[Stop, ...] = ()
+    first: tuple[_Stop, ...] = ()
 
     def beside(self, pose: int) -> Array | None:
         """Where the carriage goes first; None without a rail, or where no room is left."""
@@ -76,7 +76,7 @@ class Drive(Locked):
         at = np.clip(self.axes[pose] + shift, self.lower, self.upper)
         return at if np.abs(at - self.axes[pose]).max() > 0 else None
 
-    def points(self) -> Iterator[tuple[str, Array, tuple[Stop, ...]]]:
+    def points(self) -> Iterator[tuple[str, Array, tuple[_Stop, ...]]]:
         """Name, axes and stops of each point in the order of driving."""
         for k, (at, stops) in enumerate(zip(self.axes, self.stops, strict=True)):
             for place, point in enumerate(self.via[k] if self.via else (), 1):
@@ -86,7 +86,7 @@ class Drive(Locked):
             yield f"p{k + 1:02d}", at, stops
 
 
-def programs(drive: Drive, brand: str | None = None) -> dict[str, bytes]:
+def programs(drive: _Drive, brand: str | None = None) -> dict[str, bytes]:
     """The programs of a plan by file name; none where the arm has not six axes.
 
     Args:
@@ -94,7 +94,7 @@ def programs(drive: Drive, brand: str | None = None) -> dict[str, bytes]:
         brand: kuka, abb, fanuc or ur; all that can hold the robot where nobody says.
     """
     count = drive.axes.shape[1]
-    if count < ARM:
+    if count < _ARM:
         return {}
     name = _plain(drive.name)
     out: dict[str, bytes] = {}
@@ -125,9 +125,9 @@ def _number(value: float, decimals: int = 6) -> str:
     return text.removeprefix("-") if float(text) == 0 else text
 
 
-def _krl(name: str, drive: Drive) -> dict[str, str]:
-    names = [f"A{k + 1}" for k in range(ARM)]
-    names += [f"E{k + 1}" for k in range(drive.axes.shape[1] - ARM)]
+def _krl(name: str, drive: _Drive) -> dict[str, str]:
+    names = [f"A{k + 1}" for k in range(_ARM)]
+    names += [f"E{k + 1}" for k in range(drive.axes.shape[1] - _ARM)]
     data, lines = [f"DEFDAT {name}"], [f"DEF {name} ( )", "", "BAS(#INITMOV,0)"]
     lines += [f"BAS(#VEL_PTP,{_SPEED})", "BAS(#ACC_PTP,20)", *_krl_stops(drive.first)]
     for point, at, stops in drive.points():
@@ -141,16 +141,16 @@ def _krl(name: str, drive: Drive) -> dict[str, str]:
     }
 
 
-def _krl_stops(stops: Sequence[Stop]) -> Iterator[str]:
+def _krl_stops(stops: Sequence[_Stop]) -> Iterator[str]:
     for stop in stops:
         yield from (f'MsgNotify("{stop.group}: {stop.todo}")', "WAIT SEC 0", "HALT")
 
 
-def _rapid(name: str, drive: Drive) -> dict[str, str]:
+def _rapid(name: str, drive: _Drive) -> dict[str, str]:
     data, lines = list[str](), [*_rapid_stops(drive.first)]
     for point, at, stops in drive.points():
-        arm = ",".join(_number(value) for value in at[:ARM])
-        further = [*(_number(value) for value in at[ARM:]), *["9E9"] * ARM][:ARM]
+        arm = ",".join(_number(value) for value in at[:_ARM])
+        further = [*(_number(value) for value in at[_ARM:]), *["9E9"] * _ARM][:_ARM]
         data.append(f"  CONST jointtarget {point} := [[{arm}],[{','.join(further)}]];")
         lines.append(f"    MoveAbsJ {point}, v100, fine, tool0;")
         lines += _rapid_stops(stops)
@@ -167,7 +167,7 @@ def _rapid(name: str, drive: Drive) -> dict[str, str]:
     return {f"{name}.mod": "\r\n".join(whole)}
 
 
-def _rapid_stops(stops: Sequence[Stop]) -> Iterator[str]:
+def _rapid_stops(stops: Sequence[_Stop]) -> Iterator[str]:
     for stop in stops:
         yield from (f'    TPWrite "{stop.group}:";', f'    TPWrite "{stop.todo[:40]}";')
         yield "    Stop;"
@@ -177,16 +177,16 @@ _SHORT = 24
 """Letters of a message of a teach pendant program."""
 
 
-def _tp(name: str, drive: Drive) -> dict[str, str]:
+def _tp(name: str, drive: _Drive) -> dict[str, str]:
     steps = [*_tp_stops(drive.first)]
     places: list[str] = []
     for number, (point, at, stops) in enumerate(drive.points(), 1):
         steps.append(f"J P[{number}] {_SPEED}% FINE")
         steps += _tp_stops(stops)
-        arm = [f"\tJ{k + 1}= {at[k]:.3f} deg" for k in range(ARM)]
-        units = ("mm" if slides else "deg" for slides in drive.rail[ARM:])
+        arm = [f"\tJ{k + 1}= {at[k]:.3f} deg" for k in range(_ARM)]
+        units = ("mm" if slides else "deg" for slides in drive.rail[_ARM:])
         more = [
-            f"\tE{k}= {x:.3f} {u}" for k, (x, u) in enumerate(zip(at[ARM:], units, strict=True), 1)
+            f"\tE{k}= {x:.3f} {u}" for k, (x, u) in enumerate(zip(at[_ARM:], units, strict=True), 1)
         ]
         rows = ",\n".join([",\t".join(arm[:3]), ",\t".join(arm[3:]), *more])
         places.append(f'P[{number}:"{point}"]{{\n   GP1:\n\tUF : 0, UT : 1,\n{rows}\n}};')
@@ -201,12 +201,12 @@ def _tp(name: str, drive: Drive) -> dict[str, str]:
     return {f"{name.lower()}.ls": "\n".join([*head, *body, "/POS", *places, "/END", ""])}
 
 
-def _tp_stops(stops: Sequence[Stop]) -> Iterator[str]:
+def _tp_stops(stops: Sequence[_Stop]) -> Iterator[str]:
     for stop in stops:
         yield from (f"!{stop.todo[:30]}", f"MESSAGE[{stop.group[:_SHORT]}]", "PAUSE")
 
 
-def _urscript(name: str, drive: Drive) -> dict[str, str]:
+def _urscript(name: str, drive: _Drive) -> dict[str, str]:
     lines = [f"def {name}():", *_popups(drive.first)]
     for point, at, stops in drive.points():
         arm = ", ".join(_number(np.deg2rad(value), 9) for value in at)
@@ -215,16 +215,16 @@ def _urscript(name: str, drive: Drive) -> dict[str, str]:
     return {f"{name}.script": "\n".join([*lines, "end", ""])}
 
 
-def _popups(stops: Sequence[Stop]) -> Iterator[str]:
+def _popups(stops: Sequence[_Stop]) -> Iterator[str]:
     for stop in stops:
         yield f'  popup("{stop.todo}", title="{stop.group}", blocking=True)'
 
 
-_WRITERS: dict[str, tuple[Callable[[str, Drive], dict[str, str]], int]] = {
-    "kuka": (_krl, 2 * ARM),
-    "abb": (_rapid, 2 * ARM),
-    "fanuc": (_tp, ARM + 3),
-    "ur": (_urscript, ARM),
+_WRITERS: dict[str, tuple[Callable[[str, _Drive], dict[str, str]], int]] = {
+    "kuka": (_krl, 2 * _ARM),
+    "abb": (_rapid, 2 * _ARM),
+    "fanuc": (_tp, _ARM + 3),
+    "ur": (_urscript, _ARM),
 }
 """How each maker's controllers write it, and how many axes they know."""
 
@@ -238,8 +238,8 @@ def drive(
     zero_after: bool,
     via: Sequence[Array] = (),
     lost: Collection[int] = (),
-    first: tuple[Stop, ...] = (),
-) -> Drive | None:
+    first: tuple[_Stop, ...] = (),
+) -> _Drive | None:
     """What a plan drives, in the controller's axes; None where they are not six and external ones.
 
     Args:
@@ -256,11 +256,11 @@ def drive(
     """
     mapped = axes.of(robot)
     order = np.argsort(_external(mapped), kind="stable")
-    if int(np.sum(~_external(mapped))) != ARM:
+    if int(np.sum(~_external(mapped))) != _ARM:
         return None
     lower, upper = _limits(robot, mapped)
     wide = max(2, len(str(len(q))))
-    return Drive(
+    return _Drive(
         name=name,
         axes=axes.shown(robot, q)[:, order].round(6),
         rail=mapped.slides[order],
@@ -296,7 +296,7 @@ def _limits(robot: Robot, mapped: axes.Axes) -> tuple[Array, Array]:
 
 def stops(
     pose: int, steps: Sequence[float], zero_after: bool, wide: int = 2, lost: bool = False
-) -> tuple[Stop, ...]:
+) -> tuple[_Stop, ...]:
     """What is read at a pose, in the names of groups that the sheet has.
 
     Args:
@@ -309,11 +309,11 @@ def stops(
     """
     group = f"pose{pose:0{wide}d}_rep"
     first = "clear chain and beam, read all" if lost else "chain slack: read all"
-    out = [Stop(f"{group}0_unloaded", first)]
+    out = [_Stop(f"{group}0_unloaded", first)]
     for k, (before, step) in enumerate(zip([0.0, *steps], steps, strict=False), 1):
         way = "slacken" if step < 0 else "release, tighten" if step == before else "tighten"
-        out.append(Stop(f"{group}{k}_loaded", f"{way} to {abs(step):g} N: read all"))
+        out.append(_Stop(f"{group}{k}_loaded", f"{way} to {abs(step):g} N: read all"))
     if zero_after:
         last = f"{group}{len(steps) + 1}_unloaded"
-        out.append(Stop(last, "chain slack: read all again"))
+        out.append(_Stop(last, "chain slack: read all again"))
     return tuple(out)

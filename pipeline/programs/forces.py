@@ -37,7 +37,7 @@ _TOWARDS = 1e-6
 
 
 @dataclass(frozen=True, eq=False)
-class Section(Locked):
+class _Section(Locked):
     """What acts from a remark on.
 
     Attributes:
@@ -50,7 +50,7 @@ class Section(Locked):
     force: Array
     cut: tuple[float, float] | None = None
 
-    def same(self, other: Section) -> bool:
+    def same(self, other: _Section) -> bool:
         """Whether the same acts."""
         return self.cut == other.cut and bool(np.array_equal(self.force, other.force))
 
@@ -59,7 +59,7 @@ class Section(Locked):
 class Forces:
     """What acts at each target, in the order of the targets."""
 
-    each: tuple[Section, ...]
+    each: tuple[_Section, ...]
 
     @property
     def cuts(self) -> bool:
@@ -93,7 +93,7 @@ class Forces:
         return way / far if far > _TOWARDS else np.zeros(3)
 
 
-NONE = Section(0, np.zeros(3))
+_NONE = _Section(0, np.zeros(3))
 
 
 def tips_of(robot: Robot, aimed: Aimed) -> tuple[Array, Array]:
@@ -121,8 +121,8 @@ def stated(sources: Mapping[str, str], targets: Sequence[Target]) -> Forces | No
 
 
 def _of(
-    target: Target, found: Mapping[str, list[Section]], uses: Mapping[str, list[str]]
-) -> Section:
+    target: Target, found: Mapping[str, list[_Section]], uses: Mapping[str, list[str]]
+) -> _Section:
     """What acts at a target: by the lines that name it, without such by its own."""
     word = re.compile(_mention(target.name))
     at = [
@@ -153,8 +153,8 @@ def _mention(name: str) -> str:
     return rf"(?i)(?<![\w$]){re.escape(name)}(?!\w|\s*:?=)"
 
 
-def _acting(sections: Sequence[Section], line: int) -> Section:
-    return next((one for one in reversed(sections) if one.line < line), NONE)
+def _acting(sections: Sequence[_Section], line: int) -> _Section:
+    return next((one for one in reversed(sections) if one.line < line), _NONE)
 
 
 def _lines(text: str) -> list[str]:
@@ -162,7 +162,7 @@ def _lines(text: str) -> list[str]:
     return re.split(r"(?im)^/POS\b", text)[0].splitlines()
 
 
-def _sections(file: str, text: str) -> list[Section]:
+def _sections(file: str, text: str) -> list[_Section]:
     sign = _SIGNS[file.lower()[file.rindex(".") :]]
     said = re.compile(rf"{re.escape(sign)}[ \t]*(FORCE|CUT)\b[ \t]*([^\r\n]*)", re.IGNORECASE)
     return [
@@ -184,7 +184,7 @@ def _cut(said: str) -> tuple[float, float] | None:
     return force, force * float(pairs.get("axial", 0))
 
 
-def _section(file: str, line: int, word: str, said: str) -> Section:
+def _section(file: str, line: int, word: str, said: str) -> _Section:
     """One remark.
 
     Raises:
@@ -192,13 +192,13 @@ def _section(file: str, line: int, word: str, said: str) -> Section:
     """
     if word == "CUT":
         if (force := _cut(said)) is not None:
-            return Section(line, np.zeros(3), force)
+            return _Section(line, np.zeros(3), force)
     elif said.strip().upper() == "OFF":
-        return Section(line, np.zeros(3))
+        return _Section(line, np.zeros(3))
     elif len(numbers := re.findall(NUMBER, said)) == 3 and not re.sub(NUMBER, "", said).strip(
         ", \t"
     ):
-        return Section(line, np.array([float(one) for one in numbers]))
+        return _Section(line, np.array([float(one) for one in numbers]))
     raise InputError(f'"{word} {said}" is no force', _MEANT, file=file, line=line)
 
 
@@ -226,11 +226,11 @@ def tabled(name: str, data: bytes, targets: Sequence[Target]) -> Forces:
     else:
         said, names = map(_plain, log.word["target"]), [_plain(one.name) for one in targets]
     rows = np.column_stack([log.number[one.stem] for one in FORCES])
-    each = dict(zip(said, map(Section, log.line.tolist(), rows), strict=True))
+    each = dict(zip(said, map(_Section, log.line.tolist(), rows), strict=True))
     if strange := [one for one in each if one not in names]:
         thing = f'the program has no target {"in line " * by_line}"{strange[0]}"'
         raise InputError(thing, "correct the row", file=name, line=each[strange[0]].line)
-    return Forces(tuple(each.get(one, NONE) for one in names))
+    return Forces(tuple(each.get(one, _NONE) for one in names))
 
 
 def _plain(name: str) -> str:

@@ -16,7 +16,7 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.machine.robot.axes import Axes
 from pipeline.machine.robot.configuration import Configuration, configure, velocity
 from pipeline.machine.robot.mdh import Robot
-from pipeline.prediction.compensate import ARM_M
+from pipeline.prediction.path import ARM_M
 
 _REACHED_M = 1e-7
 """[m]: errors below it are a hundredth of what a program's last digit says."""
@@ -43,7 +43,7 @@ Range = tuple[float, float] | None
 
 
 @dataclass(frozen=True, eq=False)
-class Reached(Locked):
+class _Reached(Locked):
     """Whether, and how, a pose can be reached.
 
     Attributes:
@@ -69,7 +69,7 @@ class Arm(Locked):
 
     def reach(
         self, flange: Array, start: Array, known: bool, ranges: Sequence[Range] = ()
-    ) -> Reached:
+    ) -> _Reached:
         """Joint values for a pose of the flange.
 
         Of several arm configurations it is the one that `ranges` leaves, else the nearest to
@@ -83,18 +83,18 @@ class Arm(Locked):
         """
         within = self._within(ranges)
         if known and (near := self._near(flange, start, within, ranges)) is not None:
-            return Reached(near)
+            return _Reached(near)
         found, left = self._solved(flange, np.vstack([start[None], self._starts(start)]))
         good = found[left < _REACHED_M]
         if not len(good):
-            return Reached(found[left.argmin()], self._unreachable(flange, found[left.argmin()]))
+            return _Reached(found[left.argmin()], self._unreachable(flange, found[left.argmin()]))
         turned = (self._turned(q, start, within) for q in good)
         fits = _distinct([q for q in turned if q is not None])
         if not fits:
-            return Reached(good[0], self._outside(good, start, ranges))
+            return _Reached(good[0], self._outside(good, start, ranges))
         if len(fits) > 1 and not known:
-            return Reached(fits[0], _several(len(fits)))
-        return Reached(min(fits, key=lambda q: float(np.abs(q - start).max())))
+            return _Reached(fits[0], _several(len(fits)))
+        return _Reached(min(fits, key=lambda q: float(np.abs(q - start).max())))
 
     def _near(
         self, flange: Array, start: Array, within: Sequence[Range], ranges: Sequence[Range]

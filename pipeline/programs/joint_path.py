@@ -7,8 +7,9 @@ import pandas as pd
 
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError
+from pipeline.library.compensate import Compensation
 from pipeline.machine.robot import Robot, axes, configure
-from pipeline.prediction.compensate import Compensation, Path
+from pipeline.prediction.path import Path
 from pipeline.readers import logs
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.machine.robot import rating
-from pipeline.prediction.compensate import Path
 from pipeline.prediction.model import IdentifiedModel
+from pipeline.prediction.path import Path
 from pipeline.programs import cartesian, joint_path
 from pipeline.programs.aim import Setting, aim
 

@@ -10,7 +10,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array
-from pipeline.prediction.compensate import ARM_M
+from pipeline.prediction.path import ARM_M
 
 Form = Literal["abc", "wpr", "quaternion", "vector"]
 """Letters of a turn: A, B, C about z, y', x'' (KUKA); W, P, R about the fixed x, y, z (FANUC), the

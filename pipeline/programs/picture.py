@@ -9,7 +9,7 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array
-from pipeline.prediction.compensate import Compensation
+from pipeline.library.compensate import Compensation
 
 _WIDE, _HIGH, _EDGE = 760, 250, 60
 _TAUGHT, _BEFORE, _AFTER = "#6b7280", "#c2410c", "#0f766e"

@@ -14,7 +14,7 @@ from pipeline.base.errors import listed
 from pipeline.programs.inverse import Range
 from pipeline.programs.notation import Notation
 
-Kind = Literal["joint", "cartesian"]
+_Kind = Literal["joint", "cartesian"]
 
 NUMBER = r"[-+]?(?:\d++(?:\.\d*+)?|\.\d++)(?:[eE][-+]?\d++)?"
 _PARTS = re.compile(r"([-+]?)(\d*)(?:\.(\d*))?(?:([eE])([-+]?)(\d+))?")
@@ -82,7 +82,7 @@ class Target:
     name: str
     file: str
     line: int
-    kind: Kind
+    kind: _Kind
     numbers: tuple[Number, ...]
     external: tuple[float, ...] = ()
     tool: str = ""

@@ -33,7 +33,7 @@ _SIGNS = {".src": ";", ".dat": ";", ".mod": "!", ".script": "#"}
 _TOP = re.compile(rf"(?:\xef\xbb\xbf)?(?:&{_EOL}|%%%{_EOL}(?:(?!%%%){_EOL})*%%%{_EOL})*")
 
 
-def digest(data: bytes) -> str:
+def _digest(data: bytes) -> str:
     """What tells contents apart, short enough to be compared by eye."""
     return hashlib.sha256(data).hexdigest()[:_DIGITS]
 
@@ -50,8 +50,8 @@ def words(version: str, campaign: str, model: bytes, force: str, date: str, text
         text: The corrected text, without this.
     """
     said = (
-        f"{_MARK} {version}: campaign {campaign}, model {digest(model)}, force {force}, {date}, "
-        f"text {digest(text.encode('latin-1', 'replace'))}"
+        f"{_MARK} {version}: campaign {campaign}, model {_digest(model)}, force {force}, {date}, "
+        f"text {_digest(text.encode('latin-1', 'replace'))}"
     )
     return said.encode("ascii", "replace").decode()
 

@@ -5,17 +5,19 @@ from __future__ import annotations
 import functools
 from collections.abc import Iterable, Sequence
 
-from pipeline.base.doors import found
+from pipeline.base import doors
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers import mapped, plain, table
+from pipeline.readers import plain
 from pipeline.readers._cells import text_of
 from pipeline.readers._faces import Faces
 from pipeline.readers._names import split
-from pipeline.readers._reader import Columns, Export, Hints, Reader, Readings
+from pipeline.readers._opened import opened
+from pipeline.readers._reader import TABLE, Export, Reader, Readings
 from pipeline.readers._text import Text, largest, refuse_other_programs, text
-from pipeline.readers._workbook import opened
+from pipeline.readers.said import Columns, Hints
 
 __all__ = [
+    "TABLE",
     "Columns",
     "Export",
     "Faces",
@@ -36,11 +38,15 @@ __all__ = [
 ]
 
 
+_DIALECTS, _MAPPED = "pipeline.dialects:DIALECTS", "pipeline.dialects.mapped:read"
+_HOLDS = "pipeline.intake.table:holds_one"
+"""What files of others are, where those that say it are there."""
+
+
 @functools.cache
 def catalogue() -> dict[str, Reader]:
     """Every reader by its key: of our own CSV, of other programs' dialects, of any other table."""
-    dialects: dict[str, Reader] = found("pipeline.dialects:DIALECTS") or {}
-    return {"plain": plain.READER, **dialects, table.NAME: table.READER}
+    return {"plain": plain.READER, **(doors.found(_DIALECTS) or {})}
 
 
 def writers() -> dict[str, Reader]:
@@ -54,10 +60,10 @@ def recognise(file: Text) -> Reader:
     Raises:
         InputError: More than one dialect fits, or there is no table of points.
     """
-    dialects = [reader for key, reader in catalogue().items() if key != table.NAME]
+    dialects = [reader for key, reader in catalogue().items() if key != TABLE]
     fitting = _fitting(dialects, file.sample())
-    if not fitting and table.holds_one(file):
-        return table.READER
+    if not fitting and TABLE in catalogue() and _holds_one(file):
+        return catalogue()[TABLE]
     if len(fitting) == 1:
         return fitting[0]
     known = listed(reader.name for reader in fitting or dialects)
@@ -99,8 +105,9 @@ def opened_as_text(name: str, data: bytes, hints: Hints) -> Text:
 
 
 def _read(file: Text, hints: Hints) -> Export:
-    read_by = mapped.read if hints.mapping else recognise(file).read
-    return read_by(file, hints)
+    read_by = doors.opened(_MAPPED) if hints.mapping else recognise(file).read
+    export: Export = read_by(file, hints)
+    return export
 
 
 def _fits(sheet: Text, hints: Hints) -> int:
@@ -108,4 +115,10 @@ def _fits(sheet: Text, hints: Hints) -> int:
     try:
         return 2 if len(_read(sheet, hints).line) else 0
     except InputError:
-        return int(table.holds_one(sheet))
+        return int(_holds_one(sheet))
+
+
+def _holds_one(file: Text) -> bool:
+    """Whether there are rows with three numbers in a file, as far as anybody can say."""
+    holds = doors.found(_HOLDS)
+    return holds is not None and bool(holds(file))

@@ -12,7 +12,6 @@ from pipeline.base.arrays import Array, Bools
 from pipeline.base.covariance import flat, symmetric
 from pipeline.base.errors import InputError
 
-Unit = Literal["mm", "m", "in", "um", "cm", "ft", "ftUS"]
 Usual = Literal["mm", "m", "in"]
 USUAL_UNITS: tuple[str, ...] = get_args(Usual)
 """Units of length that are asked for, and tried where nobody says one."""

@@ -31,7 +31,7 @@ _TYPES = {
 
 
 @dataclass(frozen=True, eq=False)
-class Cut(Locked):
+class _Cut(Locked):
     """Rows with as many cells as they should have.
 
     Attributes:
@@ -46,12 +46,12 @@ class Cut(Locked):
     rejected: tuple[tuple[int, str], ...] = ()
 
 
-def cut(text: Text, layout: Layout) -> Cut:
+def cut(text: Text, layout: Layout) -> _Cut:
     """All rows from line `layout.first` on; blank lines and comments are none."""
     special = _special(text, layout)
     line = np.arange(layout.first, len(text) + 1)[~special]
     columns = None if b'"' in text.data or not len(line) else _at_once(text, layout, special)
-    return _each(text, layout, line) if columns is None else Cut(columns, line)
+    return _each(text, layout, line) if columns is None else _Cut(columns, line)
 
 
 def _special(text: Text, layout: Layout) -> Bools:
@@ -125,7 +125,7 @@ def _body(text: Text, first: int, special: Bools) -> pa.Buffer:
     return body
 
 
-def _each(text: Text, layout: Layout, line: Ints) -> Cut:
+def _each(text: Text, layout: Layout, line: Ints) -> _Cut:
     """The columns, row by row, and why rows have not as many cells as they should."""
     kept, found, rejected = [], [], []
     for number in line.tolist():
@@ -140,7 +140,7 @@ def _each(text: Text, layout: Layout, line: Ints) -> Cut:
         for field, column in zip(layout.fields, cells, strict=True)
         if field.kind in _TYPES
     ]
-    return Cut(columns, np.array(kept, dtype=np.int64), tuple(rejected))
+    return _Cut(columns, np.array(kept, dtype=np.int64), tuple(rejected))
 
 
 def _row(line: str, layout: Layout) -> list[str]:

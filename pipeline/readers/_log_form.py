@@ -5,16 +5,13 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import dataclass
-from typing import Literal
-
-from pydantic import Field
 
 from pipeline.base.doors import found
 from pipeline.base.errors import InputError, at, listed
-from pipeline.base.strict import Name, Strict
 from pipeline.readers._cells import MARKS, above, bare, is_plain
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._named import IN_BRACKETS
+from pipeline.readers._opened import opened as opened_text
 from pipeline.readers._text import (
     SAMPLE_LINES,
     Text,
@@ -23,7 +20,7 @@ from pipeline.readers._text import (
     squeezed,
     text,
 )
-from pipeline.readers._workbook import opened as workbook
+from pipeline.readers.said import LogForm
 
 _ALIKE = {"°": "deg", "kg": "kgf", "kp": "kgf"}
 """Units that are others: a scale in kilograms shows kilogram-force."""
@@ -37,24 +34,6 @@ _NO_UNIT = re.compile(
     r"(nr|no|num|number|nummer|#|1|text|[hmsdty: .]+|[a-z]{2,4}[-./][a-z]{2,4}[-./][a-z]{2,4})[.]?"
 )
 """What people write there of columns that have none: a number, a text, how a time is written."""
-
-
-class LogForm(Strict):
-    """How a log is written where others wrote it.
-
-    Attributes:
-        columns: Our name of a column, with its unit, by its title in the file.
-        decimal: The decimal mark, where the numbers leave it open.
-        sheet: Of a workbook, where several of its sheets fit.
-    """
-
-    columns: dict[Name, Name] = Field(default_factory=dict)
-    decimal: Literal[".", ","] | None = None
-    sheet: Name | None = None
-
-
-OURS = LogForm()
-"""A log as we write it."""
 
 
 @dataclass(frozen=True)
@@ -113,7 +92,7 @@ def opened(
             found = _found(one, own, key)
             return 0 if found is None else 1 + holds(_ours(found.titles, own))
 
-        file = _as_text(name, data, sheet, mark, table, fits)
+        file = as_text(name, data, sheet, mark, table, fits)
         head = _found(file, own, key) or _header(file, _no_remark(file))
         with at(line=head.line):
             ours = _ours(head.titles, own)
@@ -126,7 +105,7 @@ def opened(
         )
 
 
-def _as_text(
+def as_text(
     name: str,
     data: bytes,
     sheet: str | None,
@@ -137,7 +116,7 @@ def _as_text(
     """A log as a table: points of a controller and recordings are made one."""
     of_controller = None if is_workbook(data) else found("pipeline.dialects:of_controller")
     made = of_controller(data) if of_controller else None
-    return text(name, made) if made else workbook(name, data, sheet, mark, table, fits)
+    return text(name, made) if made else opened_text(name, data, sheet, mark, table, fits)
 
 
 @dataclass(frozen=True)
@@ -164,7 +143,7 @@ class _LogHeader:
 
 def _found(file: Text, own: Mapping[str, str], key: str) -> _LogHeader | None:
     """The first line that names a column, as a header; None where none does."""
-    return next((one for one in _headers(file) if key in _ours(one.titles, own)), None)
+    return next((one for one in headers(file) if key in _ours(one.titles, own)), None)
 
 
 def _no_remark(file: Text) -> int:
@@ -173,7 +152,7 @@ def _no_remark(file: Text) -> int:
     return next(plain, file.first()[0])
 
 
-def _headers(file: Text) -> Iterator[_LogHeader]:
+def headers(file: Text) -> Iterator[_LogHeader]:
     return (_header(file, number) for number, _ in file.lines(1, SAMPLE_LINES))
 
 
@@ -201,28 +180,6 @@ def _cut(line: str, delimiter: str) -> list[str]:
     """The cells of a line above the rows, as written."""
     cells = line.split() if delimiter == " " else line.split(delimiter)
     return [bare(cell) for cell in cells]
-
-
-def understood(
-    name: str, data: bytes, table: str, meaning: Callable[[Sequence[str]], dict[str, str] | None]
-) -> LogForm | None:
-    """What [scale] or [joints] may say of a log by its titles, None where they mean nothing.
-
-    Args:
-        name: Name of the file, for messages.
-        data: Its content.
-        table: `scale` or `joints`.
-        meaning: Our names for the titles of a line, None where it is no header of such a log.
-    """
-
-    def meant(file: Text) -> dict[str, str] | None:
-        found = (meaning(head.written) for head in _headers(file))
-        return next((columns for columns in found if columns is not None), None)
-
-    with at(name):
-        refuse_other_programs(name, data)
-        columns = meant(_as_text(name, data, None, None, table, lambda one: meant(one) is not None))
-    return None if columns is None else LogForm(columns=columns)
 
 
 def _ours(titles: Sequence[str], said: Mapping[str, str]) -> list[str]:

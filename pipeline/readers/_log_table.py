@@ -15,7 +15,8 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings, sifted
 from pipeline.base.errors import InputError, at, listed
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Kind, Layout, TypedRows
-from pipeline.readers._log_form import OURS, LogForm, Titled, opened
+from pipeline.readers._log_form import Titled, opened
+from pipeline.readers.said import OURS, LogForm
 
 _Rejection = tuple[str, int | None, str]
 """File, line and reason of what was left out."""

@@ -9,7 +9,6 @@ import pyarrow as pa
 import pyarrow.compute as pc
 
 from pipeline.base import patterns
-from pipeline.base.arrays import Ints
 from pipeline.readers._reader import Export, kept
 
 _JOINED = r"(?:.+?::)?(?P<group>[^:]+(?::[^:]+)*)::(?P<target>[^:]+(?::[^:]+)*)"
@@ -38,19 +37,6 @@ def split(export: Export, pattern: str | None) -> Export:
         fits,
         "the name has no group and target by names in [tracker]; correct the name or names",
     )
-
-
-def rounds(target: Ints) -> Ints:
-    """Number of the round of each reading, from 1: a round ends where a name comes again."""
-    out = np.ones(len(target), dtype=np.int64)
-    seen: set[int] = set()
-    for k, name in enumerate(target.tolist()):
-        out[k] = out[k - 1] if k else 1
-        if name in seen:
-            seen.clear()
-            out[k] += 1
-        seen.add(name)
-    return out
 
 
 def part(found: pa.StructArray, name: str) -> pa.StringArray:

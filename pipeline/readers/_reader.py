@@ -6,21 +6,17 @@ import re
 from collections.abc import Callable, Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, replace
 from datetime import datetime
-from typing import Annotated, Literal
 
 import numpy as np
 import pyarrow as pa
-from pydantic import Field
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked, sifted
 from pipeline.base.errors import InputError
-from pipeline.base.strict import Name, Positive, Strict, with_parts
 from pipeline.readers import _faces
 from pipeline.readers._cells import text_of
 from pipeline.readers._coordinates import (
     Angles,
     Meaning,
-    Unit,
     cartesian,
     covariance,
     raw,
@@ -33,7 +29,10 @@ from pipeline.readers._coordinates import (
 from pipeline.readers._faces import Faces
 from pipeline.readers._layout import TypedRows
 from pipeline.readers._text import Text
+from pipeline.readers.said import Hints
 
+TABLE = "table"
+"""What `inspect` calls a file of no dialect."""
 EXPANDED, STANDARD, A_PRIORI, RMS = "expanded", "standard", "a-priori", "rms"
 _PREFERRED = (A_PRIORI, STANDARD, EXPANDED)
 """Which covariance is used where a file has several. A-priori comes first: the scatter within one
@@ -71,68 +70,6 @@ _TOO_FAR = (
 )
 USUAL_FACTORS = {STANDARD: 1.0, EXPANDED: 2.0}
 """k of uncertainties where campaign.toml does not say; 2 is 95 % (GUM 6.3.3, Leica's U(95))."""
-
-
-_Role = Literal[
-    "group", "target", "date", "time", "delete", "active", "instrument",
-    "x", "y", "z", "range", "azimuth", "vertical",
-    "sx", "sy", "sz", "u95_x", "u95_y", "u95_z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz",
-]  # fmt: skip
-_Column = Annotated[int, Field(ge=1)] | Annotated[str, Field(min_length=1)]
-
-
-class Columns(Strict):
-    """[tracker.mapping]: columns of any delimited table, by header name or by number from 1.
-
-    Attributes:
-        columns: Name or number of the column by role; sx, sy, sz and cxx ... czz are uncertainties.
-        delimiter: One character, or None to find it.
-        header: Line of the header, 0 for none, or None to find it.
-        first: Line of the first row, where it is not the one behind the header.
-        last: Line of the last row, None for the last one of the file.
-        comment: Start of lines that are no rows.
-        time_format: A `strptime` form, or None for the forms we know.
-        instrument: Which of the instruments in the column of that name to read, None for all.
-    """
-
-    columns: dict[_Role, _Column] = Field(min_length=3)
-    delimiter: Annotated[str, Field(min_length=1, max_length=1)] | None = None
-    header: Annotated[int, Field(ge=0)] | None = None
-    first: Annotated[int, Field(ge=1)] | None = None
-    last: Annotated[int, Field(ge=1)] | None = None
-    comment: Annotated[str, Field(min_length=1)] | None = None
-    time_format: str | None = None
-    instrument: str | None = None
-
-
-class Hints(Strict):
-    """What campaign.toml says in [tracker] about exports that do not say it themselves.
-
-    Attributes:
-        unit: Of length.
-        decimal: The decimal mark.
-        coordinates: Their kind.
-        angle: Unit of angles.
-        vertical: Where vertical angles are zero.
-        horizontal: Which way horizontal angles grow, seen from above.
-        covariance: Which of several covariances to use, or `none`.
-        coverage_factor: k of stated uncertainties.
-        names: Expression with the parts group and target, for names that hold both.
-        mapping: Columns of a table in no dialect of its own.
-        sheet: Of workbooks, where several of theirs fit.
-    """
-
-    unit: Unit | None = None
-    decimal: Literal[".", ","] | None = None
-    coordinates: Literal["cartesian", "spherical", "cylindrical"] | None = None
-    angle: Literal["deg", "rad", "gon", "dms"] | None = None
-    vertical: Literal["zenith", "elevation"] | None = None
-    horizontal: Literal["clockwise", "counter-clockwise"] | None = None
-    covariance: Literal["a-priori", "standard", "expanded", "rms", "none"] | None = None
-    coverage_factor: Positive | None = None
-    names: Annotated[str, with_parts("group", "target")] | None = None
-    mapping: Columns | None = None
-    sheet: Name | None = None
 
 
 @dataclass(frozen=True, eq=False)

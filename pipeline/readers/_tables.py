@@ -41,7 +41,6 @@ from pipeline.readers._reader import (
     STANDARD,
     USUAL_FACTORS,
     Export,
-    Hints,
     diagonal,
     export,
     settled_angles,
@@ -50,6 +49,7 @@ from pipeline.readers._reader import (
 from pipeline.readers._table_times import SEARCHED, dated, form_of_times, sample, trusted_times
 from pipeline.readers._text import Text
 from pipeline.readers._titles import horizontal, name_a_place, no_level_range
+from pipeline.readers.said import Hints
 
 _UNCERTAINTIES = {
     EXPANDED: ("u95 x", "u95 y", "u95 z"),

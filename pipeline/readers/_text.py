@@ -10,7 +10,8 @@ import numpy as np
 
 from pipeline.base.arrays import Ints, Locked
 from pipeline.base.errors import InputError
-from pipeline.base.files import BEGIN, too_large
+from pipeline.base.files import BEGIN
+from pipeline.base.shown import too_large
 from pipeline.base.threads import spread
 
 _LARGEST_FILE = 2_000_000_000

@@ -107,7 +107,7 @@ def titled(titles: Sequence[str]) -> tuple[Named, ...]:
 def _known(one: Named) -> Named:
     words = _words(one.title)
     other = _ROLE_OF.get(" ".join(words), "")
-    if is_level_distance(one.title):
+    if _is_level_distance(one.title):
         return replace(one, role="")
     return one if one.role and not other else replace(one, role=other or one.role)
 
@@ -134,7 +134,7 @@ def _direction(title: str) -> str:
     return {"x": "x", "y": "y", "height": "z"}.get(role, "")
 
 
-def is_level_distance(title: str) -> bool:
+def _is_level_distance(title: str) -> bool:
     """Whether a title says that a distance is reduced to the horizon, and so no range."""
     words = _words(title)
     flat = {*words} & _LEVEL or {"2", "d"} <= {*words}
@@ -147,7 +147,7 @@ def no_level_range(titles: Iterable[str]) -> None:
     Raises:
         InputError: One does.
     """
-    level = next(filter(is_level_distance, titles), None)
+    level = next(filter(_is_level_distance, titles), None)
     if level is not None:
         raise InputError(
             f'column "{shown(level)}" is a horizontal distance, and no range',

@@ -12,39 +12,35 @@ from functools import partial
 
 import numpy as np
 import pandas as pd
-import pyarrow as pa
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError
 from pipeline.base.strict import LEAST_FORCE, LEAST_MASS, STANDARD_GRAVITY
 from pipeline.machine.robot import Robot
-from pipeline.readers import _log_words
-from pipeline.readers._cells import is_number
-from pipeline.readers._delimited import rows
-from pipeline.readers._layout import Field, Layout
-from pipeline.readers._log_form import OURS, LogForm, Titled, opened, understood
+from pipeline.readers._log_form import opened
 from pipeline.readers._log_table import (
     BEYOND,
     Log,
     Quantity,
     State,
     known_columns,
-    names_of,
     once,
     suffixed,
     table,
     typed,
     whole_numbers,
 )
+from pipeline.readers.said import OURS, LogForm
 
 __all__ = [
     "BEYOND",
     "FORCE",
     "LENGTH",
-    "LIMIT_SLACK",
     "MASS",
     "POSE",
+    "REPEAT",
+    "SCALE",
     "Log",
     "Quantity",
     "State",
@@ -55,22 +51,16 @@ __all__ = [
     "joint_values",
     "joints",
     "loads",
-    "may_be_log",
-    "numbered_joints",
+    "of_loads",
     "of_poses",
     "once",
-    "refuse_without_poses",
     "remarks",
-    "settled",
     "table",
-    "understood_joints",
-    "understood_loads",
-    "unknown",
 ]
 
 FORCE = {"n": 1.0, "kn": 1e3, "kgf": STANDARD_GRAVITY, "lbf": 0.45359237 * STANDARD_GRAVITY}
 """Units of force [N]; those of weight with standard gravity."""
-_SCALE = FORCE | {"dan": 10.0} | dict.fromkeys(("kg", "kp"), FORCE["kgf"])
+SCALE = FORCE | {"dan": 10.0} | dict.fromkeys(("kg", "kp"), FORCE["kgf"])
 """What a scale may show: one in kilograms shows kilogram-force, the old kilopond. Decanewtons are
 so near to it that no data tell the two apart."""
 MASS = {"kg": 1.0, "g": 1e-3, "lb": 0.45359237}
@@ -81,13 +71,23 @@ _FORCE_OF = {True: FORCE, False: {"nm": 1.0, "knm": 1e3}}
 """Units of what drives a sliding joint [N], and of what turns another [N m]."""
 ANGLE = {"deg": np.pi / 180.0, "rad": 1.0}
 """Units of angles [rad]."""
-LIMIT_SLACK = 1e-9
-"""How far a joint may seem beyond its limit [m] or [rad]: degrees are rounded when converted."""
-_BRANCHES = ("up", "down")
+_BRANCH = {
+    "up": {
+        "up", "auf", "aufwärts", "aufwaerts", "hin", "steigend", "belasten", "belastung", "loading",
+        "increasing", "rising", "ascending", "forward", "montée",
+    },
+    "down": {
+        "down", "ab", "abwärts", "abwaerts", "zurück", "zurueck", "rück", "fallend", "entlasten",
+        "entlastung", "unloading", "decreasing", "falling", "descending", "back", "return",
+        "descente",
+    },
+}  # fmt: skip
+"""Which way the turnbuckle was last turned."""
+_BRANCH_OF = {word: ours for ours, words in _BRANCH.items() for word in words}
 
 
 POSE = Quantity("pose", {})
-_REPEAT = Quantity("repeat", {})
+REPEAT = Quantity("repeat", {})
 _TIME = Quantity("time", {}, "name", needed=False)
 """When a row was taken: `check` holds it against the readings."""
 _REMARK = Quantity("remark", {}, "name", needed=False)
@@ -111,7 +111,7 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
     Raises:
         InputError: The file cannot be read or trusted as a whole.
     """
-    wanted = _of_loads()
+    wanted = of_loads()
     _, _, force, *other = wanted
     file = opened(name, data, said, "scale", POSE.stem, _has_load)
     named = suffixed(file.titles, other[-1]) is not None
@@ -121,10 +121,13 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
     known_columns(said, "scale", [*wanted, _TIME, _REMARK])
     log = _one_load(_pulls(typed(file, wanted, said, "scale")))
     if "branch" in log.word:
-        own = np.array([_log_words.branch(cell) for cell in log.word["branch"]], dtype=object)
+        own = np.array(
+            [_BRANCH_OF.get(cell.strip().lower(), cell) for cell in log.word["branch"]],
+            dtype=object,
+        )
         log = replace(log, word=log.word | {"branch": own})
     reason = "branch is neither up nor down; correct it or leave it empty"
-    log = log.where("branch", lambda words: np.isin(words, [*_BRANCHES, ""]), reason)
+    log = log.where("branch", lambda words: np.isin(words, [*_BRANCH, ""]), reason)
     return once(log, ["pose", "repeat"])
 
 
@@ -135,7 +138,7 @@ def group_name(name: str) -> str:
 
 def _has_load(titles: Sequence[str]) -> bool:
     """Whether columns are those of a log of loads."""
-    return any(suffixed(titles, q) for q in _of_loads()[2:6])
+    return any(suffixed(titles, q) for q in of_loads()[2:6])
 
 
 def remarks(name: str, data: bytes, said: LogForm, robot: Robot | None = None) -> list[str]:
@@ -153,7 +156,7 @@ def remarks(name: str, data: bytes, said: LogForm, robot: Robot | None = None) -
     holds = _has_load if robot is None else partial(_has_joints, robot)
     section = "scale" if robot is None else "joints"
     file = opened(name, data, said, section, POSE.stem, holds)
-    pose, repeat = replace(POSE, filled=False), replace(_REPEAT, needed=False)
+    pose, repeat = replace(POSE, filled=False), replace(REPEAT, needed=False)
     log = typed(file, [pose, repeat, _REMARK], said, section)
     out = []
     for k in np.flatnonzero(log.word.get("remark", np.array([])) != ""):
@@ -164,11 +167,11 @@ def remarks(name: str, data: bytes, said: LogForm, robot: Robot | None = None) -
     return out
 
 
-def _of_loads() -> list[Quantity]:
+def of_loads() -> list[Quantity]:
     """Pose, repeat, force; mass, its uncertainty, payload; branch and group."""
     mass = [Quantity(name, MASS, needed=False) for name in ("mass", "mass_sigma")]
     words = [Quantity(name, {}, "name", needed=False) for name in ("payload", "branch", "group")]
-    return [POSE, replace(_REPEAT, needed=False), Quantity("force", _SCALE), *mass, *words]
+    return [POSE, replace(REPEAT, needed=False), Quantity("force", SCALE), *mass, *words]
 
 
 def _pulls(log: Log) -> Log:
@@ -288,7 +291,7 @@ def joints(
     approach = Quantity("approach", {}, needed=False)
     torques = [Quantity(f"tau{j}", _FORCE_OF[q.units is LENGTH], needed=False)
                for j, q in enumerate(wanted, 1)]  # fmt: skip
-    repeat = replace(_REPEAT, needed=False)
+    repeat = replace(REPEAT, needed=False)
     others = [approach, repeat, *torques]
     known_columns(said, "joints", [POSE, _TIME, _REMARK, *own, *axes, *others])
     log = whole_numbers(typed(file, [POSE, *wanted, *others], said, section))
@@ -313,114 +316,6 @@ def _of_joints(log: Log, robot: Robot, torques: Sequence[str]) -> Log:
         turned = linear.solve(robot.controller_matrix.T, tau.T)
         number |= dict(zip(torques, turned, strict=True))
     return replace(log, number=number)
-
-
-def may_be_log(name: str, data: bytes) -> bool:
-    """Whether a file has a line with a title for the number of a pose; one look, at all sheets.
-
-    Raises:
-        InputError: It is no text, or several sheets have one.
-    """
-
-    def poses(titles: Sequence[str]) -> dict[str, str] | None:
-        return {} if _log_words.has_poses(titles) else None
-
-    return understood(name, data, "scale", poses) is not None
-
-
-def refuse_without_poses(name: str, data: bytes) -> None:
-    """Tell a joint log that does not say which pose a row is.
-
-    Raises:
-        InputError: It is one.
-    """
-
-    def axes(titles: Sequence[str]) -> dict[str, str] | None:
-        return {one: one for one in _log_words.axes_without_pose(titles)} or None
-
-    form = understood(name, data, "joints", axes)
-    if form is not None:
-        first, *_, last = form.columns
-        raise InputError(
-            f"seems to be a joint log ({first} to {last}), but no column numbers the poses",
-            "add a column pose with the numbers that the tracker's groups and the load log use",
-            file=name,
-        )
-
-
-def understood_loads(name: str, data: bytes) -> LogForm | None:
-    """What [scale] may say of a log of loads with the titles of others; None where it is none."""
-    units = {"force": tuple(_SCALE), "mass": tuple(MASS)}
-    form = understood(name, data, "scale", lambda titles: _log_words.of_loads(titles, units))
-    if form is None or "branch" not in form.columns.values():
-        return form
-    left = {title: ours for title, ours in form.columns.items() if ours != "branch"}
-    without = LogForm(columns=left)
-    try:
-        lost = [len(loads(name, data, settled(one)).rejected) for one in (form, without)]
-    except InputError:  # a decimal mark that has to be asked, say: no row tells anything yet
-        return form
-    return form if lost[0] == lost[1] else without
-
-
-def settled(form: LogForm) -> LogForm:
-    """A form as it can be read: of several names for a title, which differ by unit, the first."""
-    columns = {title: ours.partition("|")[0] for title, ours in form.columns.items()}
-    return form.model_copy(update={"columns": columns})
-
-
-def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
-    """What [joints] may say of a joint log with the titles of others; None where it is none."""
-    axes = controller_axes(robot) or own_joints(robot)
-    slides = [q.units is LENGTH for q in axes]
-    names, units = [q.stem for q in axes], ([*LENGTH], [*ANGLE])
-    return understood(
-        name, data, "joints", lambda titles: _log_words.of_joints(titles, names, slides, units)
-    )
-
-
-def numbered_joints(name: str, data: bytes, robot: Robot) -> list[LogForm]:
-    """What [joints] may say of a log with as many columns of numbers as joints.
-
-    Whatever their titles, the columns are in the order of the joints; one that slides may stand
-    behind those that turn. Nothing is said yet of whether the robot can take the poses.
-
-    Raises:
-        InputError: The file cannot be read.
-    """
-    form = understood(name, data, "joints", _log_words.pose_alone)
-    if form is None:
-        return []
-    titles = _of_numbers(opened(name, data, form, "joints", POSE.stem))
-    axes = controller_axes(robot) or own_joints(robot)
-    if len(titles) != len(axes) or not _log_words.in_order(titles):
-        return []
-    behind = sorted(axes, key=lambda q: q.units is LENGTH)
-    orders = [axes] if behind == axes else [axes, behind]
-    return [
-        form.model_copy(update={"columns": form.columns | _as_called(titles, one)})
-        for one in orders
-    ]
-
-
-def _of_numbers(file: Titled) -> list[str]:
-    """Titles of columns that hold nothing but numbers, without those of poses and the like."""
-    fields = tuple(Field(str(k), "name", False) for k in range(len(file.titles)))
-    read = rows(file.text, Layout(fields, file.delimiter, file.first, table="joints"))
-    cells = [{*read.columns[one.name].cast(pa.string()).to_pylist()} for one in fields]
-    return [
-        written
-        for written, title, some in zip(file.written, file.titles, cells, strict=True)
-        if title not in (POSE.stem, _REPEAT.stem, "approach") and some and all(map(is_number, some))
-    ]
-
-
-def _as_called(titles: Sequence[str], axes: Sequence[Quantity]) -> dict[str, str]:
-    """Our names for titles, with bars between them where they state no unit."""
-    return {
-        title: "|".join(f"{q.stem}_{u}" for u in _log_words.stated_unit(title, [*q.units]))
-        for title, q in zip(titles, axes, strict=True)
-    }
 
 
 def of_poses(log: Log) -> Log:
@@ -463,25 +358,17 @@ def displacements(name: str, data: bytes) -> Log:
     """Displacements of an already reduced campaign: pose, repeat, target, dx, dy, dz [m]."""
     target = Quantity("target", {}, "name")
     axes = [Quantity(axis, LENGTH) for axis in ("dx", "dy", "dz")]
-    log = whole_numbers(table(name, data, [POSE, _REPEAT, target, *axes]))
+    log = whole_numbers(table(name, data, [POSE, REPEAT, target, *axes]))
     return once(log, ["pose", "repeat", "target"])
 
 
 def forces(name: str, data: bytes) -> Log:
     """Forces of an already reduced campaign: pose, repeat, fx, fy, fz [N] in the base frame."""
     axes = [Quantity(axis, FORCE) for axis in ("fx", "fy", "fz")]
-    log = whole_numbers(table(name, data, [POSE, _REPEAT, *axes]))
+    log = whole_numbers(table(name, data, [POSE, REPEAT, *axes]))
     size = np.linalg.norm([log.number[axis.stem] for axis in axes], axis=0)
     log = log.only(size >= LEAST_FORCE, "the force is zero; correct or remove the row")
     return once(log, ["pose", "repeat"])
-
-
-def unknown(name: str, data: bytes, said: LogForm) -> tuple[str, ...]:
-    """Titles of a log of loads that are no name of ours, as written."""
-    ours = {one for q in _of_loads() for one in (*map(str.lower, names_of(q)), q.stem)}
-    file = opened(name, data, said, "scale", POSE.stem)
-    both = zip(file.titles, file.written, strict=True)
-    return tuple(written for title, written in both if title and title not in ours)
 
 
 def columns(name: str, data: bytes) -> tuple[str, ...]:

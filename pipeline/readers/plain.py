@@ -10,9 +10,10 @@ from collections.abc import Sequence
 
 from pipeline.base.errors import InputError, listed
 from pipeline.readers import _named, _tables
-from pipeline.readers._reader import Export, Hints, Reader, Readings, written
+from pipeline.readers._reader import Export, Reader, Readings, written
 from pipeline.readers._text import Text
 from pipeline.readers._titles import titled
+from pipeline.readers.said import Hints
 
 _NEEDED = ("group", "target", "x", "y", "z")
 _ENOUGH = 3

@@ -5,9 +5,10 @@ from __future__ import annotations
 import numpy as np
 
 from pipeline.machine.robot import Robot
-from pipeline.readers._log_form import OURS, LogForm, opened
+from pipeline.readers._log_form import opened
 from pipeline.readers._log_table import Log, Quantity, known_columns, suffixed, typed
 from pipeline.readers.logs import ANGLE, LENGTH, controller_axes, own_joints
+from pipeline.readers.said import OURS, LogForm
 
 AXES, TURNS = ("x", "y", "z"), ("rx", "ry", "rz")
 
@@ -38,7 +39,7 @@ def positions(name: str, data: bytes, robot: Robot, said: LogForm = OURS) -> Log
     others = [*turns, Quantity("pose", {}, needed=False),
               Quantity("temperature", _TEMPERATURE, needed=False),
               *(Quantity(word, {}, "name", needed=False) for word in _WORDS)]  # fmt: skip
-    return with_joints(name, data, robot, said, [*places, *others])
+    return _with_joints(name, data, robot, said, [*places, *others])
 
 
 _WORDS = ("series", "target", "payload")
@@ -61,10 +62,12 @@ def asked(name: str, data: bytes, robot: Robot, force: dict[str, float]) -> Log:
         Quantity("temperature", _TEMPERATURE, needed=False),
         Quantity("payload", {}, "name", needed=False),
     ]
-    return with_joints(name, data, robot, OURS, others)
+    return _with_joints(name, data, robot, OURS, others)
 
 
-def with_joints(name: str, data: bytes, robot: Robot, said: LogForm, others: list[Quantity]) -> Log:
+def _with_joints(
+    name: str, data: bytes, robot: Robot, said: LogForm, others: list[Quantity]
+) -> Log:
     """Joint values, by the robot's names or its controller's, and further columns.
 
     Raises:

@@ -35,7 +35,7 @@ _SAME_FORCE, _SAME_WAY = 0.03, 5e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Days(Locked):
+class _Days(Locked):
     """What repeated poses show of the days.
 
     Attributes:
@@ -51,7 +51,7 @@ class Days(Locked):
     p_value: float
 
 
-def days(data: Measured) -> Days | None:
+def days(data: Measured) -> _Days | None:
     """The day-to-day scatter; None where no pose was repeated on another day, or no noise is known.
 
     Args:
@@ -70,7 +70,7 @@ def days(data: Measured) -> Days | None:
     weight = 1 / variance
     excess = (chi2 - len(g)) / float(weight.sum())
     relative = float(np.sqrt(max(excess, 0.0) / 2))
-    return Days(day, len(g), relative, float(special.chdtrc(len(g), chi2)))
+    return _Days(day, len(g), relative, float(special.chdtrc(len(g), chi2)))
 
 
 def with_days(data: Measured) -> Measured:

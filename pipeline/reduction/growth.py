@@ -17,13 +17,13 @@ from pipeline.base.arrays import Array
 
 STEEL = 11.5e-6
 """Expansion of steel [1/K]: (11.5 +- 1.0) 1e-6, ISO 3650:1998, 6.2, for gauge blocks."""
-STEEL_STD = 1.0e-6 / 3**0.5
+_STEEL_STD = 1.0e-6 / 3**0.5
 """Its standard uncertainty [1/K]: the limits of ISO 3650, anything between alike (GUM 4.3.7)."""
 REFERENCE_C = 20.0
 """Where lengths hold [degC], ISO 1:2022."""
-THERMOMETER_K = 1.0
+_THERMOMETER_K = 1.0
 """Standard uncertainty of a rail's mean temperature by one thermometer in the hall [K]."""
-HALL_K = 10.0
+_HALL_K = 10.0
 """Where nobody says how warm it was: halls are within so much of 20 degC, one in three is not."""
 
 
@@ -48,7 +48,7 @@ class BaseGrowth:
     value: float = 0.0
     std: float = 0.0
     expected: float | None = None
-    expected_std: float = STEEL * HALL_K
+    expected_std: float = STEEL * _HALL_K
     seen: float | None = None
     seen_std: float = np.inf
     probability: float = 0.0
@@ -65,7 +65,7 @@ def by_temperature(temperature_c: float | None) -> BaseGrowth:
     if temperature_c is None:
         return BaseGrowth()
     warmer = temperature_c - REFERENCE_C
-    std = float(np.hypot(STEEL * THERMOMETER_K, STEEL_STD * warmer))
+    std = float(np.hypot(STEEL * _THERMOMETER_K, _STEEL_STD * warmer))
     value = STEEL * warmer
     return BaseGrowth(value, std, expected=value, expected_std=std, probability=1.0)
 

@@ -17,7 +17,7 @@ import pyarrow as pa
 from pipeline import readers, tables
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import columns as covariance_columns
-from pipeline.base.doors import found
+from pipeline.base.doors import found, opened
 from pipeline.base.errors import InputError, listed
 from pipeline.base.patterns import fits, is_glob
 from pipeline.base.threads import MUCH, both
@@ -26,7 +26,6 @@ from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot
 from pipeline.machine.room import turns
 from pipeline.readers import Export, logs
-from pipeline.readers.assignment import assigned
 from pipeline.readers.known import ReflectorSet
 from pipeline.reduction import _pulls, _shots, _size, limits
 from pipeline.reduction._index import numbered, pull_number
@@ -39,6 +38,8 @@ from pipeline.reduction.weights import PULL
 
 _SIX = covariance_columns()
 
+_BY_ORDER = "pipeline.dialects.assignment:assigned"
+"""Readings without names, by the order they were taken in."""
 _NAMES = (
     "say with names in [tracker] of campaign.toml how names hold group and target, as `pipeline "
     "inspect` proposes, name the column of the groups in [tracker.mapping], or "
@@ -46,7 +47,7 @@ _NAMES = (
 
 
 @dataclass(frozen=True)
-class Ingested:
+class _Ingested:
     """What a raw campaign holds, as tables that keep their promise.
 
     Attributes:
@@ -79,7 +80,7 @@ class Ingested:
 
 def ingest(
     settings: Settings, robot: Robot, raw: Mapping[str, bytes], plausible: bool = True
-) -> Ingested:
+) -> _Ingested:
     """Read a campaign.
 
     Args:
@@ -150,7 +151,7 @@ def _raw(
     plausible: bool,
     doubt: InputError | None,
     left_out: Mapping[int, str],
-) -> Ingested:
+) -> _Ingested:
     tracker, file = settings.tracker, settings.loads_file
     assert tracker is not None  # there are no displacements
     log = _file(raw, file, "[scale]")
@@ -179,7 +180,7 @@ def _raw(
     joints = joints.only(used, "no usable reading has this pose; measure it or remove the row")
     if not len(loads.line):
         raise _nothing_left(causes or whole.rejected)
-    return Ingested(
+    return _Ingested(
         readings=_readings(whole, settings),
         loads=_loads(loads, settings.loads_log.mass_sigma_kg),
         joints=_joints(joints, robot),
@@ -228,7 +229,8 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
     exports = {name: _export(name, raw[name], tracker, settings.bodies) for name in found}
     if tracker.assignment:
         table = _file(raw, tracker.assignment, "assignment in [tracker]")
-        return assigned(exports, tracker.assignment, table)
+        named: dict[str, Export] = opened(_BY_ORDER)(exports, tracker.assignment, table)
+        return named
     for name, export in exports.items():
         if export.group is None:
             raise InputError(
@@ -460,7 +462,7 @@ def _reduced(
     joints: logs.Log,
     doubt: InputError | None,
     left_out: Mapping[int, str],
-) -> Ingested:
+) -> _Ingested:
     moved = logs.displacements(said.file, _file(raw, said.file, "[displacements]"))
     forces = logs.forces(said.forces, _file(raw, said.forces, "[displacements]"))
     moved = moved.only(
@@ -489,7 +491,7 @@ def _reduced(
     joints = joints.only(used, "no displacement has this pose; add it or remove the row")
     if not len(moved.line):
         raise _nothing_left(causes or moved.rejected)
-    return Ingested(
+    return _Ingested(
         joints=_joints(joints, robot),
         rejected=_rejected([*moved.rejected, *forces.rejected, *joints.rejected]),
         displacements=_displacements(moved, said.sigma_m),

@@ -15,7 +15,8 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import InputError
 from pipeline.base.quantities import plain
 from pipeline.machine.robot import Joint, Robot
-from pipeline.readers.logs import LIMIT_SLACK, Log, joint_values
+from pipeline.machine.robot.axes import LIMIT_SLACK
+from pipeline.readers.logs import Log, joint_values
 from pipeline.reduction.case import Case
 
 LEEWAY = float(np.deg2rad(1.0))
@@ -24,7 +25,7 @@ far as 1 deg moves a point at a metre."""
 
 
 @dataclass(frozen=True)
-class BeyondLimit:
+class _BeyondLimit:
     """A joint beyond a limit of the robot file.
 
     Attributes:
@@ -65,7 +66,7 @@ class BeyondLimit:
 _WAY_OUT = "correct the value or the unit in the column name, or the limits in the robot file"
 
 
-def beyond(case: Case) -> list[BeyondLimit]:
+def beyond(case: Case) -> list[_BeyondLimit]:
     """Every joint of a campaign that is beyond a limit of its robot."""
     rows = case.joints
     if not len(rows):
@@ -75,16 +76,16 @@ def beyond(case: Case) -> list[BeyondLimit]:
     return _beyond(case.robot, str(rows["file"].iloc[0]), pose, line, q)
 
 
-def _beyond(robot: Robot, file: str, pose: Array, line: Ints, q: Array) -> list[BeyondLimit]:
+def _beyond(robot: Robot, file: str, pose: Array, line: Ints, q: Array) -> list[_BeyondLimit]:
     """The same of joint values (p, n) [m] or [rad], each pose with its line in the log."""
     outside = (q < robot.lower - LIMIT_SLACK) | (q > robot.upper + LIMIT_SLACK)
     return [
-        BeyondLimit(int(pose[k]), robot.joints[j], float(q[k, j]), file, int(line[k]))
+        _BeyondLimit(int(pose[k]), robot.joints[j], float(q[k, j]), file, int(line[k]))
         for k, j in np.argwhere(outside).tolist()
     ]
 
 
-def impossible(log: Log, robot: Robot) -> dict[int, BeyondLimit]:
+def impossible(log: Log, robot: Robot) -> dict[int, _BeyondLimit]:
     """The rows of a joint log that are out of the question, each with the joint that is most so."""
     every = _beyond(robot, log.file, log.number["pose"], log.line, joint_values(log, robot))
     row = {line: k for k, line in enumerate(log.line.tolist())}
@@ -92,12 +93,12 @@ def impossible(log: Log, robot: Robot) -> dict[int, BeyondLimit]:
     return {row[one.line]: one for one in worst}
 
 
-def reason(one: BeyondLimit) -> str:
+def reason(one: _BeyondLimit) -> str:
     """Why a row is left out."""
     return f"{one.said}; {_WAY_OUT}"
 
 
-def doubt(found: Sequence[BeyondLimit]) -> InputError | None:
+def doubt(found: Sequence[_BeyondLimit]) -> InputError | None:
     """What is said where such rows are let through; None without any."""
     if not found:
         return None

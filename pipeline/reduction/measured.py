@@ -280,7 +280,7 @@ def measured(
         pulled = np.unique(data.pulls.pose[data.pull])
         alone = idle(settings, robot, joints, placed, pulled[:0] if effector.six else pulled)
         data = replace(data, idle=alone if len(alone) else None)
-    return in_poses(data, robot, effector, settings.instrument) if effector.six else data
+    return _in_poses(data, robot, effector, settings.instrument) if effector.six else data
 
 
 def _payloads(settings: Settings, pulls: pd.DataFrame) -> Strings:
@@ -290,7 +290,7 @@ def _payloads(settings: Settings, pulls: pd.DataFrame) -> Strings:
     return np.asarray(names[np.where(mounted, pulls["body"].to_numpy(np.int64), -1)])
 
 
-def in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) -> Measured:
+def _in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) -> Measured:
     """The same with position and rotation of the effector in place of its targets.
 
     Errors of both are those of a target, the rotation's at the radius of the targets, unless its

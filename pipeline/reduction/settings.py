@@ -14,6 +14,7 @@ from pydantic import AfterValidator, Field, field_validator, model_validator
 from pipeline.base import toml
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, listed
+from pipeline.base.language import Language
 from pipeline.base.linear import extent
 from pipeline.base.patterns import is_glob
 from pipeline.base.strict import (
@@ -40,15 +41,16 @@ from pipeline.base.strict import (
 )
 from pipeline.machine.instrument import InstrumentNoise, Sheet, sheet
 from pipeline.machine.robot import Robot, axes
-from pipeline.machine.robot.axes import from_log_units
+from pipeline.machine.robot.axes import LIMIT_SLACK, from_log_units
 from pipeline.machine.surroundings import Surrounded
-from pipeline.readers import Hints
-from pipeline.readers._log_form import LogForm
 from pipeline.readers.known import ReflectorSet
-from pipeline.readers.logs import LIMIT_SLACK
+from pipeline.readers.said import Hints, LogForm
 
 BASE_REFLECTORS = 3
 """How many a base frame needs at least; the third takes away the turn about the other two."""
+
+_MOST_FIELDS = 20
+"""Own entries of a house."""
 
 _MOST_GLOBS = 20
 """Patterns that stand for several exports."""
@@ -77,7 +79,7 @@ def _on_the_effector(point: Point) -> Point:
     return point
 
 
-Centre = Annotated[Point, AfterValidator(_on_the_effector)]
+_Centre = Annotated[Point, AfterValidator(_on_the_effector)]
 """Centre of mass in the flange frame [m]."""
 
 
@@ -118,7 +120,7 @@ class Tracker(Hints):
                 )
 
 
-State = Literal["unloaded", "loaded"]
+_State = Literal["unloaded", "loaded"]
 
 
 class Naming(Strict):
@@ -134,7 +136,7 @@ class Naming(Strict):
     group: Annotated[str, with_parts("pose", "state")] = (
         r"pose(?P<pose>[0-9]+)_rep(?P<repeat>[0-9]+)_(?P<state>unloaded|loaded)"
     )
-    states: dict[Annotated[str, Field(max_length=200)], State] = Field(default_factory=dict)
+    states: dict[Annotated[str, Field(max_length=200)], _State] = Field(default_factory=dict)
     measured: list[Name] = Field(default=["P1", "P2", "P3"], min_length=1)
     chain: list[Name] = Field(default=["Pl1", "Pl2"], min_length=2, max_length=2)
 
@@ -148,9 +150,9 @@ class Naming(Strict):
         return self
 
     @property
-    def state_of(self) -> dict[str, State]:
+    def state_of(self) -> dict[str, _State]:
         """State by its word in small letters, ours and theirs."""
-        ours: dict[str, State] = {"unloaded": "unloaded", "loaded": "loaded"}
+        ours: dict[str, _State] = {"unloaded": "unloaded", "loaded": "loaded"}
         return ours | {word.lower(): state for word, state in self.states.items()}
 
 
@@ -196,11 +198,11 @@ class PayloadSettings(Strict):
 
     mass_kg: Mass
     mass_sigma_kg: MassUncertainty = 0.0
-    center_m: Centre
+    center_m: _Centre
     center_sigma_m: Uncertainty = 0.0
 
 
-class JointLog(LogForm):
+class _JointLog(LogForm):
     """The controller's joint log, and how far the joints' zeros may be off, one for all poses."""
 
     file: FileName = "joints.csv"
@@ -297,7 +299,7 @@ class AskedPose(Strict):
         Raises:
             InputError: It has another number of values than the robot joints or axes.
         """
-        names = [joint.name for joint in robot.joints] if self.axes is None else axes_of(robot)
+        names = [joint.name for joint in robot.joints] if self.axes is None else _axes_of(robot)
         if len(self.said) != len(names):
             kind = "joints" if self.axes is None else "axes"
             raise InputError(
@@ -320,7 +322,7 @@ class AskedPose(Strict):
             InputError: It has another number of joints, or one of them is outside its limits.
         """
         values = self.joint_values(robot)
-        out = np.flatnonzero(beyond(robot, values))
+        out = np.flatnonzero(_beyond(robot, values))
         if not out.size:
             return
         joint, value = robot.joints[out[0]], values[out[0]]
@@ -339,30 +341,30 @@ class AskedPose(Strict):
 
     def _with_other_sign(self, robot: Robot) -> Iterator[str]:
         said = np.array(self.said)
-        names = [joint.name for joint in robot.joints] if self.axes is None else axes_of(robot)
+        names = [joint.name for joint in robot.joints] if self.axes is None else _axes_of(robot)
         for k, name in enumerate(names):
             turned = np.where(np.arange(len(said)) == k, -said, said)
-            if not beyond(robot, self._joints(robot, turned)).any():
+            if not _beyond(robot, self._joints(robot, turned)).any():
                 yield f"is {name} = {-said[k]:g} meant, with the other sign?"
 
     def _as_axes(self, robot: Robot) -> Iterator[str]:
-        said, names = np.array(self.said), axes_of(robot)
+        said, names = np.array(self.said), _axes_of(robot)
         if self.axes is not None or len(names) != len(said):
             return
         shown = np.where(axes.of(robot).slides, 1e3 * said, said)
-        if not beyond(robot, axes.from_shown(robot, shown)).any():
+        if not _beyond(robot, axes.from_shown(robot, shown)).any():
             yield (
                 f"are these what the controller shows for {', '.join(names)}? Then write "
                 f"axes = [{', '.join(f'{x:g}' for x in shown)}] (mm and degrees)"
             )
 
 
-def axes_of(robot: Robot) -> list[str]:
+def _axes_of(robot: Robot) -> list[str]:
     """Names of the controller's axes; of the joints where the robot file maps none."""
     return list(axes.of(robot).names)
 
 
-def beyond(robot: Robot, q: Array) -> Bools:
+def _beyond(robot: Robot, q: Array) -> Bools:
     """Joints outside their limits at joint values [m], [rad], shape (n,)."""
     return np.asarray((q < robot.lower - LIMIT_SLACK) | (q > robot.upper + LIMIT_SLACK))
 
@@ -471,6 +473,10 @@ class Settings(Surrounded):
     simulated: bool = False
     date: datetime.date | None = None
     operator: Name | None = None
+    language: Language | None = None
+    fields: Annotated[dict[Name, Name], Field(max_length=_MOST_FIELDS)] = Field(
+        default_factory=dict
+    )
     temperature_c: Temperature | None = None
     tracker: Tracker | None = None
     naming: Naming = Naming()
@@ -478,7 +484,7 @@ class Settings(Surrounded):
     scale: Scale | None = None
     gravity: Gravity = Gravity()
     payload: dict[Name, PayloadSettings] = Field(default_factory=dict)
-    joints: JointLog = JointLog()
+    joints: _JointLog = _JointLog()
     displacements: Displacements | None = None
     positions: PositionsSettings | None = None
     instrument: Instrument = Instrument()

@@ -10,6 +10,7 @@ R_k and t_k the pose in F_b of station k by its own rounds. From then on there i
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 from typing import NamedTuple
 
@@ -21,7 +22,7 @@ from pipeline.base.arrays import Array
 from pipeline.reduction.register import XYZ, apart, seconds
 from pipeline.reduction.settings import BASE_REFLECTORS, Settings
 
-CARRIED_M = 0.1
+_CARRIED_M = 0.1
 """A tracker that is knocked or drifts moves by less [m], one that is carried by metres."""
 
 _FITS_M = 0.03
@@ -31,13 +32,26 @@ _FITS_M = 0.03
 class Station(NamedTuple):
     """Where a tracker stood from some round of base reflectors on.
 
+    What it reads as p the first station reads as `turn` p + `shift` [m].
+
     Attributes:
         group: The round's.
         moved_m: How far the tracker was carried from the station before [m].
+        begun: When its first round began, seconds after the first reading [s].
+        turn: Rotation into the tracker's frame of the first station, shape (3, 3).
+        shift: Where it stands in that frame [m], shape (3,).
     """
 
     group: str
     moved_m: float
+    begun: float
+    turn: Array
+    shift: Array
+
+    @property
+    def back(self) -> Station:
+        """What undoes it."""
+        return self._replace(turn=self.turn.T, shift=-self.turn.T @ self.shift)
 
 
 class _Round(NamedTuple):
@@ -64,20 +78,50 @@ def one_station(
     stations = _stations(_rounds(settings, readings))
     if len(stations) < 2:
         return readings, ()
-    since, out, told = seconds(readings), readings.copy(), []
     (R1, t1), *others = [_joined(rounds).pose() for rounds in stations]
-    before = t1
-    for (R, t), rounds, after in zip(others, stations[1:], [*stations[2:], None], strict=True):
-        end = after[0].begun if after else np.inf
-        rows = (since >= rounds[0].begun) & (since < end)
-        turn = R1.T @ R
-        out.loc[rows, XYZ] = readings.loc[rows, XYZ].to_numpy(float) @ turn.T + R1.T @ (t - t1)
-        columns = covariance.columns()
-        six = [readings.loc[rows, column].to_numpy(float) for column in columns]
-        out.loc[rows, columns] = np.column_stack(covariance.turned(six, turn))
-        told.append(Station(rounds[0].group, float(np.linalg.norm(t - before))))
+    before, told = t1, []
+    for (R, t), rounds in zip(others, stations[1:], strict=True):
+        moved_m, begun = float(np.linalg.norm(t - before)), rounds[0].begun
+        told.append(Station(rounds[0].group, moved_m, begun, R1.T @ R, R1.T @ (t - t1)))
         before = t
-    return out, tuple(told)
+    return _moved(readings, told), tuple(told)
+
+
+def with_rounds_exchanged(
+    settings: Settings, readings: pd.DataFrame, stations: Sequence[Station], pair: tuple[str, str]
+) -> tuple[pd.DataFrame, tuple[Station, ...]]:
+    """As of `one_station` if two rounds of base reflectors have each other's readings.
+
+    Args:
+        settings: The campaign.
+        readings: Table READINGS as from one station.
+        stations: Where else the tracker stood.
+        pair: Groups of the two rounds.
+    """
+    shot = _moved(readings, [one.back for one in stations])
+    one, other = (shot.index[shot["group"] == group] for group in pair)
+    of = shot["target"].astype(str)
+    source = dict(zip(of[other], other, strict=True)) if of[other].is_unique else {}
+    both = [(k, source[of[k]]) for k in one if of[k] in source]
+    if not both:
+        return readings, tuple(stations)
+    here, there = (list(rows) for rows in zip(*both, strict=True))
+    columns = [*XYZ, *covariance.columns()]
+    kept = shot.loc[here + there, columns].to_numpy()
+    shot.loc[there + here, columns] = kept
+    return one_station(settings, shot)
+
+
+def _moved(readings: pd.DataFrame, stations: Sequence[Station]) -> pd.DataFrame:
+    """Table READINGS with what was read from each station turned and shifted as it says."""
+    since, out, columns = seconds(readings), readings.copy(), covariance.columns()
+    ends = [one.begun for one in stations[1:]]
+    for one, end in zip(stations, [*ends, np.inf], strict=True):
+        rows = (since >= one.begun) & (since < end)
+        out.loc[rows, XYZ] = readings.loc[rows, XYZ].to_numpy(float) @ one.turn.T + one.shift
+        six = [readings.loc[rows, column].to_numpy(float) for column in columns]
+        out.loc[rows, columns] = np.column_stack(covariance.turned(six, one.turn))
+    return out
 
 
 def _rounds(settings: Settings, readings: pd.DataFrame) -> list[_Round]:
@@ -98,7 +142,7 @@ def _stations(rounds: list[_Round]) -> list[list[_Round]]:
     """Rounds in a row that were read from one place."""
     out = [rounds[:1]]
     for before, one in pairwise(rounds):
-        if one.off_m(*before.pose()) > CARRIED_M:
+        if one.off_m(*before.pose()) > _CARRIED_M:
             out.append([])
         out[-1].append(one)
     return out

@@ -11,6 +11,8 @@ from pipeline.answer.contract import About, Answer, Cause, Data, Reason, Stiffne
 from pipeline.answer.nouns import amount
 from pipeline.answer.words import DO, capital
 from pipeline.base.files import sha256
+from pipeline.base.language import Say, said
+from pipeline.base.look import PLAIN, Look
 from pipeline.base.quantities import (
     MISSING,
     common_prefix,
@@ -27,7 +29,7 @@ from pipeline.report.figures.catalogue import figures
 from pipeline.report.figures.certificate import stand
 from pipeline.report.figures.stiffness import interval
 from pipeline.report.record import Bar, Certificate, Item
-from pipeline.report.sections.identity import rows
+from pipeline.report.sections.identity import NAMES, rows
 from pipeline.report.summaries import Tables
 from pipeline.store.campaign import dump
 
@@ -44,24 +46,33 @@ _DIGEST = 16
 """Digits of the digest that are printed."""
 
 
-def certificate(answer: Answer, tables: Tables) -> Certificate:
-    """What an engineer files of a campaign."""
-    pictures = {one.name: one for one in figures(("certificate", "gauge"), answer, tables)}
+def certificate(answer: Answer, tables: Tables, say: Say = str, look: Look = PLAIN) -> Certificate:
+    """What an engineer files of a campaign, in a language, with what the house adds."""
+    pictures = {one.name: said(one, say) for one in figures(_PICTURES, answer, tables)}
     bars, nominal = _bars(answer)
     compared = nominal is not None
     return Certificate(
-        found=found(answer),
-        to_do=" ".join((*_by_tolerance(answer), to_do(answer), *_to_controller(answer))),
-        measure=measure(answer),
+        found=found(answer, say),
+        to_do=say(" ".join((*_by_tolerance(answer), to_do(answer), *_to_controller(answer)))),
+        measure=measure(answer, say),
+        tolerance=say(unjudged(answer)),
         picture=pictures.get("certificate"),
         gauge=pictures.get("gauge"),
-        bars=bars,
+        bars=said(bars, say),
         nominal=nominal,
-        beside="of nominal" if compared else "uncertainty",
-        note=_note(answer, compared),
-        filed=tuple(Item(name, text) for name, text in rows(answer)),
+        beside=say("Of nominal" if compared else "Uncertainty"),
+        note=say(_note(answer, compared)),
+        filed=(
+            *(Item(say(name), text if name in NAMES else say(text)) for name, text in rows(answer)),
+            *(Item(name, text) for name, text in look.fields),
+        ),
+        logo=look.logo,
         digest=digest(answer),
+        sign=tuple(map(say, Certificate.sign)),
     )
+
+
+_PICTURES = ("certificate", "gauge")
 
 
 def digest(answer: Answer) -> str:
@@ -72,16 +83,16 @@ def digest(answer: Answer) -> str:
 # --- what is found, and what to do ----------------------------------------------------------------
 
 
-def found(answer: Answer) -> str:
+def found(answer: Answer, say: Say = str) -> str:
     """What is wrong, in a sentence."""
     mistakes = [one.evidence.sentence for one in answer.diagnosis.causes if one.evidence]
     if mistakes:
-        more = f" (and {len(mistakes) - 1} more)" if len(mistakes) > 1 else ""
-        return f"{capital(_cut(mistakes[0]))}{more}."
+        more = say(f" (and {len(mistakes) - 1} more)") if len(mistakes) > 1 else ""
+        return f"{_begun(_cut(say(_LINES.sub(_FIRST, mistakes[0]))))}{more}."
     causes = answer.diagnosis.causes
     if not causes:
-        return _NOTHING.get(str(answer.diagnosis.verdict), "")
-    return f"{capital(_listed(causes))}{_gain(answer)}."
+        return say(_NOTHING.get(str(answer.diagnosis.verdict), ""))
+    return f"{capital(say(_listed(causes)))}{say(_gain(answer))}."
 
 
 _NOTHING = {
@@ -90,13 +101,26 @@ _NOTHING = {
 }
 
 
+_LINES = re.compile(r" \(([^\s(),]+:\d+)(?:,| and) [^()]*\)")
+"""More than one line of a file, in brackets..."""
+
+_FIRST = r" (\1 ...)"
+"""... of which the first is told."""
+
+
+def _begun(text: str) -> str:
+    """With a capital, but for the name of a file or a group."""
+    return text if re.search(r"[\d._/]", text.split(" ")[0].rstrip(".,:;")) else capital(text)
+
+
 def _cut(text: str) -> str:
     """The first clauses of a long sentence."""
     told = text.split()
     if len(told) <= _MOST_FOUND:
         return text
     ends = [k for k, one in enumerate(told[:_MOST_FOUND], 1) if one[-1] in ",:;"]
-    return " ".join(told[: max(ends, default=_MOST_FOUND)]).rstrip(",:;")
+    kept = " ".join(told[: max(ends, default=_MOST_FOUND)]).rstrip(",:;")
+    return re.sub(r"[:;] \S+ \S+$", "", kept)
 
 
 def _listed(causes: Sequence[Cause]) -> str:
@@ -126,27 +150,55 @@ def _gain(answer: Answer) -> str:
 
 
 def to_do(answer: Answer) -> str:
-    """What to do with the values."""
-    said = DO[answer.recommended.reason]
-    if answer.recommended.data is Data.CORRECTED or said[0].islower():
+    """What to do with the values; those of positions are more than a controller takes."""
+    reason, corrected = answer.recommended.reason, answer.recommended.data is Data.CORRECTED
+    said = _OPEN.get(reason, DO[reason])
+    if answer.of_positions:
+        every = (one.text for one in answer.first_screen if one.about == About.TO_DO)
+        said = _NO_VALUE if corrected else next(every, said)
+    if corrected or said[0].islower():
         return f"Correct the files; until then {said}"
     return said
 
 
-def measure(answer: Answer) -> str:
+_OPEN = {
+    Reason.RIVALS: (
+        "Find out first which cause it is; until then predict with the averaged values."
+    ),
+    Reason.CAUSE_DOUBTFUL: "Find out first whether it is this cause; until then predict with it.",
+}
+"""What to do where a cause is open, in fewer words than below."""
+
+_NO_VALUE = "enter none of these values into a controller."
+
+
+def unjudged(answer: Answer) -> str:
+    """Why nothing is said of a tolerance; empty where it is."""
+    if answer.tolerance is not None:
+        return ""
+    if answer.of_positions:
+        return "Not judged: no load was applied."
+    return "Not judged: none is stated in campaign.toml."
+
+
+def measure(answer: Answer, say: Say = str) -> str:
     """What to measure next: the first sentences of what the page below says of it."""
-    said = next((one.text for one in answer.first_screen if one.about == About.NEXT), "")
-    told = ""
-    for sentence in re.split(r"(?<=\.) (?=[A-Z])", said):
-        if told and len(f"{told} {sentence}".split()) > _MOST_NEXT:
+    every = say(next((one.text for one in answer.first_screen if one.about == About.NEXT), ""))
+    told: list[str] = []
+    for sentence in re.split(r"(?<=\.) (?=[A-ZÀÉÜ])", every):
+        room = _MOST_NEXT - sum(len(one.split()) for one in told)
+        if told and len(sentence.split()) > room:
+            clause = sentence.split("; ")[0]
+            if clause != sentence and len(clause.split()) <= room and not re.search(r"\d", clause):
+                told.append(f"{clause}.")
             break
-        told = f"{told} {sentence}".strip()
-    return told
+        told.append(sentence)
+    return " ".join(told)
 
 
 def _to_controller(answer: Answer) -> Iterator[str]:
     """What of the model no controller takes."""
-    if answer.recommended.reason in _SUBSTITUTES[:2] and _substituted(answer):
+    if _substituted(answer):
         yield "Correct programs (`pipeline compensate`) or enter the last column."
 
 
@@ -231,14 +283,12 @@ def _substituted(answer: Answer) -> bool:
 
 
 def _entered(answer: Answer) -> dict[str, str]:
-    """What a controller takes where that is not the value itself, by name of the stiffness."""
-    reason, joints = answer.recommended.reason, answer.stiffness
-    if not reason.holds_for_its_readings:
-        return {one.name: "none" for one in joints}
-    if _substituted(answer):
-        return {one.name: _rounded(one) for one in answer.joint_springs.stiffness}
-    odd = [one for one in joints if one.value is None or one.ci95[1] is None]
-    return {one.name: _rounded(one) for one in joints} if odd else {}
+    """What a controller takes, by name of the stiffness."""
+    corrected = answer.of_positions and answer.recommended.data is Data.CORRECTED
+    if corrected or not answer.recommended.reason.holds_for_its_readings:
+        return {one.name: "none" for one in answer.stiffness}
+    of = answer.joint_springs if _substituted(answer) else answer
+    return {one.name: _rounded(one) for one in of.stiffness}
 
 
 def _rounded(joint: Stiffness) -> str:
@@ -255,20 +305,16 @@ def _rounded(joint: Stiffness) -> str:
 
 def _note(answer: Answer, compared: bool) -> str:
     """What ± and the bars are, and what a controller takes."""
-    bar = (
-        "Bars: 95 % interval, as a share of nominal (line)."
-        if compared
-        else f"Bars: relative uncertainty, the longest {percent(_least_known(answer))}."
-    )
-    substitutes = _substituted(answer)
-    enter = (
-        " A controller has no entry for the cause: its values are effective ones, which make up "
-        "for it as far as joint springs can."
-        if substitutes
-        else ""
-    )
-    return f"Values ± one standard uncertainty (k = 1). {bar}{enter}"
+    bar = "Bars: 95 % interval, as a share of nominal (line)."
+    if not compared:
+        widest = max((one.relative_std or 0.0 for one in answer.stiffness), default=0.0)
+        bar = f"Bars: relative uncertainty, the longest {percent(widest)}." if widest else ""
+    enter = _EFFECTIVE if _substituted(answer) else ""
+    return " ".join(filter(None, (_PLUS_MINUS, bar, enter)))
 
 
-def _least_known(answer: Answer) -> float | None:
-    return max((one.relative_std or 0.0 for one in answer.stiffness), default=None)
+_PLUS_MINUS = "Values ± one standard uncertainty (k = 1)."
+_EFFECTIVE = (
+    "A controller has no entry for the cause: its values are effective ones, which make up for it "
+    "as far as joint springs can."
+)

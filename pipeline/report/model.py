@@ -9,9 +9,11 @@ from collections.abc import Collection
 
 from pipeline.answer.contract import Answer
 from pipeline.answer.words import ABOUT
+from pipeline.base.language import said, spoken
+from pipeline.base.look import PLAIN, Look
 from pipeline.report import words
 from pipeline.report.certificate import certificate
-from pipeline.report.record import Headline, Item, Report, Section, present, unlabelled
+from pipeline.report.record import Frame, Headline, Item, Report, Section, present, unlabelled
 from pipeline.report.sections.cell import cell
 from pipeline.report.sections.diagnosis import diagnosis
 from pipeline.report.sections.enough import enough
@@ -38,6 +40,7 @@ def compose(
     previous: Answer | None = None,
     beside: Collection[str] = (),
     wear: str | None = None,
+    look: Look = PLAIN,
 ) -> Report:
     """Everything the report says about a campaign.
 
@@ -49,7 +52,9 @@ def compose(
         previous: The answer to the robot's previous campaign, to say what has changed.
         beside: Names of the files that lie in the page's folder, to lead there.
         wear: What all campaigns of the robot say together; None where they are too few to.
+        look: Language of the certificate, and what the house adds to it; the rest is in English.
     """
+    say = spoken(look.language)
     title, tone = words.VERDICTS[answer.diagnosis.verdict]
     sections = (
         _of_positions(answer, tables)
@@ -72,17 +77,20 @@ def compose(
     )
     sections += [files(beside, previous), identity(answer), method(answer)]
     return Report(
-        kicker=f"{_about(answer)} · {answer.machine}",
+        kicker=f"{say(_about(answer))} · {say(answer.machine)}",
         heading=answer.campaign,
-        title=f"Joint stiffness of {answer.robot}: {answer.campaign}",
-        verdict=title,
+        title=say(_title(answer)),
+        verdict=say(title),
         tone=tone,
         first=(*_first(answer), *([Item("Wear", wear)] if wear else [])),
-        sections=present(sections),
-        judged=_judged(answer),
-        elsewhere="The same report is in index.html and report.pdf, the numbers in result.json.",
+        sections=tuple(sorted(present(sections), key=lambda one: _place(one, look))),
+        judged=said(_judged(answer), say),
+        elsewhere=say(
+            "The same report is in index.html and report.pdf, the numbers in result.json."
+        ),
         run_time=None if run_time_s is None else f"{run_time_s:.1f} s",
-        certificate=certificate(answer, tables),
+        certificate=certificate(answer, tables, say, look),
+        frame=said(Frame(language=look.language), say),
     )
 
 
@@ -102,6 +110,18 @@ def _judged(answer: Answer) -> Headline | None:
     doubtful = words.VERDICTS[answer.diagnosis.verdict][1] == "bad"
     word, tone = words.JUDGED[worst, doubtful]
     return Headline(word, tone)
+
+
+def _place(one: Section, look: Look) -> int:
+    """How early an annex comes by the house's order."""
+    return look.order.index(one.key) if one.key in look.order else len(look.order)
+
+
+def _title(answer: Answer) -> str:
+    """The whole of it in a line."""
+    if answer.of_positions:
+        return f"Geometry and joint stiffness of {answer.robot}: {answer.campaign}"
+    return f"Joint stiffness of {answer.robot}: {answer.campaign}"
 
 
 def _about(answer: Answer) -> str:

@@ -169,7 +169,7 @@ class Bar:
         name: Axis and joint.
         value: With its standard uncertainty.
         beside: Share of the nominal value, or the relative uncertainty where none is stated.
-        enter: What a controller takes in its place; empty where that is the value.
+        enter: What a controller takes.
         track: Where lower limit, value and upper limit stand between the ends of the bar, 0 to 1;
             None where there is nothing to draw.
     """
@@ -177,7 +177,7 @@ class Bar:
     name: str
     value: str
     beside: str
-    enter: str = ""
+    enter: str
     track: tuple[float, float, float] | None = None
 
     def __post_init__(self) -> None:
@@ -194,6 +194,7 @@ class Certificate:
         found: What is wrong.
         to_do: What to do.
         measure: What to measure next.
+        tolerance: Why none is judged; empty where one is.
         picture: The robot.
         gauge: The deflection beside its tolerance; None where nothing is asked.
         bars: The stiffnesses.
@@ -201,6 +202,7 @@ class Certificate:
         beside: Heading of what stands beside the bars.
         note: What has to be known of them.
         filed: What is stated of campaign, machine and instruments.
+        logo: Of the house, as SVG; empty for none.
         sign: Who has to sign.
         digest: Of result.json, by which this answer is found again.
     """
@@ -208,6 +210,7 @@ class Certificate:
     found: str
     to_do: str
     measure: str
+    tolerance: str
     picture: Figure | None
     gauge: Figure | None
     bars: tuple[Bar, ...]
@@ -216,6 +219,7 @@ class Certificate:
     note: str
     filed: tuple[Item, ...]
     digest: str
+    logo: str = ""
     sign: tuple[str, ...] = ("Measured", "Checked", "Released")
 
     def __post_init__(self) -> None:
@@ -250,6 +254,21 @@ class Frame:
     made: str = "Made by pipeline"
     took: str = "Run time"
     figure: str = "Figure"
+    verdict: str = "Verdict"
+    to_do: str = "What to do"
+    measure: str = "To measure next"
+    tolerance: str = "Tolerance"
+    values: str = "Stiffnesses"
+    axis: str = "Axis"
+    stiffness: str = "Stiffness (k = 1)"
+    interval: str = "Interval"
+    enter: str = "Into the controller"
+    filed: str = "What this is filed by"
+    digest: str = "Digest"
+    begins: str = "begins the SHA-256 of result.json"
+    signed: str = ": name, date"
+    answers: str = "The answer in words"
+    sections: str = "Sections"
 
 
 @dataclass(frozen=True)

@@ -18,6 +18,8 @@ import pandas as pd
 from markupsafe import Markup
 
 from pipeline.answer.contract import Answer
+from pipeline.base.language import spoken
+from pipeline.base.look import PLAIN, Look
 from pipeline.base.quantities import typeset
 from pipeline.base.shown import runs
 from pipeline.base.version import __version__
@@ -34,6 +36,7 @@ def render(
     previous: Answer | None = None,
     beside: Collection[str] = (),
     wear: str | None = None,
+    look: Look = PLAIN,
 ) -> dict[str, bytes]:
     """Every file of a campaign's report.
 
@@ -44,12 +47,13 @@ def render(
         previous: The answer to the robot's previous campaign, to say what has changed.
         beside: Names of further files that lie in its folder, for the page to lead there.
         wear: What all campaigns of the robot say together, of `fleet.sentences.told`.
+        look: Language of the certificate, and what the house adds; the annexes are in English.
 
     Returns:
         Content by path below the report's folder: index.html, report.pdf, figures/*.svg.
     """
     with _uncollected():
-        return _rendered(answer, tables, run_time_s, previous, beside, wear)
+        return _rendered(answer, tables, run_time_s, previous, beside, wear, look)
 
 
 @contextlib.contextmanager
@@ -74,14 +78,16 @@ def _rendered(
     previous: Answer | None,
     beside: Collection[str],
     wear: str | None,
+    look: Look,
 ) -> dict[str, bytes]:
     """The same; arguments as for `render`."""
     from pipeline.report.figures.catalogue import draw, live  # matplotlib imports for half a second
     from pipeline.report.model import compose
 
     there = {*beside, "report.pdf"} if beside else ()
-    report = compose(answer, tables, run_time_s, previous, there, wear)
-    drawings = {figure.name: draw(figure.name, answer, tables) for figure in report.figures}
+    report = compose(answer, tables, run_time_s, previous, there, wear, look)
+    say = spoken(look.language)
+    drawings = {one.name: draw(one.name, answer, tables, say) for one in report.figures}
     turned = {name: live(name, answer, tables) for name in drawings}
     return {
         "index.html": page(report, {n: d.inline for n, d in drawings.items()}, turned).encode(),
@@ -109,6 +115,7 @@ def page(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
     environment.filters["words"] = _words
+    environment.filters["base64"] = lambda text: base64.b64encode(text.encode()).decode()
     safe = {name: Markup(svg) for name, svg in drawings.items()}
     return environment.from_string(_text("page.html.jinja")).render(
         report=_typeset(report),

@@ -83,14 +83,14 @@ class Parcel:
 
 
 @dataclass(frozen=True)
-class Made:
+class _Made:
     """What was made of it: bytes by name, of its tables with the manifest, and of its answers."""
 
     processed: Mapping[str, bytes]
     reports: Mapping[str, bytes]
 
 
-def computed(parcel: Parcel) -> Made:
+def computed(parcel: Parcel) -> _Made:
     """A campaign computed in a project of its own, which goes again.
 
     Raises:
@@ -110,7 +110,7 @@ def computed(parcel: Parcel) -> Made:
                 "its libraries: install the same one there, with the same requirements.lock"
             )
         run(campaign)
-        return Made(_within(campaign.processed), _within(campaign.reports))
+        return _Made(_within(campaign.processed), _within(campaign.reports))
 
 
 def _within(folder: Path) -> dict[str, bytes]:
@@ -197,7 +197,7 @@ def _refused(problem: Exception, campaign: CampaignFolder) -> Answer:
     raise problem
 
 
-def _received(done: Done[Parcel, Made], campaign: CampaignFolder) -> Answer:
+def _received(done: Done[Parcel, _Made], campaign: CampaignFolder) -> Answer:
     """The answer that came back, on disk; the caller holds the lock."""
     from pipeline.answer.archive import read
 

@@ -33,7 +33,7 @@ HERE = "127.0.0.1"
 
 HOME = ".prefect"
 """Prefect's own files, under the project's root."""
-DATABASE = "prefect.db"
+_DATABASE = "prefect.db"
 PASSWORD, SERVING = "password", "serving.json"
 """Files in HOME: Prefect's runs; what the API asks for, as user:password; where we are served."""
 
@@ -246,7 +246,7 @@ def mended(root: Path) -> str:
     Raises:
         CannotWrite: It cannot be moved.
     """
-    base = root / HOME / DATABASE
+    base = root / HOME / _DATABASE
     why = _damage(base)
     if not why:
         return ""

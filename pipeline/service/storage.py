@@ -16,7 +16,7 @@ from typing import Any
 from urllib.parse import urlsplit
 
 from pipeline.base.errors import CannotWrite, InputError
-from pipeline.base.files import too_large
+from pipeline.base.shown import too_large
 from pipeline.readers import largest
 
 _OURS = ("s3", "gs", "gcs", "abfs", "abfss", "file")

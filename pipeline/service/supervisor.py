@@ -45,7 +45,7 @@ _SET_BACK_S = 30.0
 _LOG_BYTES = 2**24
 """A log that has grown larger begins anew."""
 
-Tell = Callable[[str], object]
+_Tell = Callable[[str], object]
 """Hears one line per event."""
 
 
@@ -96,7 +96,7 @@ class _Child:
         """Its exit code; None while it runs."""
         return None if self._process is None else self._process.poll()
 
-    def look(self, tell: Tell) -> None:
+    def look(self, tell: _Tell) -> None:
         """Start it again if that is needed."""
         now = time.monotonic()
         if self._process is None:
@@ -132,7 +132,7 @@ class _Child:
                 process.wait(_GRACE_S)
 
 
-def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
+def serve(root: Path, preferences: Preferences, tell: _Tell) -> None:
     """Serve a project until told to stop.
 
     Args:
@@ -185,7 +185,7 @@ def serve(root: Path, preferences: Preferences, tell: Tell) -> None:
             server.stop()
 
 
-def _mended(root: Path, schedule: _Child, tell: Tell) -> None:
+def _mended(root: Path, schedule: _Child, tell: _Tell) -> None:
     """Go on without a damaged database; the schedule, which was in it, begins anew."""
     if said := service.mended(root):
         tell(said)
@@ -207,7 +207,7 @@ def _ahead_s() -> float:
     return time.time() - time.monotonic()
 
 
-def _looked(child: _Child, tell: Tell) -> None:
+def _looked(child: _Child, tell: _Tell) -> None:
     try:
         child.look(tell)
     except Exception as problem:  # a full disk, no more processes: the next look may do better

@@ -33,7 +33,7 @@ _FRESH_S = 3.0
 
 
 @dataclass
-class Note:
+class _Note:
     """What is known of the storage, kept beside the tables.
 
     Attributes:
@@ -47,12 +47,12 @@ class Note:
     told: list[str] = field(default_factory=list)
 
     @staticmethod
-    def of(root: Path) -> Note:
+    def of(root: Path) -> _Note:
         """As it was left, or an empty one."""
         try:
-            return TypeAdapter(Note).validate_python(recalled(_processed(root) / _NOTE))
+            return TypeAdapter(_Note).validate_python(recalled(_processed(root) / _NOTE))
         except (OSError, ValueError):  # ValidationError is one
-            return Note()
+            return _Note()
 
     def keep(self, root: Path) -> None:
         """Leave it for the next time."""
@@ -67,7 +67,7 @@ def fetch(root: Path, storage: Storage) -> list[Outcome]:
     """Copy what is new or changed in the storage to data/raw; what was refused, and why."""
     if storage.raw is None:
         return []
-    store, note = Store(storage.raw), Note.of(root)
+    store, note = Store(storage.raw), _Note.of(root)
     refused: dict[str, PipelineError] = {}
     try:
         for name, marks in _campaigns(store.marks()).items():
@@ -84,7 +84,7 @@ _Marks = Mapping[str, tuple[int, float]]
 
 
 def _left_out(
-    raw: Path, store: Store, campaign: str, marks: _Marks, note: Note
+    raw: Path, store: Store, campaign: str, marks: _Marks, note: _Note
 ) -> PipelineError | None:
     """Bring one campaign's copy up to date; why that is not done, None where it is.
 
@@ -163,7 +163,7 @@ def _campaigns(marks: _Marks) -> dict[str, dict[str, tuple[int, float]]]:
     return {name: inside for name, inside in found.items() if f"{name}/campaign.toml" in inside}
 
 
-def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: Note) -> None:
+def _take(raw: Path, store: Store, campaign: str, marks: _Marks, note: _Note) -> None:
     """Bring one campaign's copy up to date: all of it, or with a complaint nothing.
 
     Raises:
@@ -209,7 +209,7 @@ def _ours_to_change(path: Path, copied: tuple[Any, ...] | None, data: bytes | No
 
 def untold(root: Path, refused: list[Outcome]) -> list[Outcome]:
     """Those that were not there at the last look, so that a lasting trouble is told once."""
-    note = Note.of(root)
+    note = _Note.of(root)
     told = sorted(line for outcome in refused for line in outcome.complaints)
     new = [outcome for outcome in refused if not set(outcome.complaints) <= set(note.told)]
     if told != note.told:
@@ -224,7 +224,7 @@ def publish(root: Path, storage: Storage) -> list[Outcome]:
     wanted = [(folder, Store(url)) for folder, url in folders if url is not None]
     if not wanted:
         return []
-    note, refused = Note.of(root), []
+    note, refused = _Note.of(root), []
     for folder, store in wanted:
         try:
             _put(root, folder, store, note)
@@ -234,7 +234,7 @@ def publish(root: Path, storage: Storage) -> list[Outcome]:
     return refused
 
 
-def _put(root: Path, folder: Path, store: Store, note: Note) -> None:
+def _put(root: Path, folder: Path, store: Store, note: _Note) -> None:
     for path in sorted(folder.rglob("*")):
         if not path.is_file() or not _public(path):
             continue

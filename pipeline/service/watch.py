@@ -292,7 +292,7 @@ def _learn(campaign: CampaignFolder, seen: str, made: Outcome, now: float) -> No
     new = {
         "print": seen,
         "verdict": verdict_of(made),
-        "said": said_of(made),
+        "said": _said_of(made),
         "attempts": before.attempts + 1 if before.print == seen else 1,
         "tried": now,
     }
@@ -307,7 +307,7 @@ def verdict_of(made: Outcome) -> str:
     return "rejected" if lasting else "failed"
 
 
-def said_of(made: Outcome) -> str:
+def _said_of(made: Outcome) -> str:
     """What became of a campaign, in words: its verdict, or why there is none."""
     error = made.content.get("error")
     return str(error["message"]) if error else _brief(made.content)

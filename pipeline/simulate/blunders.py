@@ -63,7 +63,7 @@ _Act = Callable[[Notebook, str, Array, np.random.Generator], tuple[Notebook, str
 
 
 @dataclass(frozen=True)
-class Blunder:
+class _Blunder:
     """One thing that can go wrong.
 
     Attributes:
@@ -91,7 +91,7 @@ class Committed(Locked):
         size: How much, SI, shape (1,) or (0,).
     """
 
-    blunder: Blunder
+    blunder: _Blunder
     where: str
     size: Array
 
@@ -220,19 +220,19 @@ def _tool_point(
 
 UNITS = (*_METRES, *_NEWTONS, "rad")
 _SIGNS = ("controller_axes", "left_handed", "pull_reversed", "d_5")
-CONVENTIONS = (*_SIGNS, "modified_dh", "standard_dh")
-BLUNDERS: Mapping[str, Blunder] = {
+_CONVENTIONS = (*_SIGNS, "modified_dh", "standard_dh")
+BLUNDERS: Mapping[str, _Blunder] = {
     blunder.name: blunder
     for blunder in (
-        Blunder("outlier", (), (Parameter("size", "m", 3e-4),), _outlier),
-        Blunder("failed_lock", (), (), _failed_lock, "outlier"),
-        Blunder("stale", (), (), _stale, "outlier"),
-        Blunder("label_swap", (), (), _label_swap),
-        Blunder("tool_point", (), (Parameter("size", "m", 0.01),), _tool_point),
-        Blunder("unit_mixup", UNITS, (), _unit_mixup),
-        Blunder(
+        _Blunder("outlier", (), (Parameter("size", "m", 3e-4),), _outlier),
+        _Blunder("failed_lock", (), (), _failed_lock, "outlier"),
+        _Blunder("stale", (), (), _stale, "outlier"),
+        _Blunder("label_swap", (), (), _label_swap),
+        _Blunder("tool_point", (), (Parameter("size", "m", 0.01),), _tool_point),
+        _Blunder("unit_mixup", UNITS, (), _unit_mixup),
+        _Blunder(
             "sign_or_convention",
-            CONVENTIONS,
+            _CONVENTIONS,
             (),
             _sign_or_convention,
         ),

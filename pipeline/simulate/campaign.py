@@ -73,7 +73,7 @@ def simulate(
         done.append(
             _effect(one.blunder.called or one.blunder.name, where, one.blunder.size, one.size)
         )
-    return RawCampaign(plan.name, written(scene, notes), truth(scene, draws, done))
+    return RawCampaign(plan.name, _written(scene, notes), truth(scene, draws, done))
 
 
 _TO_FILL = b"""
@@ -108,7 +108,7 @@ def prepared(plan: Plan, robot: Robot) -> dict[str, bytes]:
 
 def raw_files(scene: Scene, draws: Draws, which: int = 0) -> dict[str, bytes]:
     """The files of one of the drawn campaigns, nothing gone wrong."""
-    return written(scene, _notebook(scene, draws, which))
+    return _written(scene, _notebook(scene, draws, which))
 
 
 def _notebook(scene: Scene, draws: Draws, which: int = 0) -> Notebook:
@@ -127,7 +127,7 @@ def _notebook(scene: Scene, draws: Draws, which: int = 0) -> Notebook:
     )
 
 
-def written(scene: Scene, notes: Notebook) -> dict[str, bytes]:
+def _written(scene: Scene, notes: Notebook) -> dict[str, bytes]:
     """The files of a notebook."""
     tracker = scene.plan.tracker
     reader = catalogue().get(tracker.dialect)

@@ -108,12 +108,12 @@ def plan_for(
     """
     if (robot := changes.get("robot")) and Path(robot).is_file():  # where it was typed
         changes = {**changes, "robot": str(Path(robot).resolve())}
-    wanted = revised(plan_of(path), given(changes))
+    wanted = revised(_plan_of(path), given(changes))
     wanted = with_noise(wanted, noise) if noise else wanted
     return wanted.without_noise() if exact else wanted
 
 
-def plan_of(path: Path | None) -> Plan:
+def _plan_of(path: Path | None) -> Plan:
     """The plan in a file; that of the demo where none is given.
 
     Raises:

@@ -53,7 +53,7 @@ BASE: dict[str, Point] = {
 """Fixed reflectors at the ends of the rail's bed [m], F_b."""
 
 
-PAYLOADS = {
+_PAYLOADS = {
     "light": PayloadSettings(mass_kg=60.0, center_m=(0.05, 0.02, 0.10)),
     "heavy": PayloadSettings(mass_kg=220.0, center_m=(-0.04, 0.10, 0.25)),
 }
@@ -230,7 +230,7 @@ class Plan(Surrounded):
     pulls: Pull = Pull()
     tracker: Instrument = Instrument()
     scale: SpringScale = SpringScale()
-    payload: dict[Name, PayloadSettings] = Field(default=PAYLOADS, min_length=1)
+    payload: dict[Name, PayloadSettings] = Field(default=_PAYLOADS, min_length=1)
     clock: Clock = Clock()
     hidden: Hidden = Hidden()
     test_pose: AskedPose | None = None

@@ -14,10 +14,10 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.errors import InputError
+from pipeline.design.poses import default_anchors, draw_poses, nearest_in_reach
 from pipeline.machine import cell as forward
 from pipeline.machine.cell import Cell, Tool
 from pipeline.machine.effect import Noise, Observation, Pulls
-from pipeline.machine.poses import default_anchors, draw_poses, nearest_in_reach
 from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.axes import from_log_units, in_log_units
 from pipeline.simulate import noise
@@ -30,7 +30,7 @@ _CHAIN_POINTS_M = (0.1, 0.5)
 
 
 @dataclass(frozen=True, eq=False)
-class Schedule(Locked):
+class _Schedule(Locked):
     """When what is read, in seconds after the first reading.
 
     Attributes:
@@ -69,7 +69,7 @@ class Scene(Locked):
     stands: Pulls
     run: Run
     anchor: Array
-    schedule: Schedule
+    schedule: _Schedule
 
     def in_tracker(self, points: Array) -> Array:
         """Points of F_b (..., 3) in the frame of the tracker [m]."""
@@ -152,7 +152,7 @@ def build(
     )
 
 
-def _stands(pulls: Pulls, q: Array, approach: Array, schedule: Schedule) -> Pulls:
+def _stands(pulls: Pulls, q: Array, approach: Array, schedule: _Schedule) -> Pulls:
     """Each pose as its zero is read, in order."""
     idle = np.setdiff1d(np.arange(len(q)), pulls.pose - 1)
     none, time = np.zeros(len(idle)), schedule.zero.mean(axis=(1, 2))[idle]
@@ -278,7 +278,7 @@ def _true(plan: Plan, robot: Robot, points: Array, rng: np.random.Generator) -> 
     return stiffness, points + off * rng.standard_normal(points.shape)
 
 
-def _schedule(plan: Plan, count: Ints) -> Schedule:
+def _schedule(plan: Plan, count: Ints) -> _Schedule:
     """Lay the readings along the clock: base, poses with zeros and `count` pulls each, base."""
     clock, t = plan.clock, len(plan.targets)
     zeros = 2 if plan.pulls.zero == "before_after" else 1
@@ -293,7 +293,7 @@ def _schedule(plan: Plan, count: Ints) -> Schedule:
     after = np.stack([np.zeros(len(count)), zero_s + count * pull_s + clock.pull_s], axis=1)
     zero = start[:, None, None] + after[:, :zeros, None] + reading[:t]
     ends = np.array([0.0, len(plan.base_frame) * one + pose_s.sum()])
-    return Schedule(
+    return _Schedule(
         base=ends[:, None] + one * np.arange(len(plan.base_frame)),
         zero=zero,
         loaded=loaded[:, None] + reading,

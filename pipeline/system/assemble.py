@@ -109,7 +109,7 @@ def inputs(cell: Cell, data: Measured, values: Array) -> list[Block]:
     once["payload_center"] = _centers(cell, data, values)
     once["geometry"] = _geometry(cell, data, values)
     if data.stance is not None:
-        once[POSITIONS] = beside_positions(cell, data, values)
+        once[POSITIONS] = _beside_positions(cell, data, values)
     if data.bends and cell.equilibrium == "undeformed":
         once["second_order"] = second_order(cell, data, values)[..., None]
     blocks += [Block(source, True, part, np.zeros(d, int), 1) for source, part in once.items()]
@@ -275,7 +275,7 @@ def by_stance(cell: Cell, data: Measured, values: Array) -> Array:
     return np.stack(modes, axis=-1) if modes else np.zeros((*here.shape, 0))
 
 
-def beside_positions(cell: Cell, data: Measured, values: Array) -> Array:
+def _beside_positions(cell: Cell, data: Measured, values: Array) -> Array:
     """What errors of absolute positions do to c through table, points and elements, (d, 3, r) [m].
 
     The elements of `Stance` are in the cell as positions have them, and err by K a + W w.

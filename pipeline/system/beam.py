@@ -6,7 +6,7 @@ station to a target, r the distance and r0 its mean over a campaign,
 
     C(a, b, g) = M C M,    M = a u u' + b (r / r0)^g (I - u u'),
 
-C as stated. For each g of `GROWTH` a and b are those of the largest restricted likelihood
+C as stated. For each g of `_GROWTH` a and b are those of the largest restricted likelihood
 (`restricted`) of what springs and causes leave; which g, and whether any of this is so, is odds, by
 Laplace's approximation of the evidence of a / b (MacKay, Neural Computation 4, 1992), and V has the
 posterior means of the variances, so that nothing is switched on by a test.
@@ -32,7 +32,7 @@ from pipeline.system import alarms
 from pipeline.system.restricted import PaddedRows, lowest
 from pipeline.system.system import Errors, System
 
-GROWTH = (0.0, 1 / 3, 2 / 3, 1.0)
+_GROWTH = (0.0, 1 / 3, 2 / 3, 1.0)
 """Powers of the distance by which the part across the beam grows that are tried [1]: none, to that
 of angles alone; 15 um + 6 um/m of a data sheet is 0.7 from 3 to 14 m."""
 
@@ -128,7 +128,7 @@ def beam(data: Measured, system: System, X: Array) -> Beam:
     if beams is None or dof < _FEWEST:
         return stated
     u, r = beams
-    ratio, grown = _proportion(data, u), r[:, None] ** np.array(GROWTH)
+    ratio, grown = _proportion(data, u), r[:, None] ** np.array(_GROWTH)
     more, along, across = _fitted(system, X, u, grown)
     if not np.isfinite(more).all():  # rows without any noise tell nothing of its parts
         return stated
@@ -182,7 +182,7 @@ def _alike(blocks: PaddedRows, start: Array) -> float:
 def _log_prior(ratio: Array) -> Array:
     """Log odds density of range over transverse part before the data, per log ratio."""
     better, worse = _BETTER / -np.log(_LEAST), (1 - _BETTER) / np.log(_MOST)
-    density = np.where(ratio < 1, better, worse) / len(GROWTH)
+    density = np.where(ratio < 1, better, worse) / len(_GROWTH)
     return np.asarray(np.log(density * (1 - _AS_STATED) / _AS_STATED))
 
 

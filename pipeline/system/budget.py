@@ -13,7 +13,7 @@ from pipeline.system.whiten import Whitener, whitener
 
 
 @dataclass(frozen=True, eq=False)
-class Budget(Locked):
+class _Budget(Locked):
     """Contributions to the covariance of an estimate; the sources are independent.
 
     Attributes:
@@ -37,7 +37,7 @@ class Budget(Locked):
         return variance / np.where(total > 0, total, 1.0)
 
 
-def budget(system: System, estimate: Estimate, white: Whitener | None = None) -> Budget:
+def budget(system: System, estimate: Estimate, white: Whitener | None = None) -> _Budget:
     """Split the covariance by source: x = K c with K = (B' V^-1 B)^-1 B' V^-1, so K G G' K'.
 
     The estimator K weighs with the whole V; each source then contributes (K G_s)(K G_s)', and these
@@ -58,4 +58,4 @@ def budget(system: System, estimate: Estimate, white: Whitener | None = None) ->
     cov = np.stack([part @ part.T for part in parts])
     if system.relative:
         cov = cov * float(np.sum(white(estimate.residual) ** 2) / max(estimate.dof, 1))
-    return Budget(names, cov)
+    return _Budget(names, cov)

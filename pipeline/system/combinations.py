@@ -38,7 +38,7 @@ _POSES = 12
 
 
 @dataclass(frozen=True, eq=False)
-class Mix(Locked):
+class _Mix(Locked):
     """A combination that the data determine, of parameters that they do not.
 
     Attributes:
@@ -86,7 +86,9 @@ def information(system: System, n: int, ratio: float = 1.0) -> Array:
     return eliminate(N, np.arange(n, len(N)))[:n, :n]
 
 
-def mixes(N: Array, parameters: Sequence[Parameter], value: Array, alone: Bools) -> tuple[Mix, ...]:
+def mixes(
+    N: Array, parameters: Sequence[Parameter], value: Array, alone: Bools
+) -> tuple[_Mix, ...]:
     """Every direction that the data determine of parameters that they do not determine singly.
 
     The best known comes first. Each has a member that no later one has, so that they are
@@ -108,14 +110,14 @@ def mixes(N: Array, parameters: Sequence[Parameter], value: Array, alone: Bools)
     return tuple(_mix(line, typical, value) for line in lines if np.sum(line.w != 0) > 1)
 
 
-def _mix(line: _Line, typical: Array, value: Array) -> Mix:
+def _mix(line: _Line, typical: Array, value: Array) -> _Mix:
     """A mix in the parameters' own unit."""
     w = line.w / typical
     scale = w[np.argmax(np.abs(w))]
     of = np.flatnonzero(w)
     weights = w[of] / scale
     std = np.sqrt(line.variance) / abs(scale)
-    return Mix(of, weights, float(weights @ value[of]), float(std))
+    return _Mix(of, weights, float(weights @ value[of]), float(std))
 
 
 @dataclass(frozen=True, eq=False)

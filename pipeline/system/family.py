@@ -50,7 +50,7 @@ _OTHER = 0.0045
 """Probability of each other family before the data [1]: an assumption, like every prior, by which
 some one in twenty is not as stated. A tracker that is as its certificate says is the rule."""
 
-MISTAKES = (1e-4, 1e-3, 1e-2, 1e-1)
+_MISTAKES = (1e-4, 1e-3, 1e-2, 1e-1)
 """Parts of all readings that are mistakes, as large as they like, that are tried [1]: nobody knows
 how careful a campaign was. Of 1000 rows of a published stationary series of an absolute tracker 13
 are failed locks; with one in 10 000 most campaigns have none; with one in ten it is no campaign,
@@ -66,7 +66,7 @@ normal reading reaches once in a hundred million."""
 LIKELY = 0.5
 """Probability beyond which something rather is there than not [1]."""
 
-REACH = (2.4, 4.8, 22.0)
+_REACH = (2.4, 4.8, 22.0)
 """Over so many e-folds of lambda the mistakes of a campaign spread, from the least on, that are
 tried [1]: up to 20 or 66 standard uncertainties, or ten metres. Many of one origin are of one
 order, and noise of a part of the readings would pass for them if they had to be of any."""
@@ -86,7 +86,7 @@ the rest."""
 
 
 @dataclass(frozen=True)
-class Core:
+class _Core:
     """How wide the noise is in its middle, tails and mistakes apart.
 
     Attributes:
@@ -112,7 +112,7 @@ class Family(Locked):
         paper: The stated family is that of Eq. (18).
         profile: Log likelihood at each of `_WIDTHS`, the law beside it the likeliest, shape (k,).
         widest: Variance of a reading where the beam makes it largest, over the stated one [1].
-        reach: Which part of its mistakes spreads over each of `REACH`, shape (f, w).
+        reach: Which part of its mistakes spreads over each of `_REACH`, shape (f, w).
     """
 
     weight: Array
@@ -122,7 +122,7 @@ class Family(Locked):
     paper: bool
     profile: Array = field(default_factory=lambda: np.zeros(len(_WIDTHS)))
     widest: float = 1.0
-    reach: Array = field(default_factory=lambda: np.tile(np.eye(len(REACH))[-1], (_LAWS, 1)))
+    reach: Array = field(default_factory=lambda: np.tile(np.eye(len(_REACH))[-1], (_LAWS, 1)))
 
     @property
     def heavy(self) -> float:
@@ -145,7 +145,7 @@ class Family(Locked):
         """Degrees of freedom of the likeliest Student distribution."""
         return FREEDOM[int(np.argmax(self.weight[1 : 1 + len(FREEDOM)]))]
 
-    def core(self, used: float) -> Core:
+    def core(self, used: float) -> _Core:
         """The width of the core beside whatever tails are likeliest with it.
 
         p = P[chi2(1) > 2 (max L - L_0)] / 2 where s is larger than stated, else no less than a
@@ -161,13 +161,13 @@ class Family(Locked):
         odds = special.softmax(self.profile)
         std = float(np.sqrt(odds @ (_WIDTHS - odds @ _WIDTHS) ** 2)) / 2
         scale = used * float(np.exp(_WIDTHS[best] / 2))
-        return Core(scale, std, p if _WIDTHS[best] > stated else 1 - p)
+        return _Core(scale, std, p if _WIDTHS[best] > stated else 1 - p)
 
     @classmethod
     def stated(cls, paper: bool = False) -> Family:
         """Nothing but what is stated."""
         none = np.zeros(_LAWS)
-        usual = float(np.exp(np.mean(np.log(MISTAKES))))
+        usual = float(np.exp(np.mean(np.log(_MISTAKES))))
         return cls(np.append(1.0, none[1:]), none, none + usual, 1.0, paper)
 
     def mistaken(self, square: float, axes: int = 3) -> float:
@@ -261,9 +261,9 @@ def family(seen: Array, paper: bool) -> tuple[Family, Array]:
     """
     tried = _tried(paper)
     own = (seen @ tried.reshape(-1, seen.shape[1]).T).T.reshape(*tried.shape[:2], len(seen))
-    each = np.array([[_logs(own, odd, b) for odd in _odd(seen)] for b in MISTAKES])
+    each = np.array([[_logs(own, odd, b) for odd in _odd(seen)] for b in _MISTAKES])
     each += np.log(_ALIKE)[:, None, None]
-    logs = special.logsumexp(each, axis=(0, 1)) - np.log(len(MISTAKES))  # (f, scales)
+    logs = special.logsumexp(each, axis=(0, 1)) - np.log(len(_MISTAKES))  # (f, scales)
     best = logs.max(axis=1)
     free = special.logsumexp(logs, axis=1) - np.log(len(_WIDTHS))
     before = np.append(1 - (_LAWS - 1) * _OTHER, np.full(_LAWS - 1, _OTHER))
@@ -272,7 +272,7 @@ def family(seen: Array, paper: bool) -> tuple[Family, Array]:
     student = best[1 : 1 + len(FREEDOM)]
     p = 0.5 * float(special.chdtrc(1, max(2 * (student.max() - best[0]), 0.0)))
     among = special.softmax(special.logsumexp(each, axis=3), axis=(0, 1))
-    part = np.einsum("b,bwf->fw", np.array(MISTAKES), among)
+    part = np.einsum("b,bwf->fw", np.array(_MISTAKES), among)
     mistakes, reach = part.sum(axis=1), part / part.sum(axis=1, keepdims=True)
     if 2 * (best[0] - logs[0, np.abs(_WIDTHS).argmin()]) < DECIDES:
         scale[0] = 0.0  # what is stated, or was found in contrasts, holds
@@ -327,9 +327,9 @@ def _least(log_scale: Array) -> Array:
 
 
 def _blunders(log_scale: Array) -> Array:
-    """Share of each log lambda of mistakes, spread over each of `REACH`, shape (w, f, K)."""
+    """Share of each log lambda of mistakes, spread over each of `_REACH`, shape (w, f, K)."""
     above = _GRID - _least(log_scale)[:, None]
-    reach = np.array(REACH)[:, None, None]
+    reach = np.array(_REACH)[:, None, None]
     inside = (above > -0.5 * _STEP) & (above < reach - 0.5 * _STEP)
     return np.asarray(inside * _STEP / reach)
 
@@ -340,7 +340,7 @@ def _odd(seen: Array) -> Iterator[Array]:
     start = np.array(
         [np.searchsorted(_GRID + 0.5 * _STEP, _least(np.full(_LAWS, s))) for s in _WIDTHS]
     ).T
-    for reach in REACH:
+    for reach in _REACH:
         end = np.minimum(start + round(reach / _STEP), len(_GRID))
         yield (summed[end] - summed[start]) * _STEP / reach
 

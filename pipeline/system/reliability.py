@@ -5,7 +5,7 @@ H = B (B'WB)^+ B'W its redundancy number, standardised residual and smallest vis
 
     r_j = g_j' W (I - H) g_j,    w_j = g_j' W (c - B x) / sqrt(r_j),    d_j = sqrt(l / r_j),
 
-g_j the column of G and l the noncentrality at which |w_j| > z(1 - ALPHA / 2) in `POWER` of the
+g_j the column of G and l the noncentrality at which |w_j| > z(1 - ALPHA / 2) in `_POWER` of the
 cases, d_j in standard uncertainties of e_j: Baarda's internal reliability (A Testing Procedure for
 Use in Geodetic Networks, 1968). Since sum_j g_j g_j' = V, the r_j add up to rows minus parameters.
 What d_j would do to the estimate, (B'WB)^+ B'W g_j d_j, is the external one.
@@ -26,17 +26,17 @@ from pipeline.system.blocks import Blocks
 from pipeline.system.system import System
 from pipeline.system.whiten import Whitener, whitener
 
-ALPHA = 0.001
+_ALPHA = 0.001
 """Probability that the test of one reading accuses it by chance [1]; Baarda's own choice."""
 
-POWER = 0.80
+_POWER = 0.80
 """Probability that it finds an error of the smallest visible size [1]; Baarda's own choice."""
 
-CRITICAL = float(special.ndtri(1 - ALPHA / 2))
+CRITICAL = float(special.ndtri(1 - _ALPHA / 2))
 """|w| from which a reading is suspected."""
 
-SHIFT = CRITICAL + float(special.ndtri(POWER))
-"""Mean of |w| for which it is so in `POWER` of the cases, sqrt(l) = z(1 - ALPHA / 2) + z(POWER)."""
+_SHIFT = CRITICAL + float(special.ndtri(_POWER))
+"""Mean of |w| for which it is so in `_POWER` of the cases: z(1 - ALPHA / 2) + z(_POWER)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -142,14 +142,14 @@ def _reliability(r: Array, g: Array, moves: Array, scale: float) -> Reliability:
     """From r, g = g_j' W (c - B x) and what unit errors move; what is left of r is no rounding."""
     seen = r > linear.LEFT
     root = np.sqrt(np.where(seen, r, 1.0))
-    visible = np.where(seen, scale * SHIFT / root, np.inf)
+    visible = np.where(seen, scale * _SHIFT / root, np.inf)
     with np.errstate(invalid="ignore"):
         moved = np.where(np.abs(moves) > linear.LEFT, np.abs(moves) * visible[:, None], 0.0)
     return Reliability(np.maximum(r, 0.0), np.where(seen, g / (root * scale), 0.0), visible, moved)
 
 
 @dataclass(frozen=True, eq=False)
-class BaseReliability(Locked):
+class _BaseReliability(Locked):
     """The same of the readings of the base reflectors, three errors each.
 
     Attributes:
@@ -167,7 +167,7 @@ _PIECE = 20_000
 
 def of_base(
     registration: Registration, at: Solution, turned: Array, cov: Array
-) -> Iterator[BaseReliability]:
+) -> Iterator[_BaseReliability]:
     """Base readings in the adjustment that places the tracker, 3 n rows and six parameters.
 
     Their errors reach c through the rotation w of the tracker alone, as `turned` w. Many readings
@@ -188,7 +188,7 @@ def of_base(
     for begin in range(0, len(r), 3 * _PIECE):
         some = slice(begin, begin + 3 * _PIECE)
         moves = at.sigmas(rotation[some] @ steps)
-        yield BaseReliability(_reliability(r[some], g[some], moves, scale), error[some])
+        yield _BaseReliability(_reliability(r[some], g[some], moves, scale), error[some])
 
 
 def _in_registration(

@@ -27,7 +27,7 @@ from pipeline.system.system import Goodness, System
 from pipeline.system.wander import Wander, wander
 from pipeline.system.whiten import whitener
 
-ROUNDS = 8
+_ROUNDS = 8
 """How often readings are weighed at most where blunders are among them: a bad one spoils what is
 seen of its neighbours."""
 
@@ -150,7 +150,7 @@ def shape(seen: Linearised, accepted: tuple[int, ...] | None = None, loose: bool
     return Shape(found, variance, readings, slow, accepted is not None, parts)
 
 
-Told = tuple[RowReadings, Family, Array, Beyond]
+_Told = tuple[RowReadings, Family, Array, Beyond]
 """The readings, their family, the variance of each (n,) over that of the noise without tails, and
 the rows so weighed."""
 
@@ -158,9 +158,9 @@ the rows so weighed."""
 def tails(
     seen: Linearised,
     accepted: tuple[int, ...] | None = None,
-    rounds: int = ROUNDS,
+    rounds: int = _ROUNDS,
     loose: bool = False,
-) -> Told:
+) -> _Told:
     """The tails of single readings beside a model, arguments as for `shape`.
 
     Args:
@@ -174,7 +174,7 @@ def tails(
 
 def _seen(
     seen: Linearised, accepted: tuple[int, ...] | None, rounds: int, loose: bool
-) -> tuple[Beam, Told]:
+) -> tuple[Beam, _Told]:
     """Beam and tails; where there are tails, the beam anew in readings so weighed, and they."""
     X, data = _taken_out(seen, accepted, loose), replace(seen.data, bends=False)
     flat = replace(seen.model.cell, equilibrium="undeformed")
@@ -201,7 +201,7 @@ def _tails(
     others: Sequence[Block],
     parts: Beam,
     rounds: int,
-) -> Told:
+) -> _Told:
     """The tails of the readings of `stated`, along and across the beam, beside these columns."""
     data = parts.on(stated)
     beyond = Beyond.of(seen, X, with_readings(others, data))

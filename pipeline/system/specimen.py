@@ -22,7 +22,7 @@ from scipy import special
 from pipeline.base.arrays import Array
 from pipeline.machine.robot import Joint
 
-SPECIMENS = 1.5
+_SPECIMENS = 1.5
 """Robots of one type differ by less than this in all joints alike [1], a scale read in another unit
 by 2.2 (lb and kg) or more: halfway between 1 and 2.2, by ratios."""
 
@@ -54,12 +54,12 @@ class Common:
     @property
     def beyond(self) -> float:
         """Probability that it is more than a specimen's, to the side where it is."""
-        return self._below(abs(self.g) - np.log(SPECIMENS))
+        return self._below(abs(self.g) - np.log(_SPECIMENS))
 
     @property
     def within(self) -> float:
         """Probability that it is no more than a specimen's."""
-        limit = np.log(SPECIMENS)
+        limit = np.log(_SPECIMENS)
         return self._below(limit - self.g) - self._below(-limit - self.g)
 
     @property

@@ -47,7 +47,7 @@ UNTOLD = 0.5
 """Above this relative standard uncertainty the data do not determine a scale."""
 
 
-FAR = 10.0
+_FAR = 10.0
 """Stated noise is contradicted from below where readings scatter this many times less. Stating the
 MPE, or the expanded uncertainty, for the standard one makes 2 of it, the noise at the far end of
 the rail for that nearby another 2 or 3; units of length begin to differ here (cm and mm)."""
@@ -76,7 +76,7 @@ class Components(Locked):
         taken: The tracker's is used without being larger beyond chance: with the stated one the
             model leaves more than chance does, with this one it does not.
         p_smaller: Probability of a scale this small or smaller if the noise were a tenth of the
-            stated one (`FAR`), shape (n,); empty where nobody asks.
+            stated one (`_FAR`), shape (n,); empty where nobody asks.
     """
 
     name: Strings
@@ -184,7 +184,7 @@ def _components(
     missing = (name == "tracker") & (not system.noise_stated)
     scale = np.exp(log_scale) * np.where(missing, system.found_m or 1.0, 1.0)
     nu = 0.5 / std**2
-    below = chi2_below(nu * (FAR * scale) ** 2, nu)
+    below = chi2_below(nu * (_FAR * scale) ** 2, nu)
     unread = scale * np.array([_stated_m(system, _SCALED[one]) for one in names]) < _LEAST_M
     return Components(
         name,
@@ -302,7 +302,7 @@ def _with_scale(found: Components, system: System, estimate: Estimate) -> Compon
     )
 
 
-_LOWER = -np.log(FAR) * np.linspace(1.0, 6.0, 61)
+_LOWER = -np.log(_FAR) * np.linspace(1.0, 6.0, 61)
 """Log scales that are tried, from a tenth to a millionth of the stated noise."""
 
 

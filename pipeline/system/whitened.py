@@ -80,7 +80,7 @@ class Whitened(Locked):
     white: Whitener
 
     @cached_property
-    def _rigid(self) -> Rigid:
+    def _rigid(self) -> _Rigid:
         return _rigid(self.seen, self.white)
 
     @property
@@ -324,7 +324,7 @@ def _view(seen: Linearised, more: Array, white: Whitener, noise: float, spread: 
 
 
 @dataclass(frozen=True)
-class Rigid:
+class _Rigid:
     """What no rigid motion of the effector explains.
 
     Attributes:
@@ -338,7 +338,7 @@ class Rigid:
     soft_p: float = 1.0
 
 
-def _rigid(seen: Linearised, white: Whitener) -> Rigid:
+def _rigid(seen: Linearised, white: Whitener) -> _Rigid:
     """Rows beside six rigid motions of the effector to each pull, and what the load moves there.
 
     The effector is stiff: whatever happens to arm, rail, force or tracker, its reflectors keep
@@ -350,15 +350,15 @@ def _rigid(seen: Linearised, white: Whitener) -> Rigid:
     wide[np.arange(len(place))[:, None], 6 * place[:, None] + np.arange(6)] = seen.motions
     pulls = white.own_base(wide, seen.y)
     if pulls.dof < _FEWEST:
-        return Rigid()
+        return _Rigid()
     loose = pulls.beside_all(white.by_pose(_loose(seen)))
     left = pulls.dof - int(loose.rank)
     if not loose.rank or left < _FEWEST:
-        return Rigid(pulls.rest, pulls.dof)
+        return _Rigid(pulls.rest, pulls.dof)
     p = float(loose.p())
     if p < alarms.LOOSE:
-        return Rigid(pulls.rest - float(loose.drop), left, p)
-    return Rigid(pulls.rest, pulls.dof, p)
+        return _Rigid(pulls.rest - float(loose.drop), left, p)
+    return _Rigid(pulls.rest, pulls.dof, p)
 
 
 def _loose(seen: Linearised) -> Array:

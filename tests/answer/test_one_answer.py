@@ -13,17 +13,19 @@ import pytest
 from conftest import without_drawings
 from pdf_text import pages_of
 
+from bench.as_pinocchio import model as pin_model
 from bench.league.hidden import SECRETS
 from bench.league.play import Rules, drawn, play
 from pipeline.answer.archive import read
-from pipeline.answer.history import previous, trends
+from pipeline.answer.history import previous
 from pipeline.app import cli
 from pipeline.base.quantities import plain
 from pipeline.fleet.compare import compared
+from pipeline.fleet.trends import trends
+from pipeline.library import compensate
 from pipeline.machine.robot import load
-from pipeline.machine.robot.model import model as pin_model
-from pipeline.prediction import compensate
 from pipeline.prediction.model import IdentifiedModel
+from pipeline.prediction.path import Path
 from pipeline.store.campaign import find
 
 pytestmark = pytest.mark.xdist_group("one_answer")  # one campaign of every verdict is run once
@@ -259,7 +261,7 @@ def test_predict_and_compensate_use_it(campaign):
     assert [one.weight for one in model.hypotheses] == pytest.approx(weights)
     if answer["recommended"]["model"] != "averaged":
         assert said[0] == pytest.approx(expected, abs=1e-6)
-    path = compensate.Path(np.array([1]), q, force, False)
+    path = Path(np.array([1]), q, force, False)
     assert compensate.compensate(model, path, point).shift == pytest.approx(-said, rel=1e-9)
 
 

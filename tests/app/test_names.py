@@ -15,9 +15,9 @@ from pipeline.app import cli
 from pipeline.base import files, patterns, toml
 from pipeline.base.errors import InputError, PipelineError
 from pipeline.base.shown import in_json, in_toml, in_xml, printable
+from pipeline.design.poses import default_anchors
 from pipeline.exchange.files import simulators
 from pipeline.fleet import pages
-from pipeline.machine.poses import default_anchors
 from pipeline.machine.robot import load
 from pipeline.machine.robot import mdh as robots
 from pipeline.prediction import model as own
@@ -309,6 +309,7 @@ def test_no_glob_costs_more_than_looking_through_the_folder(tmp_path, say):
     assert time.perf_counter() - began < SECONDS
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ["tracker.csv", "joints.csv", "campaign.toml", "robot.toml"])
 def test_a_file_that_leads_out_of_its_folder_is_refused(name, tmp_path, say):
     """Nothing of the machine is read for a campaign; a link inside is as good as a file."""

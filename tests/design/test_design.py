@@ -9,6 +9,7 @@ import pinocchio as pin
 import pytest
 from scipy import linalg, optimize
 
+from bench.as_pinocchio import model
 from pipeline.app import cli
 from pipeline.base.errors import InputError
 from pipeline.base.toml import loads
@@ -28,7 +29,6 @@ from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import SHIPPED, load
-from pipeline.machine.robot.model import model
 
 PUBLISHED = np.array(
     [
@@ -111,6 +111,7 @@ def test_sensitivities_are_those_of_the_forward_model(name):
     assert np.abs(700 * at.A.transpose(3, 0, 2, 1) - B).max() < 1e-12 * np.abs(B).max()
 
 
+@pytest.mark.sampled(46)
 @pytest.mark.parametrize("name", SHIPPED)
 @pytest.mark.parametrize("noise", SCATTERS)
 def test_slopes_of_information_are_finite_differences(name, noise):

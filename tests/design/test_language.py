@@ -6,9 +6,9 @@ import re
 import numpy as np
 import pytest
 
+from pipeline.base.language import Language, said, spoken
 from pipeline.design import spec as specs
 from pipeline.design.control import controls
-from pipeline.design.language import Language, said, spoken
 from pipeline.design.library import problem_of
 from pipeline.design.plan_files import plan_files
 from pipeline.design.plan_sheet import Extras, sheet
@@ -79,24 +79,9 @@ def test_no_number_is_lost(report, language):
     say = spoken(language)
     fixed = re.compile(r"4\.6|4,6|0\.1 %|0,1 %")
     for one in prose(report):
-        there = fixed.sub("", say(one))
+        there = re.sub(r"(?<=\d),(?=\d)", ".", fixed.sub("", say(one)))
         numbers = [re.findall(r"\d+(?:\.\d+)?", text) for text in (fixed.sub("", one), there)]
         assert sorted(numbers[0]) == sorted(numbers[1]), one
-
-
-@pytest.mark.parametrize("language", OTHERS)
-def test_both_tables_say_the_same_texts(language):
-    """A text of one language is one of the other, with as many places for what varies."""
-    import tomllib
-    from importlib import resources
-
-    folder = resources.files("pipeline.design") / "languages"
-    tables = [tomllib.loads((folder / f"{one}.toml").read_text("utf-8")) for one in OTHERS]
-
-    assert tables[0].keys() == tables[1].keys()
-    for english, there in tables[OTHERS.index(language)].items():
-        places = {int(k) for k in re.findall(r"\{(\d)\}", there)}
-        assert places == set(range(english.count("{}"))), english
 
 
 def test_names_and_what_people_wrote_stay():

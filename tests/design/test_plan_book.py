@@ -10,9 +10,9 @@ import pytest
 
 from pipeline.app import cli
 from pipeline.base import toml
+from pipeline.base.language import Language, spoken
 from pipeline.design import problem
 from pipeline.design import spec as specs
-from pipeline.design.language import Language, spoken
 from pipeline.design.plan_book import book
 from pipeline.design.planfile import plan_content
 from pipeline.design.propose import Proposal
@@ -109,6 +109,7 @@ def command(capsys, *words):
     return ended.value.code, *capsys.readouterr()
 
 
+@pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("comma", "language"), [(True, "en"), (False, "en"), (True, "de"), (True, "fr")]
 )

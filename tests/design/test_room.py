@@ -7,12 +7,12 @@ from cell_check import CELL, TOOL, Checked, hit
 
 from pipeline.base.errors import InputError
 from pipeline.design.feasible import check_reachable
+from pipeline.design.gaps import free
 from pipeline.design.library import problem_of
 from pipeline.design.limits import kept, narrow, penalty
 from pipeline.design.search import Effort, rounded, search
 from pipeline.design.space import Box
 from pipeline.design.unpulled import unpulled
-from pipeline.machine.gaps import free
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.mdh import parse
 from pipeline.machine.room import _pairs, unchecked

@@ -6,9 +6,9 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from bench.as_pinocchio import model
 from pipeline.design.singular import dexterity
 from pipeline.machine.robot import SHIPPED, configure, load
-from pipeline.machine.robot.model import model
 
 SEED = 20261125
 

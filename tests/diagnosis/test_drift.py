@@ -153,7 +153,26 @@ def test_a_third_round_tells_a_drift_from_a_knock():
     assert steady.named
     assert not steady.undecided
     assert "knocked" not in steady.effect.needs
-    assert not told({"base_end": 6.0}).named
+    assert steady.knocked is None
+    late = told({"base_end": 6.0})
+    assert not late.named
+    assert late.knocked == ("base_mid", "base_end")
+    assert late.moved_m == pytest.approx(6 * asked(drifted({"base_end": 1.0})).moved_m, rel=0.2)
+
+
+def test_rounds_in_each_others_place_are_no_drift():
+    """Away in the middle round only: as if two rounds had each other's readings; and it is said."""
+    hours = asked(case().readings).hours
+    rounds = again(case().readings, "base_mid", hours / 2, np.random.default_rng(3))
+    rows = rounds["group"] == "base_mid"
+    rounds.loc[rows, XYZ] = moved(rounds.loc[rows, XYZ].to_numpy(), 30.0)
+
+    found = asked(rounds)
+
+    assert not found.named
+    assert found.knocked in {("base_start", "base_mid"), ("base_mid", "base_end")}
+    rounds.loc[rows.idxmax(), "x_m"] += 5e-3
+    assert asked(rounds).knocked is None  # one reading off is no motion of all
 
 
 def test_without_times_nobody_can_tell():

@@ -6,6 +6,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from bench.as_pinocchio import model as pin_model
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.joined import agreement, joined
 from pipeline.diagnosis.laws import laws
@@ -14,7 +15,6 @@ from pipeline.machine.effect import Pulls
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.machine.robot.letters import letters
-from pipeline.machine.robot.model import model as pin_model
 from pipeline.machine.stance import Stance
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Scale

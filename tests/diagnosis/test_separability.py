@@ -8,10 +8,11 @@ import pytest
 from linear_campaign import FREE, left, made, suspect
 from scipy import stats
 
+from bench.league.visible import identifiable
 from pipeline.diagnosis.blindspots import blind_spots, needed, smallest_visible, visible
 from pipeline.diagnosis.facts import APART, DETECTED
 from pipeline.diagnosis.isolability import Twins
-from pipeline.diagnosis.separability import identifiable, separation, separation_found
+from pipeline.diagnosis.separability import separation, separation_found
 from pipeline.diagnosis.suspect_statistics import clues, misfits
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load

@@ -163,6 +163,7 @@ def test_stiffnesses_rest_on_the_table_that_is_proven():
         raw.robot, letters(raw.robot)), off, atol=1e-12)  # fmt: skip
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("label", "size"),
     [("link_length:4", 0.02), ("link_twist:3", 5e-3), ("link_offset:5", -5e-3)],

@@ -101,6 +101,7 @@ def drift(undecided):
     )  # fmt: skip
 
 
+KNOCKED = SimpleNamespace(knocked=("first", "last"), moved_m=2.1e-3)
 ROLL = (cause("rail_roll"),)
 FOUND = Facts(detected=True, explains=True, causes=ROLL, gain=gain(0.5, 0.3), remainder=1.0)
 STRANGE = PossibleCause(effect("rail_pitch"), 0.6)
@@ -118,6 +119,7 @@ ROWS = {
     Finding.MISTAKE: (Facts(mistakes=(MISTAKE,)), Verdict.BAD_DATA),
     Finding.TRACKER_MOVED: (Facts(drift=drift(undecided=False)), Verdict.EXPLAINED),
     Finding.TRACKER_MOVED_OR_KNOCKED: (Facts(drift=drift(undecided=True)), Verdict.AMBIGUOUS),
+    Finding.TRACKER_KNOCKED: (Facts(base=KNOCKED), Verdict.AMBIGUOUS),
     Finding.STANDS_ELSEWHERE: (
         Facts(unloaded=MISPLACED, moved=(cause("joint_offset:3"),)),
         Verdict.EXPLAINED,

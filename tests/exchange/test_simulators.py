@@ -12,12 +12,12 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
+from bench.as_pinocchio import model as pin_model
 from pipeline.exchange.files import simulators
 from pipeline.exchange.to_urdf import urdf
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import SHIPPED, load
-from pipeline.machine.robot.model import model as pin_model
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 
 POINTS = {"load_point": (0.15, 0.0, 0.25), "P1": (0.2, 0.05, 0.12), "P 2/::ü": (-0.1, 0.2, 0.1)}

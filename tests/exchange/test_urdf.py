@@ -7,6 +7,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from bench.as_pinocchio import model
 from pipeline.app import cli
 from pipeline.base import toml
 from pipeline.base.errors import InputError
@@ -18,7 +19,6 @@ from pipeline.exchange.to_urdf import urdf as as_urdf
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.robot import load
 from pipeline.machine.robot.mdh import parse
-from pipeline.machine.robot.model import model
 from pipeline.prediction import model as handover
 from pipeline.prediction.model import ModelHypothesis
 

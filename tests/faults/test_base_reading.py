@@ -242,6 +242,7 @@ def in_rounds(rounds, course, rng, step_h=0.7):
     return replace(made, readings=pd.concat(every, ignore_index=True))
 
 
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("size", [6e-4, 19.0])
 @pytest.mark.parametrize("k", [1, 7, 13, 20])
 def test_of_three_reflectors_beside_a_drift_the_one_that_is_off_is_named(k, size):

@@ -191,9 +191,9 @@ def test_groups_of_two_poses_are_put_back(seed, kind):
 PULLS = 3 * POSES
 
 
-@pytest.mark.sampled(8)
-@pytest.mark.parametrize("seed", SEEDS)
+@pytest.mark.sampled(4)
 @pytest.mark.parametrize("kind", ["two", "steps", "off by one", "back by one"])
+@pytest.mark.parametrize("seed", SEEDS)
 def test_rows_of_the_loads_are_put_back(seed, kind):
     """Two of different steps, in one pose or not, or all by one: each pull has its force again."""
     rng = np.random.default_rng(seed)

@@ -7,8 +7,9 @@ from conftest import without_drawings
 from scipy import stats
 
 from pipeline.answer.contract import PositionStep, Reason, Unit
-from pipeline.answer.history import changes, ordered, previous, robots, together, trends
+from pipeline.answer.history import changes, ordered, previous
 from pipeline.fleet.overview import comparison, overview, render_overview
+from pipeline.fleet.trends import robots, together, trends
 from pipeline.report.model import compose
 from pipeline.report.record import Figure, ReportTable
 from pipeline.report.render import render

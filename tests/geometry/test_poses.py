@@ -216,7 +216,7 @@ def test_an_instrument_that_cannot_be_is_refused(name):
         parse(text)
 
 
-@pytest.mark.sampled(2)
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     "hidden", ["link_twist:5=5e-3", "link_length:4=0.02", "joint_offset:3=3e-3"]
 )

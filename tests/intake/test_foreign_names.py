@@ -12,7 +12,7 @@ from pipeline import readers
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
 from pipeline.readers import logs
-from pipeline.readers._log_form import LogForm
+from pipeline.readers.said import LogForm
 from pipeline.reduction._shots import gather
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.settings import parse

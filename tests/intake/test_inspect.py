@@ -9,8 +9,9 @@ import pytest
 
 from pipeline.app import cli
 from pipeline.app.cli import main
+from pipeline.intake import log_columns
 from pipeline.intake.inspect import inspect
-from pipeline.readers import Hints, logs
+from pipeline.readers import Hints
 
 GOLDEN = Path(__file__).parents[1] / "golden"
 
@@ -227,4 +228,4 @@ def test_a_joint_log_without_poses_is_told_in_one_sentence(tmp_path, capsys, tit
 def test_numbered_columns_of_a_point_are_no_axes(titles):
     """Three may be the coordinates of a point, and a quaternion is none of a robot."""
     rows = "\n".join([titles, ",".join("7.5" for _ in titles.split(","))])
-    logs.refuse_without_poses("some.csv", rows.encode())
+    log_columns.refuse_without_poses("some.csv", rows.encode())

@@ -15,12 +15,12 @@ import pytest
 from conftest import without_pages
 
 import pipeline
+from bench.as_pinocchio import model as pin_model
 from pipeline.app import cli
 from pipeline.base.files import sha256
 from pipeline.library.joints import joint_values
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot.mdh import parse as parse_robot
-from pipeline.machine.robot.model import model as pin_model
 from pipeline.prediction.model import IdentifiedModel, dumps
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import dump

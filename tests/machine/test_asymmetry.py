@@ -18,6 +18,8 @@ from bench.league.play import Rules, drawn, play
 from pipeline.answer.contract import Stiffness
 from pipeline.answer.each_way import told
 from pipeline.answer.history import changes
+from pipeline.library.compensate import Compensation, compensate
+from pipeline.library.compliance import cartesian_stiffness
 from pipeline.machine import cell as forward
 from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Pulls
@@ -25,10 +27,9 @@ from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
 from pipeline.machine.robot.axes import sense
 from pipeline.machine.robot.mdh import parse
-from pipeline.prediction.compensate import Compensation, Path, compensate
-from pipeline.prediction.compliance import cartesian_stiffness
 from pipeline.prediction.model import dumps
 from pipeline.prediction.model import parse as parse_model
+from pipeline.prediction.path import Path
 from pipeline.report.record import ReportTable
 from pipeline.report.sections.stiffness import stiffness as section
 from pipeline.run import answered

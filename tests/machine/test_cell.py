@@ -6,11 +6,11 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from bench.as_pinocchio import model
 from pipeline.machine.cell import Tool, jacobian, paper_cell, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
-from pipeline.machine.robot.model import model
 
 TARGETS = {"P1": [0.20, 0.05, 0.12], "P2": [-0.12, 0.19, 0.10], "P3": [-0.10, -0.18, 0.22]}
 

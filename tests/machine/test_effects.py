@@ -8,6 +8,7 @@ import pinocchio as pin
 import pytest
 from scipy.spatial.transform import Rotation
 
+from bench import as_pinocchio as model
 from bench.league.machine import Machine, Spring
 from pipeline.diagnosis.isolability import rich_pulls, rich_tool, twins
 from pipeline.machine import cell as forward
@@ -16,7 +17,7 @@ from pipeline.machine.effect import Compound, Elastic, Geometry, Noise
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects.joint_hysteresis import slid
 from pipeline.machine.effects.nameless import histories, mounting, nameless, remembered
-from pipeline.machine.robot import load, model
+from pipeline.machine.robot import load
 
 NAMES = [
     "rail_lateral",

@@ -7,12 +7,12 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from bench.as_pinocchio import model
 from pipeline.base.errors import InputError
 from pipeline.machine import robot as robots
 from pipeline.machine.robot import SHIPPED, configure, load
 from pipeline.machine.robot.configuration import torque, velocity
 from pipeline.machine.robot.mdh import parse
-from pipeline.machine.robot.model import model
 from pipeline.machine.robot.variants import alike, differing, misread
 
 POINT = np.array([0.11, -0.07, 0.23])

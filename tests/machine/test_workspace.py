@@ -7,10 +7,10 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from bench.as_pinocchio import model
 from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import load
-from pipeline.machine.robot.model import model
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 from pipeline.prediction.workspace import _seen, arm_joints, workspace
 from pipeline.reduction.pose_of_interest import Where

@@ -9,11 +9,12 @@ import scipy.sparse
 from pipeline.app.outcome import outcome
 from pipeline.base.arrays import Parameter
 from pipeline.diagnosis.average import Hypothesis, information, together
+from pipeline.library.compensate import compensate
 from pipeline.machine.cell import Tool, paper_cell, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import configure, load
 from pipeline.prediction import model as handover
-from pipeline.prediction.compensate import Path, compensate
+from pipeline.prediction.path import Path
 from pipeline.reduction.bring import conformed
 from pipeline.report.render import render
 from pipeline.run import answered

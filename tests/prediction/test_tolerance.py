@@ -13,9 +13,9 @@ from pipeline.base.errors import InputError
 from pipeline.check.look import check
 from pipeline.machine.robot import load, rating
 from pipeline.machine.robot.mdh import parse as robot_of
-from pipeline.prediction.compensate import Path
 from pipeline.prediction.decision import Decision, decide
 from pipeline.prediction.model import IdentifiedModel
+from pipeline.prediction.path import Path
 from pipeline.prediction.tolerance import Shown, nominal, stretches, table, tip
 from pipeline.reduction.case import tool
 from pipeline.reduction.settings import parse

@@ -19,15 +19,16 @@ from conftest import without_pages
 from made_programs import Kuka
 from test_programs import off, unstamped
 
+from bench.as_pinocchio import model as pin_model
 from pipeline.base.errors import InputError, UsageError
 from pipeline.exchange.to_urdf import urdf
+from pipeline.library import compensate
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
-from pipeline.machine.robot.model import model as pin_model
-from pipeline.prediction import compensate
 from pipeline.prediction import model as handover
 from pipeline.prediction.model import IdentifiedModel
+from pipeline.prediction.path import Path as JointPath
 from pipeline.programs import joint_path
 from pipeline.programs.corrected import Given, program, write
 from pipeline.run import run, tool
@@ -152,7 +153,7 @@ def test_a_corrected_program_is_where_it_was_taught_on_the_bending_robot(demo, t
 
 
 def path_rows(path, rows):
-    return compensate.Path(path.pose[rows], path.q[rows], path.force[rows], path.controller)
+    return JointPath(path.pose[rows], path.q[rows], path.force[rows], path.controller)
 
 
 def test_measurements_are_never_written_beside(demo):

@@ -7,8 +7,8 @@ import numpy as np
 import pinocchio as pin
 import pytest
 
+from bench.as_pinocchio import model as pin_model
 from pipeline.machine.robot import SHIPPED, axes, load
-from pipeline.machine.robot.model import model as pin_model
 from pipeline.programs.inverse import Arm
 
 

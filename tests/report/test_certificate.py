@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import re
 import xml.etree.ElementTree as ET
+from functools import partial
 
 import numpy as np
 import pytest
@@ -155,17 +156,21 @@ def test_what_to_measure_next_ends_with_a_sentence(sample):
 
 
 def test_the_drawing_marks_where_the_cause_sits(sample):
-    """A tilt of joint 4 is ringed at the disc of joint 4, and nowhere else."""
+    """A tilt of joint 4 is ringed at the disc of joint 4, and nowhere else; a rival has a ring."""
 
-    def state(content):
-        content["diagnosis"]["causes"][0] |= {"name": "joint_tilt", "where": 4}
+    def state(content, **more):
+        content["diagnosis"]["causes"][0] |= {"name": "joint_tilt", "where": 4, "rivals": []} | more
 
     drawn = draw("certificate", report_sample.revised(sample[0], state), sample[1]).svg
     circles = [one.attrib for one in ET.fromstring(drawn).iter() if one.tag.endswith("circle")]
     rings = [one for one in circles if float(one["r"]) > 10]
     discs = {one["data-tip"].split(":")[0]: one for one in circles if "data-tip" in one}
 
+    rival = {"name": "joint_tilt", "where": 5, "axis": None, "probability": 0.4}
+    open_ = report_sample.revised(sample[0], partial(state, rivals=[rival]))
+
     assert len(rings) == 1
+    assert draw("certificate", open_, sample[1]).svg.count('r="17"') == 2
     assert (rings[0]["cx"], rings[0]["cy"]) == (discs["k_theta4"]["cx"], discs["k_theta4"]["cy"])
     assert len(discs) == 7
 

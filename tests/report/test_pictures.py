@@ -10,6 +10,7 @@ import pytest
 from made_system import dense, generalised, made
 from small_case import PLAN, small
 
+from bench.as_pinocchio import model
 from pipeline.answer.posture import posture
 from pipeline.answer.recommended import joint_springs
 from pipeline.answer.scene import MOST, scene
@@ -20,7 +21,6 @@ from pipeline.machine import bodies
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import configure, load
-from pipeline.machine.robot.model import model
 from pipeline.prediction.model import ModelHypothesis as Handed
 from pipeline.prediction.workspace import arm_in_plane
 from pipeline.reduction.bring import bring, conformed, plain

@@ -334,7 +334,17 @@ def extra_weight():
     return Planted(effect, np.array([40.0]))
 
 
-@pytest.mark.parametrize("effect", catalogue(ROBOT), ids=lambda e: f"{e.label} {e.form}".strip())
+def in_turn(effects):
+    """Each effect in each form at its first place; further places, which differ little: slow."""
+    told = set()
+    for effect in effects:
+        kind = effect.name, effect.form
+        marks = [pytest.mark.slow] * (kind in told)
+        told.add(kind)
+        yield pytest.param(effect, marks=marks, id=f"{effect.label} {effect.form}".strip())
+
+
+@pytest.mark.parametrize("effect", list(in_turn(catalogue(ROBOT))))
 def test_what_acts_survives_the_trip_through_the_files(effect, small_plan, read_back):
     """The model that knows the effect meets the files: branch, approach, times, forces, points."""
     values = np.array([parameter.typical for parameter in effect.parameters])
@@ -506,8 +516,14 @@ def test_given_poses_are_taken(small_plan):
     assert floor == pytest.approx(closest, abs=1e-6)
 
 
-@pytest.mark.parametrize("robot", ["kr500_rail", "kr500_rail_kuka", "fanuc_r2000ic"])
-@pytest.mark.parametrize("dialect", WRITERS)
+@pytest.mark.parametrize(
+    ("robot", "dialect"),
+    [
+        pytest.param(robot, dialect, marks=[pytest.mark.slow] * (k > 0 and robot != "kr500_rail"))
+        for robot in ("kr500_rail", "kr500_rail_kuka", "fanuc_r2000ic")
+        for k, dialect in enumerate(WRITERS)
+    ],
+)
 def test_exact_files_give_back_every_stiffness(robot, dialect, read_back):
     """Without noise, every stiffness comes back to 1e-9 through the files, on every robot."""
     plan = Plan(

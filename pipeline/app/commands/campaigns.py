@@ -18,6 +18,7 @@ from pipeline.app.commands._shared import (
     show,
 )
 from pipeline.base.errors import MISFIT, UsageError, worst
+from pipeline.base.language import Language
 from pipeline.base.shown import lines
 
 
@@ -90,6 +91,10 @@ def report(
     ] = None,
     form: Annotated[str, Option("--format", help="html, pdf, json or text.")] = "html",
     opened: Annotated[bool, Option("--open", help="Open it in the browser or viewer.")] = False,
+    language: Annotated[
+        Language | None,
+        Option(help="Of a further certificate: en, de or fr, in a folder below the report's."),
+    ] = None,
     root: Root = Path(),
 ) -> None:
     """Bring a campaign's report up to date and say where it is; with --format text, print it."""
@@ -102,7 +107,7 @@ def report(
             raise UsageError("name the campaign whose report you want as text")
         typer.echo(lines(shell.report_text(root, campaign)), nl=False)
         return
-    path = shell.report(root, campaign, form)
+    path = shell.report(root, campaign, form, language)
     typer.echo(path)
     if opened:
         open_it(path)

@@ -29,7 +29,7 @@ _ROUNDS = 40
 
 
 @dataclass(frozen=True, eq=False)
-class Told(Locked):
+class _Told(Locked):
     """What a robot's campaigns say of its present levels and trends b, (2 n,).
 
     Attributes:
@@ -94,7 +94,7 @@ def _reference(machines: Sequence[Machine]) -> Array:
     return np.exp(np.divide(total, count, out=np.full(len(count), np.nan), where=count > 0))
 
 
-def _told(machine: Machine, scatter: Scatter, reference: Array) -> Told:
+def _told(machine: Machine, scatter: Scatter, reference: Array) -> _Told:
     """Levels at the first campaign and trends, past lives eliminated; to first order in both."""
     n, A = machine.joints, machine.nuisance
     mine = [_last_level(machine, j) for j in range(n)]
@@ -108,7 +108,7 @@ def _told(machine: Machine, scatter: Scatter, reference: Array) -> Told:
     with np.errstate(invalid="ignore"):
         off = np.log(machine.reference / reference)
     shift = np.append(np.where(np.isfinite(off), off, 0.0), np.zeros(n))
-    return Told(N, g + N @ shift)
+    return _Told(N, g + N @ shift)
 
 
 def _last_level(machine: Machine, joint: int) -> int:

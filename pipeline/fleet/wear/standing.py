@@ -14,7 +14,7 @@ from pipeline.fleet.wear.machine import FEWEST, Machine
 from pipeline.fleet.wear.scatter import STATED, Scatter, scatter
 from pipeline.fleet.wear.trend import Trends, trends
 
-CONFIRMS = 0.05
+_CONFIRMS = 0.05
 """An alarm is confirmed as long as the newest look has a smaller p."""
 
 
@@ -23,7 +23,7 @@ _CERTAIN = 3.0
 
 
 @dataclass(frozen=True)
-class Joint:
+class _Joint:
     """Wear of one joint; numbers are of its stiffness, negative where it grows softer.
 
     Attributes:
@@ -59,14 +59,14 @@ class Standing:
 
     name: str
     campaigns: tuple[str, ...]
-    joints: tuple[Joint, ...]
+    joints: tuple[_Joint, ...]
     look: Look | None
     raised: Look | None
 
     @property
     def confirmed(self) -> bool:
         """The newest campaigns still speak for the alarm."""
-        return bool(self.raised and self.look and self.look.p_value < CONFIRMS)
+        return bool(self.raised and self.look and self.look.p_value < _CONFIRMS)
 
     @property
     def tells(self) -> Look | None:
@@ -138,11 +138,13 @@ def _blamed(look: Look | None, own: Trends) -> tuple[int, ...]:
     return sure or look.joints
 
 
-def _joint(own: Trends, value: Array, cov: Array, j: int, enough: bool, changed: bool) -> Joint:
+def _joint(own: Trends, value: Array, cov: Array, j: int, enough: bool, changed: bool) -> _Joint:
     """A compliance that grows is a stiffness that falls, to first order by the same part."""
     n = len(own.value)
     expected, spread = float(-value[n + j]), float(np.sqrt(cov[n + j, n + j]))
     if not (enough and np.isfinite(own.value[j])):
-        return Joint(None, None, None, None, expected, spread, changed)
+        return _Joint(None, None, None, None, expected, spread, changed)
     change, half = float(-own.value[j]), float(own.half[j])
-    return Joint(change, float(own.std[j]), change - half, change + half, expected, spread, changed)
+    return _Joint(
+        change, float(own.std[j]), change - half, change + half, expected, spread, changed
+    )

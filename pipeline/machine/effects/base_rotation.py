@@ -11,12 +11,12 @@ from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Compound, Loaded, Observation, Wrench
 
 
-def observe(loaded: Loaded, points: Array, time: Array, values: Array) -> Array:
+def _observe(loaded: Loaded, points: Array, time: Array, values: Array) -> Array:
     """Points as read."""
     return points + np.cross(values, points)
 
 
-def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
+def _wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
     """The load point of the robot, the force as read turned back; weights pull where they did."""
     read = loaded.pulls.pulled * loaded.force
     return loaded.load_point, loaded.force - np.cross(values, read)
@@ -34,6 +34,6 @@ _SAID: dict[str, Any] = {
     "known",
     "source": "e x dp - A(e x f) x; 2 mrad with base reflectors whose nominal coordinates are poor",
 }
-_ACTS = (Wrench(**_SAID, wrench=wrench), Observation(**_SAID, observe=observe))
+_ACTS = (Wrench(**_SAID, wrench=_wrench), Observation(**_SAID, observe=_observe))
 
 effects = Compound(**_SAID, acts=_ACTS).everywhere

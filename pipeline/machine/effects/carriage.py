@@ -63,13 +63,13 @@ def _spring(
     )
 
 
-SPRINGS = (
+_SPRINGS = (
     _spring(
         "rail_lateral",
         "lateral compliance of the carriage",
         _shift("c_lateral", 5e-09),
         partial(translation, axis=ACROSS),
-        "all reflectors move alike across the rail in proportion to the lateral "
+        signature="all reflectors move alike across the rail in proportion to the lateral "
         "force, with no lever arm; rail_roll grows with the height of the load",
     ),
     _spring(
@@ -77,7 +77,7 @@ SPRINGS = (
         "vertical compliance of the carriage",
         _shift("c_vertical", 2.5e-09),
         partial(translation, axis=UP),
-        "all reflectors move alike up or down in proportion to the vertical "
+        signature="all reflectors move alike up or down in proportion to the vertical "
         "force, with no lever arm",
     ),
     _spring(
@@ -85,9 +85,9 @@ SPRINGS = (
         "roll of the carriage about the rail",
         _turn("c_roll", 1e-08),
         partial(rotation, axis=ALONG),
-        "all reflectors turn together about the rail, whatever the arm does; tilt "
+        signature="all reflectors turn together about the rail, whatever the arm does; tilt "
         "of joint 2 turns with the arm",
-        "one arm pose pulled across the rail at several heights, or three reflectors "
+        needs="one arm pose pulled across the rail at several heights, or three reflectors "
         "on the carriage",
     ),
     _spring(
@@ -95,15 +95,16 @@ SPRINGS = (
         "pitch of the carriage",
         _turn("c_pitch", 5e-09),
         partial(rotation, axis=ACROSS),
-        "all reflectors turn together about the axis across the rail, whatever the arm does",
-        "pulls along the rail at several heights, or three reflectors on the carriage",
+        signature="all reflectors turn together about the axis across the rail, whatever the arm "
+        "does",
+        needs="pulls along the rail at several heights, or three reflectors on the carriage",
     ),
     _spring(
         "rail_yaw",
         "yaw of the carriage",
         _turn("c_yaw", 7e-09),
         partial(rotation, axis=UP),
-        "cannot be distinguished from the compliance of joint 2, whose axis it shares",
+        signature="cannot be distinguished from the compliance of joint 2, whose axis it shares",
     ),
 )
 """Springs that are missing from Eq. (3); the yaw shares the axis of joint 2."""
@@ -111,4 +112,4 @@ SPRINGS = (
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
     """All of them; none on a robot without a rail."""
-    return SPRINGS if rail(robot) else ()
+    return _SPRINGS if rail(robot) else ()

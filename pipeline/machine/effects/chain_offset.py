@@ -11,7 +11,7 @@ from pipeline.machine.effect import PULLED, Loaded, Wrench
 from pipeline.machine.effects._anatomy import direction
 
 
-def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
+def _wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
     """The force as read, turned; its size stays."""
     u = direction(loaded)
     size = np.linalg.norm(loaded.force, axis=1, keepdims=True)
@@ -29,6 +29,6 @@ effects = Wrench(
     "in proportion to the load",
     needs="one pose repeated with the last joint turned by 180 degrees",
     source="5 mm over 0.6 m of chain, an estimate",
-    wrench=wrench,
+    wrench=_wrench,
     of=(PULLED,),
 ).everywhere

@@ -18,7 +18,7 @@ _SIDE = {"scale at the robot": 1.0, "scale amid the chain": 0.0, "scale at the a
 """s: how much of half the weight along the pull the scale reads too much, +1, or too little."""
 
 
-def wrench(loaded: Loaded, values: Array, side: float) -> tuple[Array, Array]:
+def _wrench(loaded: Loaded, values: Array, side: float) -> tuple[Array, Array]:
     """Load point and force that act."""
     u = direction(loaded)
     up = np.array([0.0, 0.0, 1.0])
@@ -39,7 +39,7 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
             "scale and robot",
             needs="the weight of chain and scale, from any balance, and where the scale sits",
             source="catenary to first order; 50 to 100 N is an estimate",
-            wrench=partial(wrench, side=side),
+            wrench=partial(_wrench, side=side),
             of=(PULLED,),
         )
         for form, side in _SIDE.items()

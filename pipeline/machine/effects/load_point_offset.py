@@ -23,7 +23,7 @@ from pipeline.machine.effect import (
 from pipeline.machine.robot import Robot
 
 
-def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
+def _wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
     """The load point that is true, the force as read; a payload has a centre of its own."""
     here = (loaded.pulls.by != MOUNTED)[:, None]
     return loaded.load_point + here * (loaded.configuration.flange_axes @ values), loaded.force
@@ -37,10 +37,10 @@ def points(loaded: Loaded, values: Array) -> Array:
 
 def effects(robot: Robot) -> tuple[Effect, ...]:
     """One effect in three forms, on any robot."""
-    alone = Wrench(**_said("load point"), wrench=wrench, of=(PULLED, HUNG))
+    alone = Wrench(**_said("load point"), wrench=_wrench, of=(PULLED, HUNG))
     followed = Reflectors(**_said("measuring point"), points=points)
     both = _said("both") | {"of": (PULLED, HUNG)}
-    acts = (Wrench(**both, wrench=wrench), Reflectors(**both, points=points))
+    acts = (Wrench(**both, wrench=_wrench), Reflectors(**both, points=points))
     return (alone, followed, Compound(**both, acts=acts))
 
 

@@ -13,7 +13,7 @@ from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Effect, Loaded, Observation
 from pipeline.machine.robot import Robot
 
-NAME = "tracker_drift"
+_NAME = "tracker_drift"
 
 HOUR_S = 3600.0
 """Seconds in an hour: trackers warm up in about one, and drifts are told per hour."""
@@ -45,8 +45,8 @@ def by_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
 
     No export without times shows that a tracker settled within an hour.
     """
-    kept = [effect for effect in effects if effect.name != NAME or effect.form == "steady"]
-    return tuple(_per_group(one) if one.name == NAME else one for one in kept)
+    kept = [effect for effect in effects if effect.name != _NAME or effect.form == "steady"]
+    return tuple(_per_group(one) if one.name == _NAME else one for one in kept)
 
 
 def amount(effect: Effect, time: Array) -> Array:
@@ -68,7 +68,7 @@ def _effect(form: str, letter: str, unit: str, typical: float, most: float) -> O
         return points + much[:, None, None] * values
 
     effect = Observation(
-        name=NAME,
+        name=_NAME,
         noun="drift of the tracker",
         place="metrology",
         form=form,

@@ -34,7 +34,7 @@ from pipeline.machine.robot.configuration import rotation_about, torque, transla
 
 NAME = "unlisted_law"
 
-ORDERS = tuple(range(1, 21))
+_ORDERS = tuple(range(1, 21))
 """Periods per turn: eccentric wheels have one, cycloidal and strain-wave gears some more; poses of
 one campaign tell no finer waves apart."""
 
@@ -217,7 +217,7 @@ def _of_angles(robot: Robot, pulls: Pulls, joint: int) -> Iterator[Law]:
 def _of_own_angle(pulls: Pulls, joint: int) -> Iterator[Law]:
     q = pulls.q[:, joint - 1]
     low, high = _ends(q)
-    for order in ORDERS:
+    for order in _ORDERS:
         yield Law(joint, "spring", "periodic", "angle", joint, float(order), low, high)
     for degree in (1, 2, 3):
         yield Law(joint, "spring", "smooth", "angle", joint, float(degree), low, high)
@@ -473,7 +473,7 @@ def _spring(robot: Robot, law: Law, joint: int) -> Effect:
         if law.variable == "torque":
             each = [_of_own_torque(one, tau[:, i]) for i, one in enumerate(law.shapes)]
             return np.stack(each, axis=1)
-        return np.asarray(tau * basis(law, variable(law, loaded)))
+        return np.asarray(tau * _basis(law, variable(law, loaded)))
 
     said = _said(law, place, k, unit, _PART * compliance(robot, joint))
     return Elastic(**said, carrier=(joint,) * k, response=response)  # type: ignore[arg-type]
@@ -510,7 +510,7 @@ def _turns(robot: Robot, law: Law, joint: int) -> Effect:
             sense = -sense * loaded.pulls.branch[:, None]
         if law.kind == "step":
             return sense
-        waves = basis(law, variable(law, loaded))
+        waves = _basis(law, variable(law, loaded))
         return np.asarray(sense * np.insert(waves, 0, 1.0, axis=1))
 
     k = 1 if law.kind == "step" else 1 + _width(law, False)
@@ -606,7 +606,7 @@ def _of_guide(robot: Robot, law: Law) -> Effect:
             return np.asarray(
                 np.sign(load) * np.abs(load) ** law.order * _LARGE[unit] ** (1 - law.order)
             )
-        g = basis(law, variable(law, loaded))
+        g = _basis(law, variable(law, loaded))
         return np.asarray(load * (g if k == g.shape[1] else np.insert(g, 0, 1.0, axis=1)))
 
     return Elastic(
@@ -624,7 +624,7 @@ def _of_scale(law: Law) -> Effect:
     def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
         along = direction(loaded) if law.part == "zero" else loaded.force
         by_direction = law.variable == "direction"
-        g = direction(loaded) if by_direction else basis(law, variable(law, loaded))
+        g = direction(loaded) if by_direction else _basis(law, variable(law, loaded))
         return loaded.load_point, loaded.force + loaded.pulls.pulled * (g @ values)[:, None] * along
 
     unit, typical = ("N", _ZERO_N) if law.part == "zero" else ("1", 0.01)
@@ -665,7 +665,7 @@ def _since(loaded: Loaded) -> Array:
     return np.nan_to_num(loaded.pulls.time - loaded.pulls.time_zero) / HOUR_S
 
 
-def basis(law: Law, v: Array) -> Array:
+def _basis(law: Law, v: Array) -> Array:
     """g_k of a variable (m,), shape (m, k).
 
     Polynomials stay beyond where they were taught as they were at its end.
@@ -701,7 +701,7 @@ def height(law: Law, values: Array, cov: Array) -> tuple[float, float]:
     slope = values / max(float(np.linalg.norm(values)), 1e-300)
     if follows(law):
         v = np.linspace(law.low, law.high, _GRID)
-        g = basis(law, v)
+        g = _basis(law, v)
         f = g @ values[len(values) - g.shape[1] :]
         slope = np.zeros(len(values))
         slope[len(values) - g.shape[1] :] = (g[np.argmax(f)] - g[np.argmin(f)]) / 2

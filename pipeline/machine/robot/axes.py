@@ -47,6 +47,10 @@ class Axes(Locked):
         return int(mine[0]), float(self.matrix[joint, mine[0]])
 
 
+LIMIT_SLACK = 1e-9
+"""How far a joint may seem beyond its limit [m] or [rad]: degrees are rounded when converted."""
+
+
 def of(robot: Robot) -> Axes:
     """The controller's axes; the joints themselves where the robot file does not map them."""
     if not robot.controller:

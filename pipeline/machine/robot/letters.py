@@ -9,9 +9,11 @@ about y, keeps lengths and offsets small (Hayati and Mirmirani, J. Robotic Syste
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from types import MappingProxyType
+from typing import Any
 
 import numpy as np
 
@@ -22,7 +24,7 @@ from pipeline.machine.robot.configuration import (
     rotation_about,
     translation_along,
 )
-from pipeline.machine.robot.mdh import Joint, Robot, RobotFile, along_x, along_z, parse
+from pipeline.machine.robot.mdh import Joint, Robot, RobotFile, along_x, along_z, of_table
 from pipeline.machine.robot.steps import Fixed
 
 _PARALLEL = 0.2
@@ -86,7 +88,13 @@ def _file(robot: Robot) -> RobotFile:
 @lru_cache(maxsize=64)
 def _parsed(text: str, name: str) -> RobotFile:
     """An estimate asks for the letters of one robot a hundred times."""
-    return RobotFile.model_validate(toml.loads(text, name))
+    return RobotFile.model_validate(_table(text, name))
+
+
+@lru_cache(maxsize=64)
+def _table(text: str, name: str) -> Mapping[str, Any]:
+    """What a robot's text says, read once."""
+    return MappingProxyType(toml.loads(text, name))
 
 
 def _all(file: RobotFile) -> Iterator[Letter]:
@@ -149,8 +157,8 @@ def changed(robot: Robot, wanted: Sequence[Letter], values: Array) -> Robot:
         row = rows[letter.joint - 1]
         said = float(np.rad2deg(value)) if letter.turns else float(value)
         row[letter.key] = float(row.get(letter.key) or 0.0) + said
-    content = toml.loads(robot.text, robot.name) | {"joint": rows}
-    return parse(toml.dumps(content), robot.name)
+    content = dict(_table(robot.text, robot.name)) | {"joint": rows}
+    return of_table(content, toml.dumps(content), robot.name)
 
 
 def nominal(robot: Robot, wanted: Sequence[Letter]) -> Array:

@@ -7,12 +7,13 @@ everything behind this file (numpy kinematics, Pinocchio, B) knows one form only
 from __future__ import annotations
 
 import math
+from collections.abc import Mapping
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache, cached_property
 from importlib import resources
 from pathlib import Path
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -212,7 +213,7 @@ _TURNING = (
 """What only a sliding and only a turning joint has."""
 
 
-class Controller(Numbers):
+class _Controller(Numbers):
     """How the controller's axes become the model's joint variables: q = matrix @ axes + offset."""
 
     model_config = ConfigDict(extra="forbid")
@@ -241,7 +242,7 @@ class RobotFile(Numbers):
         default=[], validation_alias=AliasChoices("capsules", "capsule")
     )
     capsules_source: Prose = ""
-    controller: Controller | None = None
+    controller: _Controller | None = None
     length_sigma_m: Positive | None = None
     angle_sigma_deg: Positive | None = None
 
@@ -396,8 +397,16 @@ def parse(text: str, file: str) -> Robot:
     Raises:
         InputError: The text is not TOML or not a robot; says where and what is expected.
     """
-    table, way_out = toml.loads(text, file), "correct the robot file"
-    content = checked(RobotFile, table, file, "the robot", way_out, text)
+    return of_table(toml.loads(text, file), text, file)
+
+
+def of_table(table: Mapping[str, Any], text: str, file: str) -> Robot:
+    """The same of a text that has been read, as `toml.loads` gives it.
+
+    Raises:
+        InputError: It is not a robot; says where and what is expected.
+    """
+    content = checked(RobotFile, table, file, "the robot", "correct the robot file", text)
     try:
         placement, flange = placements(content)
     except ValueError as problem:
@@ -406,7 +415,7 @@ def parse(text: str, file: str) -> Robot:
     if len(set(names)) < len(names):
         raise InputError(f"joint names {listed(names)} are not unique", "rename one", file=file)
     axes, matrix, offset = _controller(content.controller, len(names), file)
-    _one_meaning_each(names, axes, matrix, offset, file, toml.line_of(text, ["controller", "axes"]))
+    _one_meaning_each(names, axes, matrix, offset, file, text)
     return Robot(
         name=content.name,
         description=content.description,
@@ -428,7 +437,7 @@ def parse(text: str, file: str) -> Robot:
 
 
 def _controller(
-    controller: Controller | None, n: int, file: str
+    controller: _Controller | None, n: int, file: str
 ) -> tuple[tuple[str, ...], Array, Array]:
     if controller is None:
         return (), np.zeros((n, 0)), np.zeros(n)
@@ -450,7 +459,7 @@ def _one_meaning_each(
     matrix: Array,
     offset: Array,
     file: str,
-    line: int | None,
+    text: str,
 ) -> None:
     """A joint and an axis of one name are one and the same.
 
@@ -471,7 +480,7 @@ def _one_meaning_each(
                     f"call the joints otherwise, such as theta{j + 1}, and leave the controller's "
                     "axes their names",
                     file=file,
-                    line=line,
+                    line=toml.line_of(text, ["controller", "axes"]),
                 )
 
 

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from pipeline.answer.contract import Answer
+from pipeline.base.language import Say
 from pipeline.report.figures import (
     causes,
     certificate,
@@ -63,9 +64,11 @@ def figures(names: Sequence[str], answer: Answer, tables: Tables) -> list[Figure
     return list(present(one.write(answer, tables) for one in plots if has(tables, *one.needs)))
 
 
-def draw(name: str, answer: Answer, tables: Tables) -> Drawing:
-    """Draw one of the figures of the report."""
+def draw(name: str, answer: Answer, tables: Tables, say: Say = str) -> Drawing:
+    """Draw one of the figures of the report, the words of the certificate's in a language."""
     plot = _PLOTS[name]
+    if plot.spoken:
+        return by_hand(plot.spoken(answer, tables, say))
     if plot.by_hand:
         return by_hand(plot.by_hand(answer, tables))
     return drawn(name, lambda canvas: plot.draw(canvas, answer, tables))

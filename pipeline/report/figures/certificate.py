@@ -13,8 +13,9 @@ import pandas as pd
 from pipeline.answer.contract import Answer, Placed, Stiffness, TestPose
 from pipeline.answer.sentences import at_axis
 from pipeline.answer.tolerated import DECIDED
-from pipeline.answer.words import capital
+from pipeline.answer.words import capital, listed
 from pipeline.base.arrays import Array
+from pipeline.base.language import Say
 from pipeline.base.quantities import MM, percent, plain, with_uncertainty
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
@@ -194,9 +195,9 @@ def stand(joint: Stiffness) -> Stand:
 # --- the picture ----------------------------------------------------------------------------------
 
 
-def _draw(answer: Answer, tables: Tables) -> str:
+def _draw(answer: Answer, tables: Tables, say: Say = str) -> str:
     """The robot with its joints, causes and deflection."""
-    sheet = PixelSheet(_WIDE, _HIGH)
+    sheet = PixelSheet(_WIDE, _HIGH, say)
     arm = arm_of(tables, _HIGH - _FOOT, _TOP)
     arm.bodies(sheet, arm.solid)
     _deflection(sheet, arm, answer)
@@ -216,7 +217,8 @@ def _joints(sheet: PixelSheet, arm: Arm, stands: dict[int, tuple[Stiffness, Stan
         x, (jx, jy) = 10 + step * (slot + 0.5), at[number]
         sheet.line((x, 38), (jx, jy), MUTED, 0.8, stroke_opacity=0.7)
         style = {"fill": one.colour, "stroke": INK, "stroke_width": 1.2}
-        tip = f"{joint.called}: {one.said} {'of nominal, ' if joint.nominal else ''}{one.word}"
+        beside = f"{one.said} of nominal" if joint.nominal else one.said
+        tip = f"{joint.called}: {beside}, {one.word}"
         sheet.disc((jx, jy), 6.5, tip, **style)
         name = joint.axis or joint.joint_name
         name = name if len(name) <= _NAME else f"J{joint.joint}"
@@ -244,49 +246,59 @@ def _deflection(sheet: PixelSheet, arm: Arm, answer: Answer) -> None:
     sheet.text(x, b[1] + below, said, 14, text_anchor="middle", font_weight="bold", fill=RED)
 
 
-def _seated(arm: Arm, answer: Answer) -> list[tuple[int, Array]]:
-    """Number and place of the causes that sit in the robot."""
-    placed = [(k, arm.place(one, one.location)) for k, one in enumerate(answer.diagnosis.causes, 1)]
-    return [(k, at) for k, at in placed if at is not None]
+def _seated(arm: Arm, answer: Answer) -> dict[str, Array]:
+    """What is wrong in the robot, in words, and where [px]; each once, with its first rival."""
+    found = answer.diagnosis.causes
+    wrong = [one for one in found if one.evidence] or found
+    each = [(own, one.location) for one in wrong for own in (one, *one.rivals[:1])]
+    placed = {words.placed(own): arm.place(own, location) for own, location in each}
+    return {one: at for one, at in placed.items() if at is not None}
 
 
 def _causes(sheet: PixelSheet, arm: Arm, answer: Answer) -> None:
     """A ring with a number where each cause sits."""
-    for number, at in _seated(arm, answer):
+    for k, at in enumerate(_seated(arm, answer).values()):
         sheet.disc(at, 17, fill="none", stroke=RED, stroke_width=3)
         style = {"text_anchor": "middle", "font_weight": "bold", "fill": RED}
-        sheet.text(at[0] - 24, at[1] + 5, str(number), 15, **style)
+        right, down = _BESIDE[k % len(_BESIDE)]
+        sheet.text(at[0] + right, at[1] + down, str(k + 1), 15, **style)
+
+
+_BESIDE = ((-24, 5), (0, 33), (24, 5), (0, -21))
+"""Where the number of a ring stands [px]; several rings may be in one place."""
 
 
 def _key(sheet: PixelSheet, stands: Sequence[Stand], rings: bool) -> None:
-    """What the colours mean."""
-    x = 14.0
-    for word, colour in dict.fromkeys((one.word, one.colour) for one in stands):
+    """What the colours mean, as large as fits."""
+    kinds = {one.word: one.colour for one in stands}
+    wide = [30 + 6.6 * len(sheet.say(word)) for word in (*kinds, *(["cause"] * rings))]
+    small, x = min(1.0, (_WIDE - 14) / sum(wide)), 14.0
+    for (word, colour), step in zip(kinds.items(), wide, strict=False):
         sheet.disc((x, _HIGH - 14), 5.5, fill=colour, stroke=INK, stroke_width=1)
-        sheet.text(x + 10, _HIGH - 10, word, 12)
-        x += 30 + 7.0 * len(word)
+        sheet.text(x + 10, _HIGH - 10, word, 12 * small)
+        x += small * step
     if rings:
         sheet.disc((x, _HIGH - 14), 6, fill="none", stroke=RED, stroke_width=2.4)
-        sheet.text(x + 11, _HIGH - 10, "cause", 12)
+        sheet.text(x + 11, _HIGH - 10, "cause", 12 * small)
 
 
 def _write(answer: Answer, tables: Tables) -> Figure:
     stands = {joint: stand(joint) for joint in answer.stiffness}
     told = "; ".join(f"{j.axis or j.name} {one.said}, {one.word}" for j, one in stands.items())
-    seated = [k for k, _ in _seated(arm_of(tables, _HIGH, 0.0), answer)]
-    named = [f"{k} {words.placed(answer.diagnosis.causes[k - 1])}" for k in seated]
-    sits = f" Marked: {'; '.join(named)}." if named else ""
-    moves = at = ""
+    seated = _seated(arm_of(tables, _HIGH, 0.0), answer)
+    named = [f"{k} = {one}" for k, one in enumerate(seated, 1)]
+    sits = f" The rings mark {listed(named)}." if named else ""
+    title, moves, at = "The robot", "", ""
     if (pose := answer.test_pose) is not None:
         moves = f" The arrow is the deflection, {plain(pose.deflection_mm)} mm."
-        at = f" {_stands(pose)}"
+        title, at = "The robot at the test pose", f" {_stands(pose)}"
     nominal = any(joint.nominal for joint in answer.stiffness)
     what = "Share of the nominal stiffness" if nominal else "Relative uncertainty of the stiffness"
     return Figure(
         "certificate",
-        "The robot at the test pose",
+        title,
         f"{what} of each joint.{sits}{at}",
-        f"Drawing of the robot at the test pose. {what}: {told}.{sits}{moves}",
+        f"Drawing: {title}. {what}: {told}.{sits}{moves}",
     )
 
 
@@ -296,7 +308,7 @@ def _stands(pose: TestPose) -> str:
     return f"At {axes}, under {plain(float(np.linalg.norm(pose.force_n)), 4)} N."
 
 
-CERTIFICATE = Plot("certificate", ("posture",), _write, by_hand=_draw)
+CERTIFICATE = Plot("certificate", ("posture",), _write, spoken=_draw)
 
 # --- the gauge ------------------------------------------------------------------------------------
 
@@ -342,13 +354,16 @@ _GAUGE = {Decision.PASS: GREEN, Decision.UNDECIDED: BLUE, Decision.FAIL: RED, No
 _ACROSS, _LEFT, _RIGHT, _ROW = 440.0, 10.0, 430.0, 60.0
 """The gauge's sheet, the ends of its bars, and one bar with its words [px]."""
 
+_LETTERS = 46
+"""So many letters of full size stand above a bar."""
 
-def _draw_gauge(answer: Answer, tables: Tables) -> str:
+
+def _draw_gauge(answer: Answer, tables: Tables, say: Say = str) -> str:
     """A bar for each deflection, with the tolerance as a wall."""
     told = list(readings(answer))
     most = answer.tolerance.deflection_mm if answer.tolerance else None
     full = 1.15 * max([*(one.end for one in told), most or 0.0])
-    sheet = PixelSheet(_ACROSS, _ROW * len(told) + 18)
+    sheet = PixelSheet(_ACROSS, _ROW * len(told) + 18, say)
 
     def at(mm: float) -> float:
         return _LEFT + (_RIGHT - _LEFT) * mm / full
@@ -360,8 +375,10 @@ def _draw_gauge(answer: Answer, tables: Tables) -> str:
         sheet.line((at(low), y), (at(high), y), colour, 16, stroke_opacity=0.4)
         sheet.arrow((_LEFT, y), (at(one.size), y), colour, 4)
         word = "" if one.decision is None else f": {DECIDED[one.decision]}"
-        sheet.text(_LEFT, y - 15, f"{one.name}{word}", 14, font_weight="bold")
-        sheet.text(_RIGHT, y - 15, f"{one.said} (k = 2)", 14, text_anchor="end")
+        left, right = (say(each) for each in (f"{one.name}{word}", f"{one.said} (k = 2)"))
+        size = 14 * min(1.0, _LETTERS / (len(left) + len(right)))
+        sheet.text(_LEFT, y - 15, left, size, font_weight="bold")
+        sheet.text(_RIGHT, y - 15, right, size, text_anchor="end")
         if most is not None:
             sheet.line((at(most), y - 12), (at(most), y + 12), INK, 3)
     foot = _ROW * len(told)
@@ -391,7 +408,7 @@ def _write_gauge(answer: Answer, tables: Tables) -> Figure | None:
     )
 
 
-GAUGE = Plot("gauge", (), _write_gauge, by_hand=_draw_gauge)
+GAUGE = Plot("gauge", (), _write_gauge, spoken=_draw_gauge)
 
 # --- how a cause moves the robot ------------------------------------------------------------------
 

@@ -9,6 +9,7 @@ from typing import Any
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
+from pipeline.base.language import Say
 from pipeline.report.figures.marks import Tips
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
@@ -30,6 +31,7 @@ class Plot:
         draw: Draws it, and gives what its marks say, by the name of their group.
         live: Numbers from which the page draws it anew as its reader turns it; None for a still.
         by_hand: Gives it as SVG, in place of `draw`.
+        spoken: The same of a figure of the certificate, in a language.
     """
 
     name: str
@@ -38,3 +40,4 @@ class Plot:
     draw: Callable[[Canvas, Answer, Tables], Tips] = _nothing
     live: Callable[[Answer, Tables], dict[str, Any]] | None = None
     by_hand: Callable[[Answer, Tables], str] | None = None
+    spoken: Callable[[Answer, Tables, Say], str] | None = None

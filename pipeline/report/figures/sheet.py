@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 from pipeline.base.arrays import Array
+from pipeline.base.language import Say
 from pipeline.report.svg import INK, PAPER
 
 _FONT = "DejaVu Sans"
@@ -16,12 +17,12 @@ _FONT = "DejaVu Sans"
 class PixelSheet:
     """What is drawn, in pixels from the upper left corner; later things lie over earlier ones."""
 
-    def __init__(self, width: float, height: float) -> None:
-        """An empty sheet."""
+    def __init__(self, width: float, height: float, say: Say = str) -> None:
+        """An empty sheet, whose words are said in a language."""
         size = {"width": f"{width:g}pt", "height": f"{height:g}pt"}
         box = {"viewBox": f"0 0 {width:g} {height:g}"}
         self.root = ET.Element("svg", {"xmlns": "http://www.w3.org/2000/svg", **box, **size})
-        self.width, self.height = width, height
+        self.width, self.height, self.say = width, height, say
 
     @property
     def svg(self) -> str:
@@ -51,7 +52,7 @@ class PixelSheet:
         """A circle, with what it says to whoever points at it."""
         x, y = at
         own = {"cx": f"{x:.1f}", "cy": f"{y:.1f}", "r": f"{radius:g}"}
-        self._add("circle", own | ({"data-tip": tip} if tip else {}), style)
+        self._add("circle", own | ({"data-tip": self.say(tip)} if tip else {}), style)
 
     def square(self, x: float, y: float, side: float, tip: str = "", **style: Any) -> None:
         """A square from its upper left corner, with what it says."""
@@ -63,7 +64,7 @@ class PixelSheet:
         own = {"x": f"{x:.1f}", "y": f"{y:.1f}", "paint-order": "stroke", "stroke": PAPER}
         own |= {"stroke-width": "3", "stroke-linejoin": "round"}
         base = {"font_family": _FONT, "font_size": f"{size:g}px", "fill": INK}
-        self._add("text", own, base | style).text = said
+        self._add("text", own, base | style).text = self.say(said)
 
     def _add(self, kind: str, own: dict[str, str], style: dict[str, Any]) -> ET.Element:
         said = {name.replace("_", "-"): f"{value}" for name, value in style.items()}

@@ -16,6 +16,9 @@ _KINDS = {"laser_tracker": "laser tracker", "arm": "measuring arm", "unknown": "
 Row = tuple[str, str]
 """What it is, and what is stated of it."""
 
+NAMES = ("Campaign", "Operator", "Software")
+"""What is stated there is a name, in every language the same."""
+
 
 def identity(answer: Answer) -> Section | None:
     """Date, operator, instrument, scale, robot and software; what nobody said is not stated."""
@@ -76,10 +79,13 @@ def _warm(found: Identity) -> str:
 
 def _unit(of: Unit | Measuring | None, blank: str) -> str:
     """Serial number and certificate of a device."""
-    names = ("serial number", "certificate", "calibrated")
     papers = (None,) * 3 if of is None else (of.serial, of.certificate, of.calibrated)
-    told = zip(names, papers, strict=True)
-    return _list(*(f"{name} {paper or blank}" for name, paper in told if paper or blank))
+    serial, certificate, calibrated = (paper or blank for paper in papers)
+    return _list(
+        f"serial number {serial}" if serial else "",
+        f"certificate {certificate}" if certificate else "",
+        f"calibrated {calibrated}" if calibrated else "",
+    )
 
 
 def _instrument(one: Measuring | None, blank: str) -> str:

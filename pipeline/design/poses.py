@@ -6,7 +6,7 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.errors import InputError
-from pipeline.machine.gaps import free
+from pipeline.design.gaps import free
 from pipeline.machine.robot import Configuration, Robot, configure
 from pipeline.machine.robot.axes import rounded
 from pipeline.machine.room import Room

@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from pipeline.base.errors import InputError
-from pipeline.diagnosis import undecided
+from pipeline.design import undecided
+from pipeline.design.undecided import _open, _standing_there, next_poses
 from pipeline.diagnosis.identify import Replacement, Stranger
 from pipeline.diagnosis.isolability import Twins
-from pipeline.diagnosis.undecided import _open, _standing_there, next_poses
 from pipeline.diagnosis.verdict import CERTAIN
 
 NONE = Twins((), (), ())

@@ -7,7 +7,6 @@ W = (p x g, g) that acts beyond joint j, Eq. (5). The poses are the last axis of
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -22,7 +21,7 @@ _ROUNDED = 1e-3
 
 
 @dataclass(frozen=True, eq=False)
-class Point:
+class _Point:
     """Points of the arm that gaps depend on.
 
     Attributes:
@@ -49,7 +48,7 @@ class Gaps:
 
     pose: Ints
     value: Array
-    points: tuple[Point, ...]
+    points: tuple[_Point, ...]
     by_anchor: Array | None = None
 
 
@@ -91,43 +90,6 @@ def free(room: Room, at: Configuration, tool: Array, anchor: Array) -> Bools:
     return out
 
 
-def pushed(at: Configuration, every: Sequence[tuple[Gaps, Array]]) -> tuple[Array, Array]:
-    """Slope of a weighted sum of gaps in each pose, by joints (m, n) and by the anchor (m, 3).
-
-    Args:
-        at: The poses.
-        every: Gaps, each with its weights, shape (k,).
-    """
-    m, n = at.q.shape
-    wrench, by_anchor = _wrench(m, n, every), np.zeros((3, m))
-    for found, weight in every:
-        if found.by_anchor is not None:
-            for part, values in zip(by_anchor, weight * found.by_anchor, strict=True):
-                part += np.bincount(found.pose, values, m)
-    by_q, beyond = np.empty((n, m)), np.zeros((6, m))
-    twists = at.twists.transpose(1, 2, 0)
-    for joint in range(n, 0, -1):
-        beyond += wrench[:, joint]
-        by_q[joint - 1] = (twists[joint - 1] * beyond).sum(axis=0)
-    return by_q.T, by_anchor.T
-
-
-def _wrench(m: int, n: int, every: Sequence[tuple[Gaps, Array]]) -> Array:
-    """What the slopes of gaps push each body with, about the origin of F_b, (6, n + 1, m)."""
-    wrench = np.zeros((6, n + 1, m))
-    acting = [(p, f.pose, weight) for f, weight in every for p in f.points if len(f.pose)]
-    if acting:
-        place = np.concatenate([p.carrier * m + pose for p, pose, _ in acting])
-        force = np.concatenate([weight * p.slope for p, _, weight in acting], axis=1)
-        x, y, z = np.concatenate([p.at for p, _, _ in acting], axis=1)
-        u, v, w = force
-        for part, values in zip(
-            wrench, (y * w - z * v, z * u - x * w, x * v - y * u, u, v, w), strict=True
-        ):
-            part += np.bincount(place, values, (n + 1) * m).reshape(n + 1, m)
-    return wrench
-
-
 def _shot(room: Room, at: Configuration, places: Array, far: Array, near: float) -> Gaps:
     """Cosine between the line that leaves a point and the axis of its cone, less its limit.
 
@@ -146,7 +108,7 @@ def _shot(room: Room, at: Configuration, places: Array, far: Array, near: float)
     b, p = line[:, which, pose] / reach, places[:, point[which], pose]
     along = (d - (value + limit[which]) * b) / reach
     carrier = np.full(len(pose), room.joints)
-    points = Point(p + d, carrier, b), Point(p, carrier, -b - along)
+    points = _Point(p + d, carrier, b), _Point(p, carrier, -b - along)
     return Gaps(pose, value, points, along * (point[which] == 0))
 
 
@@ -162,7 +124,7 @@ def _grounded(room: Room, places: Array, ends: Array, near: float) -> Gaps:
     effector = np.full(places.shape[1], room.joints)
     carrier = np.concatenate([effector, room.bodies.carrier[lifted]])[which]
     up = np.repeat([[0.0], [0.0], [1.0]], len(pose), axis=1)
-    return Gaps(pose, value[which, pose], (Point(every[:, which, pose], carrier, up),))
+    return Gaps(pose, value[which, pose], (_Point(every[:, which, pose], carrier, up),))
 
 
 def _touching(room: Room, places: Array, far: Array, ends: Array, near: float) -> Gaps:
@@ -187,8 +149,8 @@ def _touching(room: Room, places: Array, far: Array, ends: Array, near: float) -
     line, s = (some >= len(i)), s[some]
     moving = np.concatenate([carrier[i], np.full(len(point), room.joints)])[some]
     from_start = np.where(line, 0.0, s) * (end - start)[:, some]  # a beam pulls at its beginning
-    p = Point(start[:, some] + from_start, moving, np.where(line, 1 - s, 1.0) * normal)
-    points = p, Point(q[:, some], carrier[body[some]], -normal)
+    p = _Point(start[:, some] + from_start, moving, np.where(line, 1 - s, 1.0) * normal)
+    points = p, _Point(q[:, some], carrier[body[some]], -normal)
     chain = np.concatenate([np.zeros(len(i), bool), point == 0])[some]
     return Gaps(pose[some], (distance - thick)[some], points, chain * s * normal)
 

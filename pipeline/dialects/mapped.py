@@ -7,10 +7,11 @@ from pipeline.readers import _named, _tables
 from pipeline.readers._cells import bare, is_plain
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._named import Header, Named
-from pipeline.readers._reader import Columns, Export, Hints
+from pipeline.readers._reader import Export
 from pipeline.readers._text import Text, squeezed, until
+from pipeline.readers.said import Columns, Hints
 
-NAME = "table by [tracker.mapping]"
+_NAME = "table by [tracker.mapping]"
 _ROLES = {
     **{f"s{axis}": f"std {axis}" for axis in "xyz"},
     **{f"u95_{axis}": f"u95 {axis}" for axis in "xyz"},
@@ -18,7 +19,7 @@ _ROLES = {
 """Words of [tracker.mapping.columns] that are not those of a header."""
 
 
-def read(text: Text, hints: Hints, dialect: str = NAME) -> Export:
+def read(text: Text, hints: Hints, dialect: str = _NAME) -> Export:
     """Readings of a table whose columns campaign.toml describes.
 
     Raises:

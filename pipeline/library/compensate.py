@@ -9,41 +9,18 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.base.quantities import plain
+from pipeline.library.each_way import Ways, along, each_way
 from pipeline.machine.robot import Robot, configure, rating
 from pipeline.machine.robot.configuration import velocity
-from pipeline.prediction.each_way import Ways, along, each_way
 from pipeline.prediction.model import IdentifiedModel
+from pipeline.prediction.path import ARM_M, Path, beside_pulls
 
-ARM_M = 0.3
-"""Turning the tool by an angle counts as moving a point this far from it [m]."""
 _FURTHEST = rating.TWIST_RAD
 """A motion of the tool for which joints would have to turn further is left: the arm is at a
 singularity."""
 
 _ROUNDING = 1e-9
 """Motion of the tool in a direction, over that in the best one, that is rounding [1]."""
-
-
-@dataclass(frozen=True, eq=False)
-class Path(Locked):
-    """A path to be corrected or judged.
-
-    Attributes:
-        pose: Number of each point, shape (m,).
-        q: Joint values [m] or [rad], shape (m, n).
-        force: Force on the robot at the tip [N], F_b, shape (m, 3).
-        controller: The file has the controller's axes instead of the model's joints.
-        file: Its name.
-        line: Of each point in it; none where they stand in no line.
-    """
-
-    pose: Ints
-    q: Array
-    force: Array
-    controller: bool = False
-    file: str = ""
-    line: tuple[int, ...] = ()
 
 
 @dataclass(frozen=True, eq=False)
@@ -122,21 +99,6 @@ class Compensation(Locked):
             f"{1e3 * self.held_out:.3f} mm rms per coordinate, noise of the readings included: "
             f"count on ±{count_on:.3f} mm"
         )
-
-
-def beside_pulls(force_n: Array, pulled: tuple[float, float] | None) -> list[str]:
-    """A sentence where forces [N], shape (m,), are all gentler or some harder than any pull.
-
-    A model is known where it was pulled: beyond the hardest pull its error grows with the force,
-    and a path without a force as large as the gentlest pull may be in another unit.
-    """
-    if pulled is None or pulled[0] <= (hardest := float(force_n.max())) <= pulled[1]:
-        return []
-    least, most = (plain(one) for one in pulled)
-    told = f"The forces reach {plain(hardest)} N; the campaign pulled with {least} to {most} N"
-    if hardest < pulled[0]:
-        return [f"{told}: check their unit."]
-    return [f"{told}: beyond that its model was not tested, and its error grows with the force."]
 
 
 def compensate(

@@ -7,8 +7,8 @@ import pytest
 from cell_check import CELL, TOOL, Checked
 
 from pipeline.answer.inputs import shot_findings
+from pipeline.design.nextpose import Question, candidates, propose
 from pipeline.diagnosis.diagnose import case_of
-from pipeline.diagnosis.nextpose import Question, candidates, propose
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot.axes import from_log_units, in_log_units
 from pipeline.machine.room import room_of

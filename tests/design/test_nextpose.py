@@ -6,8 +6,7 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from pipeline.diagnosis.diagnose import case_of
-from pipeline.diagnosis.nextpose import (
+from pipeline.design.nextpose import (
     Candidates,
     Question,
     _Contest,
@@ -16,6 +15,7 @@ from pipeline.diagnosis.nextpose import (
     determine,
     propose,
 )
+from pipeline.diagnosis.diagnose import case_of
 from pipeline.machine.cell import paper_cell, predict
 from pipeline.reduction.bring import conformed
 from pipeline.run import reduce, tool

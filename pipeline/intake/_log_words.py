@@ -34,19 +34,6 @@ _CALLED = {
         "fahrachse", "verfahrachse",
     },
 }  # fmt: skip
-_BRANCH = {
-    "up": {
-        "up", "auf", "aufwärts", "aufwaerts", "hin", "steigend", "belasten", "belastung", "loading",
-        "increasing", "rising", "ascending", "forward", "montée",
-    },
-    "down": {
-        "down", "ab", "abwärts", "abwaerts", "zurück", "zurueck", "rück", "fallend", "entlasten",
-        "entlastung", "unloading", "decreasing", "falling", "descending", "back", "return",
-        "descente",
-    },
-}  # fmt: skip
-"""Which way the turnbuckle was last turned."""
-_BRANCH_OF = {word: ours for ours, words in _BRANCH.items() for word in words}
 _AXIS = re.compile(r"(?:axis|achse|joint|gelenk|ax|a|j) ?0*([1-9])|e ?1")
 _MOVED = re.compile(r"(axis|achse|joint|gelenk|ax|a|j|theta)[ _]?0*([1-9])(?![0-9])")
 _OF_A_POINT = 3
@@ -55,11 +42,6 @@ _NUMBERED = {"nr", "no", "number", "nummer"}
 """Words beside a name that say no more than that it is a number."""
 _UNIT = {"°": "deg", "grad": "deg", "degree": "deg", "degrees": "deg", "kp": "kgf"}
 """Units that our columns call otherwise."""
-
-
-def branch(cell: str) -> str:
-    """`up` or `down` for what others call it; what is neither as it stands."""
-    return _BRANCH_OF.get(cell.strip().lower(), cell)
 
 
 def has_poses(titles: Sequence[str]) -> bool:

@@ -13,7 +13,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.files import read as read_file
 from pipeline.intake.offer import offer
 from pipeline.readers import Hints, logs
-from pipeline.readers._log_form import LogForm
+from pipeline.readers.said import LogForm
 
 TITLES = ["group", "target", "x_mm", "y_mm", "z_mm", "time"]
 NOON = datetime(2026, 11, 3, 12, 0, 0, 250_000)

@@ -7,17 +7,29 @@ from collections.abc import Sequence
 import numpy as np
 
 from pipeline.base.errors import InputError
+from pipeline.design.nextpose import Candidates, Question, candidates, determine, propose
+from pipeline.diagnosis.diagnose import LEAST
 from pipeline.diagnosis.facts import CrossValidation, Determining, FoundCause, Proposal
 from pipeline.diagnosis.identify import Found, SearchCase
 from pipeline.diagnosis.isolability import Twins
-from pipeline.diagnosis.nextpose import Candidates, Question, candidates, determine, propose
 from pipeline.diagnosis.verdict import CERTAIN
-
-LEAST = 0.02
-"""Rivals less probable than this are ignored."""
 
 _MOST = 4
 """At most so many rivals of one cause, the likeliest, are considered."""
+
+
+def to_measure(
+    case: SearchCase,
+    found: Found,
+    causes: tuple[FoundCause, ...],
+    worth: CrossValidation | None,
+    known: Twins,
+    rng: np.random.Generator,
+) -> tuple[tuple[Proposal, ...], tuple[Determining, ...]]:
+    """Poses that would tell causes apart; where there are none, those that determine joints."""
+    proposed = next_poses(case, found, causes, worth, known, rng)
+    joints = () if proposed else determining(case, found, rng.spawn(1)[0])
+    return proposed, joints
 
 
 def next_poses(

@@ -18,8 +18,8 @@ from typing import Any
 from python_calamine import CalamineError, CalamineWorkbook, SheetTypeEnum
 
 from pipeline.base.errors import InputError, listed
-from pipeline.base.files import too_large
-from pipeline.readers._text import LARGEST_WORKBOOK, Text, is_workbook, text
+from pipeline.base.shown import too_large
+from pipeline.readers._text import LARGEST_WORKBOOK, Text, text
 
 _UNPACKED = 1_000_000_000
 """Bytes of all that is packed in a workbook; sheets are XML that shrinks to a tenth."""
@@ -45,21 +45,11 @@ def opened(
     table: str | None,
     fits: Callable[[Text], int],
 ) -> Text:
-    """A file as text, whether it is text or a workbook.
-
-    Args:
-        name: Its name, for messages.
-        data: Its content.
-        sheet: Which sheet is meant, None where nobody says.
-        mark: The decimal mark that is expected, None for any.
-        table: Table of campaign.toml that may say both; None where none may.
-        fits: How well a sheet fits, 0 for not at all, where there are several and none is named.
+    """A workbook as text, as `readers` asks for it.
 
     Raises:
-        InputError: No text and no workbook, too large, or not one sheet fits.
+        InputError: Too large, or not one sheet fits.
     """
-    if not is_workbook(data):
-        return text(name, data)
     _bounded(data)
     try:
         book = CalamineWorkbook.from_filelike(io.BytesIO(data))

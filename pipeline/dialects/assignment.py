@@ -17,7 +17,7 @@ from pipeline.base.errors import InputError, at
 from pipeline.readers._reader import Export
 from pipeline.readers.logs import Log, Quantity, columns, once, table
 
-BASE = "base"
+_BASE = "base"
 _Names = dict[int, tuple[str, str]]
 
 
@@ -90,7 +90,7 @@ def _group(pose: float, repeat: float, state: str) -> str | None:
     given = np.isfinite([pose, repeat])
     if state in ("loaded", "unloaded") and given.all():
         return f"pose{int(pose):02d}_rep{int(repeat)}_{state}"
-    return None if state or given.any() else BASE
+    return None if state or given.any() else _BASE
 
 
 def _assigned(export: Export, names: _Names, name: str) -> Export:

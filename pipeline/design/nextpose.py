@@ -18,12 +18,12 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.design.poses import default_anchors, draw_poses, try_poses
 from pipeline.diagnosis.facts import APART, Determining, Pose, Proposal
 from pipeline.diagnosis.identify import SearchCase
 from pipeline.diagnosis.separability import left_by, sizes
 from pipeline.machine.cell import sensitivity
 from pipeline.machine.effect import Effect, Pulls
-from pipeline.machine.poses import default_anchors, draw_poses, try_poses
 from pipeline.machine.robot import configure, rating
 from pipeline.reduction.measured import Measured
 from pipeline.system.elimination import eliminate

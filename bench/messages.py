@@ -1,0 +1,228 @@
+"""`python -m bench.messages`: texts that are said in several languages, from the source to gettext.
+
+A text is a constant or an f-string, with `{}` for what varies in it. `catalogues` brings what Babel
+reads and writes up to date; a test asks `texts` for the same, without Babel.
+"""
+
+from __future__ import annotations
+
+import ast
+import re
+from collections.abc import Iterator
+from pathlib import Path
+
+ROOT = Path(__file__).parents[1] / "pipeline"
+
+SPOKEN: dict[str, tuple[str, ...]] = {
+    "answer/positions.py": ("_to_do", "_ALONE", "_next", "_AGAIN"),
+    "answer/remarks.py": ("WORK",),
+    "answer/sentences.py": (
+        *("_next", "_again", "_proposed", "_unchecked", "pulled", "loads", "_joints"),
+        *("_least_certain", "_settled"),
+    ),
+    "answer/tolerated.py": ("DECIDED",),
+    "answer/words.py": ("DO", "listed"),
+    "design/discriminate.py": ("_never",),
+    "design/criteria.py": ("prediction",),
+    "design/made.py": ("worth_unpulled", "unpulled_lines", "_unchecked", "cell_lines"),
+    "design/plan_book.py": (),
+    "design/plan_figures.py": ("pose_picture", "_view"),
+    "design/plan_sheet.py": (),
+    "faults/*.py": (),
+    "machine/effect.py": ("in_place",),
+    "machine/effects/[!nu]*.py": (),
+    "machine/effects/noise.py": (),
+    "machine/effects/unlisted.py": ("_said",),
+    "machine/room.py": ("unchecked",),
+    "report/certificate.py": (),
+    "report/figures/certificate.py": (
+        *("_SOFT", "_WIDE_OPEN", "_SURE", "stand", "_joints", "_deflection", "_key", "_write"),
+        *("_stands", "Reading", "readings", "_draw_gauge", "_write_gauge"),
+    ),
+    "report/model.py": ("compose", "_about", "_title"),
+    "report/record.py": ("Certificate", "Frame"),
+    "report/sections/identity.py": (
+        "_KINDS",
+        "rows",
+        "_when",
+        "_unit",
+        "_instrument",
+        "_counts",
+        "_counted",
+    ),
+    "report/words.py": ("nouns", "VERDICTS", "_OUT", "_OPEN", "JUDGED"),
+}
+"""Files, and what in them is said on a certificate or a sheet; nothing named is all."""
+
+JOINED = (
+    *("{} ({})", "{}: {}", "{} = {}", "{} or {}"),
+    *("tighten to {} N", "release, tighten to {} N", "slacken to {} N"),
+)
+"""How texts are put together where no text of the source says it."""
+
+_UNSAID = {
+    *("correction", "form", "source", "signature", "place", "element", "name", "key"),
+    *("encoding", "part", "text_anchor", "font_weight", "fill", "law"),
+}
+"""Arguments that are no words of certificate or sheet."""
+
+_CALLS = {
+    "re",
+    "getattr",
+    "Parameter",
+    "rename",
+    "sort_values",
+    "groupby",
+    "UsageError",
+    "InputError",
+}
+"""Functions whose arguments are none."""
+
+_SINGLE = {
+    *(
+        "arm",
+        "base",
+        "calibrated",
+        "cause",
+        "certificate",
+        "chain",
+        "curvature",
+        "fail",
+        "floor",
+        "hysteresis",
+    ),
+    *(
+        "joint",
+        "none",
+        "once",
+        "pass",
+        "rail",
+        "reflectors",
+        "softer",
+        "stiffer",
+        "twice",
+        "uncertainty",
+    ),
+    *("undecided", "anchor", "up", "down", "group", "row", "large", "small", "shuffled"),
+}
+"""Words that are texts by themselves, in small letters."""
+
+_ELSEWHERE = re.compile(
+    r"(re)?computed (without|with|as) |nothing can be corrected"
+    r"|(\{\} )?pose\{\}( rep\{\})?$|\{\} (columns|force|joints)$"
+)
+"""What was done about a mistake, and names of places in files: neither is said on a certificate."""
+
+_NO_CONSTANTS = {"_FORMS", "_SIGNATURE", "_SOURCE"}
+"""Constants of no words that are said."""
+
+_WORDS = re.compile(r"[^\W\d_]{2,}")
+
+
+def texts() -> dict[str, str]:
+    """Every text, and the first file that says it."""
+    found = dict.fromkeys(JOINED, "")
+    for pattern in SPOKEN:
+        for path in sorted(ROOT.glob(pattern)):
+            for _, text in _said(path.read_text("utf-8"), SPOKEN[pattern]):
+                found.setdefault(text, path.relative_to(ROOT).as_posix())
+    return found
+
+
+def catalogues() -> None:
+    """Write the catalogues anew: what is new is empty there, what the source lost goes."""
+    from babel.messages.catalog import Catalog
+    from babel.messages.mofile import write_mo
+    from babel.messages.pofile import read_po, write_po
+
+    template = Catalog()
+    for text, file in texts().items():
+        template.add(text, locations=[(file, 0)] if file else [])
+    for path in sorted((ROOT / "base" / "locale").glob("*.po")):
+        with path.open("rb") as written:
+            found = read_po(written, locale=path.stem)
+        found.update(template, no_fuzzy_matching=True, update_creation_date=False)
+        found.obsolete.clear()
+        for message in found:
+            message.flags.clear()  # that of format strings is guessed from "% o"
+        with path.open("wb") as text_file, path.with_suffix(".mo").open("wb") as compiled:
+            write_po(text_file, found, width=100, include_lineno=False, sort_by_file=True)
+            write_mo(compiled, found)
+
+
+def _said(source: str, names: tuple[str, ...]) -> Iterator[tuple[int, str]]:
+    """Line and text of what some functions and constants of a file say."""
+    for node in ast.parse(source).body:
+        defined = _names(node)
+        if defined & set(names) or (not names and not defined & _NO_CONSTANTS):
+            for line, text in _texts(node):
+                if _is_text(text):
+                    yield line, text
+
+
+def _names(node: ast.stmt) -> set[str]:
+    """What a statement defines."""
+    if isinstance(node, ast.FunctionDef | ast.ClassDef):
+        return {node.name}
+    targets = node.targets if isinstance(node, ast.Assign) else [getattr(node, "target", None)]
+    return {
+        one.id
+        for target in targets
+        for one in ast.walk(target or ast.Pass())
+        if isinstance(one, ast.Name)
+    }
+
+
+def _texts(node: ast.AST) -> Iterator[tuple[int, str]]:
+    """Constants and f-strings but for docstrings, keys and what is compared."""
+    if isinstance(node, ast.Compare | ast.Raise | ast.Import | ast.ImportFrom | ast.Assert):
+        return
+    if isinstance(node, ast.Expr) and isinstance(node.value, ast.Constant):
+        return
+    if isinstance(node, ast.Call) and ast.unparse(node.func).split(".")[0] in _CALLS:
+        return
+    if isinstance(node, ast.Constant | ast.JoinedStr):
+        yield node.lineno, _template(node)
+    if isinstance(node, ast.JoinedStr):
+        inner: list[ast.AST] = [
+            one.value for one in node.values if isinstance(one, ast.FormattedValue)
+        ]
+    elif isinstance(node, ast.Subscript):
+        inner = [node.value]
+    elif isinstance(node, ast.Dict):
+        pairs = zip(node.keys, node.values, strict=True)
+        inner = [one for key, one in pairs if getattr(key, "value", None) not in _UNSAID]
+    elif isinstance(node, ast.keyword) and node.arg in _UNSAID:
+        inner = []
+    elif isinstance(node, ast.FunctionDef):
+        inner = [*node.args.defaults, *node.body]
+    elif isinstance(node, ast.AnnAssign):
+        inner = [node.value] if node.value else []
+    else:
+        inner = list(ast.iter_child_nodes(node))
+    for one in inner:
+        yield from _texts(one)
+
+
+def _template(node: ast.AST) -> str:
+    """A constant as it is, an f-string with `{}` for what varies; parts side by side are one."""
+    if isinstance(node, ast.JoinedStr):
+        parts = (one.value if isinstance(one, ast.Constant) else "{}" for one in node.values)
+        return re.sub(r"(?:\{\}){2,}", "{}", "".join(map(str, parts)))
+    return node.value if isinstance(node, ast.Constant) and isinstance(node.value, str) else ""
+
+
+def _is_text(text: str) -> bool:
+    """Whether people read it: words, a title, or one of the single words."""
+    bare = text.replace("{}", "")
+    if text in _SINGLE:
+        return True
+    if _ELSEWHERE.match(text):
+        return False
+    return bool(_WORDS.search(bare)) and (
+        " " in text.strip() or bool(re.match(r"[A-Z][a-z]", text))
+    )
+
+
+if __name__ == "__main__":
+    catalogues()

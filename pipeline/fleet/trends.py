@@ -1,0 +1,142 @@
+"""Whether the campaigns of one robot agree: those too few or undated for `wear` to say."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+from scipy import special
+
+from pipeline.answer.contract import Answer, Stiffness
+from pipeline.answer.history import SURE, alike, compliance, day_of, ordered, trusted
+from pipeline.base import linear
+from pipeline.base.arrays import Array
+
+
+@dataclass(frozen=True)
+class Trend:
+    """One stiffness over the campaigns of a robot.
+
+    Attributes:
+        name: `k_theta2`.
+        campaigns: How many determine it.
+        first_to_last: Change from the first to the last in percent of the first.
+        first_to_last_std: Its standard uncertainty.
+        p_value: Chance of as much scatter between the campaigns if nothing changed, chi-square.
+        sure: More than chance explains, all joints considered.
+    """
+
+    name: str
+    campaigns: int
+    first_to_last: float | None
+    first_to_last_std: float | None
+    p_value: float | None
+    sure: bool
+
+
+def robots(answers: Sequence[Answer]) -> dict[str, list[Answer]]:
+    """Campaigns in order, by machine: two of one type have stiffnesses of their own."""
+    out: dict[str, list[Answer]] = {}
+    for one in ordered(answers):
+        out.setdefault(one.machine, []).append(one)
+    return dict(sorted(out.items()))
+
+
+def within_a_day(answers: Sequence[Answer]) -> list[str]:
+    """Names of the stiffnesses in which campaigns of one robot and day differ, for certain.
+
+    A repair may lie between them; wear and its scatter from day to day do not.
+    """
+    days: dict[str, list[Answer]] = {}
+    for one in answers:
+        if one.measured:
+            days.setdefault(day_of(one), []).append(one)
+    several = [own for own in days.values() if len(own) > 1]
+    found = [trend for own in several for trend in trends(own, among=len(several))]
+    return list(dict.fromkeys(trend.name for trend in found if trend.sure))
+
+
+def together(
+    before: Sequence[Stiffness], after: Sequence[Stiffness], cov_before: Array, cov_after: Array
+) -> tuple[float, int]:
+    """Chi-square of all compliances together and its degrees of freedom, correlations included.
+
+    Args:
+        before: Stiffnesses of all joints.
+        after: As before, of another campaign.
+        cov_before: Covariance of the compliances of `before` [SI], shape (n, n).
+        cov_after: As before.
+    """
+    both = [(compliance(a), compliance(b)) for a, b in zip(before, after, strict=True)]
+    found = {i: b[0] - a[0] for i, (a, b) in enumerate(both) if a and b}
+    if not found:
+        return 0.0, 0
+    use, difference = list(found), np.array(list(found.values()))
+    cov = (np.asarray(cov_before) + np.asarray(cov_after))[np.ix_(use, use)]
+    scale = np.sqrt(np.diag(cov))
+    scaled = difference / scale
+    return float(scaled @ linear.solve(cov / np.outer(scale, scale), scaled)), len(use)
+
+
+def chance(chi2: float, dof: int) -> float | None:
+    """Probability of a chi-square this large or larger."""
+    return float(special.chdtrc(dof, chi2)) if dof > 0 else None
+
+
+@dataclass(frozen=True)
+class _Point:
+    """The compliance of one joint in one campaign, SI."""
+
+    x: float
+    std: float
+
+
+def trends(answers: Sequence[Answer], among: int = 1) -> list[Trend]:
+    """Whether the campaigns of one robot, in order, agree on each stiffness.
+
+    Those count that are trusted, and of the kind of the last of them. The chance of a difference
+    is multiplied by the number of stiffnesses, and of such lists `among` which it is asked.
+
+    This is for campaigns that are too few, or undated, for `pipeline.fleet.wear`.
+    """
+    names = dict.fromkeys(joint.name for one in answers for joint in one.stiffness)
+    counted = [one for one in answers if trusted(one)]
+    counted = [one for one in counted if alike(one, counted[-1])]
+    series = {name: list(_series(counted, name)) for name in names}
+    tested = sum(len(points) > 1 for points in series.values())
+    return [_trend(name, points, among * max(tested, 1)) for name, points in series.items()]
+
+
+def _series(answers: Sequence[Answer], name: str) -> Iterator[_Point]:
+    """A joint in the campaigns that determine it."""
+    for one in answers:
+        for joint in one.stiffness:
+            here = compliance(joint) if joint.name == name else None
+            if here:
+                yield _Point(*here)
+
+
+def _trend(name: str, points: Sequence[_Point], tested: int) -> Trend:
+    if len(points) < 2:
+        return Trend(name, len(points), None, None, None, sure=False)
+    x, std = np.array([p.x for p in points]), np.array([p.std for p in points])
+    mean = np.average(x, weights=std**-2)
+    p_scatter = chance(float(np.sum(((x - mean) / std) ** 2)), len(x) - 1)
+    first_to_last, first_to_last_std = _first_to_last(x, std)
+    return Trend(
+        name=name,
+        campaigns=len(points),
+        first_to_last=first_to_last,
+        first_to_last_std=first_to_last_std,
+        p_value=p_scatter,
+        sure=p_scatter is not None and p_scatter < SURE / tested,
+    )
+
+
+def _first_to_last(x: Array, std: Array) -> tuple[float | None, float | None]:
+    """Change of the stiffness [%] and its standard uncertainty; none of a negative compliance."""
+    if min(x[0], x[-1]) <= 0:
+        return None, None
+    ratio = float(x[0] / x[-1])
+    return 100 * (ratio - 1), 100 * ratio * float(np.hypot(*(std / x)[[0, -1]]))

@@ -1,0 +1,181 @@
+"""The folder of overrides: its house.toml, and the logo that this names."""
+
+from __future__ import annotations
+
+import base64
+import re
+import struct
+import xml.etree.ElementTree as ET
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path, PurePosixPath
+from typing import Annotated, Literal
+
+from pydantic import Field
+
+from pipeline.base import files, toml
+from pipeline.base.errors import InputError
+from pipeline.base.strict import FileName, Name, Strict, checked
+from pipeline.house.line import Line, line
+
+_FILE = "house.toml"
+_LOGO_BYTES = 200_000
+"""A logo is no larger: page and PDF carry it."""
+_MOST_FIELDS = 8
+"""So many lines of a house fit beside the drawing."""
+_WAY_OUT = "correct it as docs/house.md describes"
+
+Annex = Literal[
+    "budget",
+    "cell",
+    "diagnosis",
+    "enough",
+    "files",
+    "identity",
+    "laws",
+    "method",
+    "positions",
+    "registration",
+    "rejected",
+    "reliability",
+    "residuals",
+    "stiffness",
+    "table",
+    "test-pose",
+    "validation",
+]
+"""What an annex is called, as in the address of its heading on the page."""
+
+
+class Overrides(Strict):
+    """A whole house.toml.
+
+    Attributes:
+        logo: A drawing in the folder, .svg or .png.
+        order: Annexes that come first; the others follow as ever.
+        fields: Lines by their labels.
+    """
+
+    logo: FileName | None = None
+    order: list[Annex] = Field(default_factory=list)
+    fields: Annotated[dict[Name, Name], Field(max_length=_MOST_FIELDS)] = Field(
+        default_factory=dict
+    )
+
+
+@dataclass(frozen=True)
+class House:
+    """What a house adds to every certificate.
+
+    Attributes:
+        logo: An SVG drawing; empty for none.
+        order: Keys of the annexes that come first.
+        lines: Its own lines.
+    """
+
+    logo: str
+    order: tuple[str, ...]
+    lines: tuple[Line, ...]
+
+    def fields(
+        self, facts: Mapping[str, str], own: Mapping[str, str]
+    ) -> tuple[tuple[str, str], ...]:
+        """Label and text of each line; one of which campaign.toml lacks a field is left out.
+
+        Args:
+            facts: Of the campaign, by name.
+            own: `[fields]` of campaign.toml.
+        """
+        told = ((one.label, one.said(facts, own)) for one in self.lines)
+        return tuple((label, text) for label, text in told if text is not None)
+
+
+def house(root: Path, name: str) -> House:
+    """What the folder of a house says.
+
+    Args:
+        root: The project's root.
+        name: The folder, below it.
+
+    Raises:
+        InputError: It lies where measurements or reports do, leads elsewhere, or says what it
+            cannot.
+    """
+    if PurePosixPath(name).parts[0] in ("data", "reports"):
+        raise InputError(
+            f'templates "{name}" lies among campaigns or reports, which anybody may write',
+            "move the folder beside pipeline.toml",
+            file="pipeline.toml",
+        )
+    folder = root / name
+    text = files.text(_content(folder, name, _FILE, toml.LARGEST), f"{name}/{_FILE}")
+    content = toml.loads(text, f"{name}/{_FILE}")
+    said = checked(Overrides, content, f"{name}/{_FILE}", "", _WAY_OUT, text)
+    lines = tuple(line(label, one, f"{name}/{_FILE}") for label, one in said.fields.items())
+    return House(_logo(folder, name, said.logo) if said.logo else "", tuple(said.order), lines)
+
+
+def _content(folder: Path, name: str, file: str, most: int) -> bytes:
+    """A file of the folder that lies in it.
+
+    Raises:
+        InputError: It leads elsewhere, or cannot be read.
+    """
+    path = folder / file
+    if not path.resolve().is_relative_to(folder.resolve()):
+        raise InputError("leads out of its folder", "copy it there", file=f"{name}/{file}")
+    return files.read(path, f"{name}/{file}", most)
+
+
+# --- the logo -------------------------------------------------------------------------------------
+
+_SVG, _XLINK = "{http://www.w3.org/2000/svg}", "{http://www.w3.org/1999/xlink}href"
+_DRAWN = {
+    *("svg", "g", "defs", "title", "desc", "path", "rect", "circle", "ellipse", "line", "polyline"),
+    *("polygon", "text", "tspan", "linearGradient", "radialGradient", "stop", "clipPath", "use"),
+}
+"""Elements that draw and do nothing else."""
+
+_ELSEWHERE = re.compile(r"url\(\s*['\"]?(?!#)|@import|javascript:", re.IGNORECASE)
+_PNG = b"\x89PNG\r\n\x1a\n"
+
+
+def _logo(folder: Path, name: str, file: str) -> str:
+    """A logo as SVG.
+
+    Raises:
+        InputError: It is none, or does more than to draw.
+    """
+    data, shown = _content(folder, name, file, _LOGO_BYTES), f"{name}/{file}"
+    if data.startswith(_PNG) and len(data) > 24:
+        wide, high = struct.unpack(">II", data[16:24])
+        image = base64.b64encode(data).decode()
+        return (
+            f'<svg xmlns="http://www.w3.org/2000/svg" viewBox="0 0 {wide} {high}" width="{wide}" '
+            f'height="{high}"><image width="{wide}" height="{high}" '
+            f'href="data:image/png;base64,{image}"/></svg>'
+        )
+    if more := _more_than_drawn(files.text(data, shown)):
+        raise InputError(
+            f"is no plain drawing: it has {more}", "save it as plain SVG or as PNG", file=shown
+        )
+    return data.decode()
+
+
+def _more_than_drawn(text: str) -> str:
+    """What an SVG has beside shapes, gradients and words; empty where it has nothing."""
+    if "<!DOCTYPE" in text or "<!ENTITY" in text:
+        return "a document type"
+    try:
+        root = ET.fromstring(text)
+    except ET.ParseError as problem:
+        return f"what is no XML ({problem})"
+    for one in root.iter():
+        kind = str(one.tag).removeprefix(_SVG)
+        if kind not in _DRAWN:
+            return f"<{kind}>"
+        for attribute, value in one.attrib.items():
+            leads = attribute in ("href", _XLINK) and not value.startswith("#")
+            if leads or attribute.lower().startswith("on") or _ELSEWHERE.search(value):
+                return f"{attribute.removeprefix('{http://www.w3.org/1999/xlink}')}={value[:40]!r}"
+    return "" if root.tag == f"{_SVG}svg" else "no <svg>"

@@ -1,0 +1,168 @@
+"""What [scale] and [joints] may say of a log that others wrote: our names for its titles."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+
+import pyarrow as pa
+
+from pipeline.base.errors import InputError, at
+from pipeline.intake import _log_words
+from pipeline.machine.robot import Robot
+from pipeline.readers._cells import is_number
+from pipeline.readers._delimited import rows
+from pipeline.readers._layout import Field, Layout
+from pipeline.readers._log_form import Titled, as_text, headers, opened
+from pipeline.readers._log_table import Quantity, names_of
+from pipeline.readers._text import Text, refuse_other_programs
+from pipeline.readers.logs import (
+    ANGLE,
+    LENGTH,
+    MASS,
+    POSE,
+    REPEAT,
+    SCALE,
+    controller_axes,
+    loads,
+    of_loads,
+    own_joints,
+)
+from pipeline.readers.said import LogForm
+
+
+def _understood(
+    name: str, data: bytes, table: str, meaning: Callable[[Sequence[str]], dict[str, str] | None]
+) -> LogForm | None:
+    """What [scale] or [joints] may say of a log by its titles, None where they mean nothing.
+
+    Args:
+        name: Name of the file, for messages.
+        data: Its content.
+        table: `scale` or `joints`.
+        meaning: Our names for the titles of a line, None where it is no header of such a log.
+    """
+
+    def meant(file: Text) -> dict[str, str] | None:
+        found = (meaning(head.written) for head in headers(file))
+        return next((columns for columns in found if columns is not None), None)
+
+    with at(name):
+        refuse_other_programs(name, data)
+        columns = meant(as_text(name, data, None, None, table, lambda one: meant(one) is not None))
+    return None if columns is None else LogForm(columns=columns)
+
+
+def may_be_log(name: str, data: bytes) -> bool:
+    """Whether a file has a line with a title for the number of a pose; one look, at all sheets.
+
+    Raises:
+        InputError: It is no text, or several sheets have one.
+    """
+
+    def poses(titles: Sequence[str]) -> dict[str, str] | None:
+        return {} if _log_words.has_poses(titles) else None
+
+    return _understood(name, data, "scale", poses) is not None
+
+
+def refuse_without_poses(name: str, data: bytes) -> None:
+    """Tell a joint log that does not say which pose a row is.
+
+    Raises:
+        InputError: It is one.
+    """
+
+    def axes(titles: Sequence[str]) -> dict[str, str] | None:
+        return {one: one for one in _log_words.axes_without_pose(titles)} or None
+
+    form = _understood(name, data, "joints", axes)
+    if form is not None:
+        first, *_, last = form.columns
+        raise InputError(
+            f"seems to be a joint log ({first} to {last}), but no column numbers the poses",
+            "add a column pose with the numbers that the tracker's groups and the load log use",
+            file=name,
+        )
+
+
+def understood_loads(name: str, data: bytes) -> LogForm | None:
+    """What [scale] may say of a log of loads with the titles of others; None where it is none."""
+    units = {"force": tuple(SCALE), "mass": tuple(MASS)}
+    form = _understood(name, data, "scale", lambda titles: _log_words.of_loads(titles, units))
+    if form is None or "branch" not in form.columns.values():
+        return form
+    left = {title: ours for title, ours in form.columns.items() if ours != "branch"}
+    without = LogForm(columns=left)
+    try:
+        lost = [len(loads(name, data, settled(one)).rejected) for one in (form, without)]
+    except InputError:  # a decimal mark that has to be asked, say: no row tells anything yet
+        return form
+    return form if lost[0] == lost[1] else without
+
+
+def settled(form: LogForm) -> LogForm:
+    """A form as it can be read: of several names for a title, which differ by unit, the first."""
+    columns = {title: ours.partition("|")[0] for title, ours in form.columns.items()}
+    return form.model_copy(update={"columns": columns})
+
+
+def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
+    """What [joints] may say of a joint log with the titles of others; None where it is none."""
+    axes = controller_axes(robot) or own_joints(robot)
+    slides = [q.units is LENGTH for q in axes]
+    names, units = [q.stem for q in axes], ([*LENGTH], [*ANGLE])
+    return _understood(
+        name, data, "joints", lambda titles: _log_words.of_joints(titles, names, slides, units)
+    )
+
+
+def numbered_joints(name: str, data: bytes, robot: Robot) -> list[LogForm]:
+    """What [joints] may say of a log with as many columns of numbers as joints.
+
+    Whatever their titles, the columns are in the order of the joints; one that slides may stand
+    behind those that turn. Nothing is said yet of whether the robot can take the poses.
+
+    Raises:
+        InputError: The file cannot be read.
+    """
+    form = _understood(name, data, "joints", _log_words.pose_alone)
+    if form is None:
+        return []
+    titles = _of_numbers(opened(name, data, form, "joints", POSE.stem))
+    axes = controller_axes(robot) or own_joints(robot)
+    if len(titles) != len(axes) or not _log_words.in_order(titles):
+        return []
+    behind = sorted(axes, key=lambda q: q.units is LENGTH)
+    orders = [axes] if behind == axes else [axes, behind]
+    return [
+        form.model_copy(update={"columns": form.columns | _as_called(titles, one)})
+        for one in orders
+    ]
+
+
+def _of_numbers(file: Titled) -> list[str]:
+    """Titles of columns that hold nothing but numbers, without those of poses and the like."""
+    fields = tuple(Field(str(k), "name", False) for k in range(len(file.titles)))
+    read = rows(file.text, Layout(fields, file.delimiter, file.first, table="joints"))
+    cells = [{*read.columns[one.name].cast(pa.string()).to_pylist()} for one in fields]
+    return [
+        written
+        for written, title, some in zip(file.written, file.titles, cells, strict=True)
+        if title not in (POSE.stem, REPEAT.stem, "approach") and some and all(map(is_number, some))
+    ]
+
+
+def _as_called(titles: Sequence[str], axes: Sequence[Quantity]) -> dict[str, str]:
+    """Our names for titles, with bars between them where they state no unit."""
+    return {
+        title: "|".join(f"{q.stem}_{u}" for u in _log_words.stated_unit(title, [*q.units]))
+        for title, q in zip(titles, axes, strict=True)
+    }
+
+
+def unknown(name: str, data: bytes, said: LogForm) -> tuple[str, ...]:
+    """Titles of a log of loads that are no name of ours, as written."""
+    ours = {one for q in of_loads() for one in (*map(str.lower, names_of(q)), q.stem)}
+    file = opened(name, data, said, "scale", POSE.stem)
+    both = zip(file.titles, file.written, strict=True)
+    return tuple(written for title, written in both if title and title not in ours)

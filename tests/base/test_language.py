@@ -1,0 +1,139 @@
+"""Catalogues of gettext: complete, compiled, and nothing of a text that is said stays English."""
+
+import re
+import struct
+from pathlib import Path
+
+import pytest
+
+import pipeline.base
+from bench.messages import SPOKEN, texts
+from pipeline.base.language import Catalogue, Language, spoken
+
+FOLDER = Path(pipeline.base.__file__).parent / "locale"
+OTHERS = [Language.DE, Language.FR]
+
+
+def written(path):
+    """Texts of a .po file and how they are said, by nothing but the form of such files."""
+    found, now = {}, None
+    for line in path.read_text("utf-8").splitlines():
+        kind, _, rest = line.partition(" ")
+        if kind in ("msgid", "msgstr"):
+            now = [""] if kind == "msgid" else now
+            now = [*now, ""] if kind == "msgstr" else now
+            line = rest
+        if line.startswith('"'):
+            now[-1] += line[1:-1].replace("\\n", "\n").replace('\\"', '"').replace("\\\\", "\\")
+            if len(now) == 2:
+                found[now[0]] = now[1]
+    return found
+
+
+def compiled(path):
+    """The same of a .mo file, by the manual of gettext."""
+    data = path.read_bytes()
+    magic, _, count, ids, strings = struct.unpack_from("<5I", data)
+    assert magic == 0x950412DE
+
+    def at(table, k):
+        length, begin = struct.unpack_from("<2I", data, table + 8 * k)
+        return data[begin : begin + length].decode()
+
+    return {at(ids, k): at(strings, k) for k in range(count)}
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_every_text_of_the_source_is_said(language):
+    """None lacks a translation, and none is said that the source no longer has: `make words`."""
+    said = written(FOLDER / f"{language}.po")
+    header = said.pop("")
+
+    assert said.keys() == texts().keys()
+    assert [one for one, there in said.items() if not there.strip()] == []
+    assert "charset=utf-8" in header
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_what_is_shipped_is_compiled_from_what_is_written(language):
+    """The .mo files hold what the .po files say: `make words`."""
+    binary, text = (compiled(FOLDER / f"{language}.mo"), written(FOLDER / f"{language}.po"))
+    binary.pop(""), text.pop("")
+
+    assert binary == text
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_a_translation_has_what_varies_in_its_text(language):
+    """Each `{}` once at least, by its place, and no other; glue on the same side."""
+    for english, there in written(FOLDER / f"{language}.po").items():
+        places = {int(k) for k in re.findall(r"\{(\d)(?:!r|:small)?\}", there)}
+        assert places == set(range(english.count("{}"))), english
+        assert not english or english[-1] != " " or there[-1] == " ", english
+        assert not english or english[0] != " " or there[0] in " ,", english
+
+
+def test_every_file_that_speaks_is_there():
+    """A file that was moved would lose its texts without a word."""
+    root = Path(pipeline.base.__file__).parents[1]
+    assert [pattern for pattern in SPOKEN if not list(root.glob(pattern))] == []
+    assert {file.split("/")[0] for file in texts().values()} > {"answer", "design", "faults"}
+
+
+@pytest.mark.parametrize(
+    ("english", "german", "french"),
+    [
+        ("3.797 ± 0.009 MN·m/rad", "3,797 ± 0,009 MN·m/rad", "3,797 ± 0,009 MN·m/rad"),
+        ("(0.43, 0.86, -0.26)", "(0,43; 0,86; -0,26)", "(0,43; 0,86; -0,26)"),
+        ("2026-11-03 08:00 to 10:31", "2026-11-03 08:00 bis 10:31", "2026-11-03 08:00 à 10:31"),
+        ("serial number 4.10", "Seriennummer 4.10", "numéro de série 4.10"),
+        ("part.csv, pose 12: fail", "part.csv, Stellung 12: überschritten",
+         "part.csv, pose 12 : non conforme"),
+        ("Roll of the carriage about the rail, 14.56 ± 0.60 nrad/(N·m)",
+         "Rollen des Schlittens um die Schiene, 14,56 ± 0,60 nrad/(N·m)",
+         "Roulis du chariot autour du rail, 14,56 ± 0,60 nrad/(N·m)"),
+        ("tilt of the bearing in joint 5 (A4) or lost motion in joint 6 (A5)",
+         "Kippen des Lagers in Gelenk 5 (A4) oder Lose in Gelenk 6 (A5)",
+         "basculement du palier dans l'articulation 5 (A4) ou jeu dans l'articulation 6 (A5)"),
+        ("Reduce the force or measure more. Use these stiffnesses.",
+         "Die Kraft verringern oder mehr messen. Diese Steifigkeiten verwenden.",
+         "Réduire la force ou mesurer davantage. Utiliser ces rigidités."),
+        ("No reachable pose tells the causes apart by pulls alone. What would: reflectors at the "
+         "elbow.",
+         "Keine erreichbare Stellung trennt die Ursachen durch Züge allein. Was es könnte: "
+         "Reflektoren am Ellbogen.",
+         "Aucune pose accessible ne sépare les causes par des tractions seules. Ce qui le ferait : "
+         "réflecteurs au coude."),
+    ],
+)  # fmt: skip
+def test_what_varies_is_said_in_turn(english, german, french):
+    """Causes within sentences, numbers with a comma, names as they are."""
+    assert spoken(Language.DE)(english) == german
+    assert spoken(Language.FR)(english) == french
+    assert spoken(Language.EN)(english) is english
+
+
+def test_english_reads_no_catalogue(monkeypatch):
+    """It weighs nothing: not even the file is opened."""
+
+    def never(*_):
+        raise AssertionError
+
+    monkeypatch.setattr(Catalogue, "_parse", never)
+    assert spoken("en")("Use these stiffnesses.") == "Use these stiffnesses."
+
+
+ENGLISH = re.compile(
+    r"\b(the|of|and|is|are|with|to|that|which|reading|pull|below|this|above|when|has)\b"
+)
+"""Words that no German or French text has."""
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_every_text_is_found_in_a_sentence(language):
+    """With a number where it varies, whatever else it could be taken for."""
+    say = spoken(language)
+    told = {one.replace("{}", "7"): "" for one in texts()}
+    left = {one: say(one) for one in told if ENGLISH.search(re.sub(r"\[.*?\]", "", say(one)))}
+
+    assert left == {}

@@ -1,0 +1,75 @@
+"""Two rounds of base reflectors, read from two stations, that have each other's readings."""
+
+from dataclasses import replace
+
+import numpy as np
+import pandas as pd
+import pytest
+from scipy.spatial.transform import Rotation
+from small_case import small
+
+from pipeline.faults.base_rounds import base_rounds
+from pipeline.reduction.register import XYZ
+from pipeline.reduction.stations import one_station
+
+TURN = Rotation.from_euler("zyx", [35, -1, 2], degrees=True).as_matrix()
+CARRIED = np.array([0.4, 1.1, 0.1])
+
+
+@pytest.fixture(scope="module")
+def shot():
+    """Read from two stations, the base before each of them and at the end; as the tracker has it.
+
+    A point that the first station reads as p the second one reads as turn' (p - carried).
+    """
+    case = small(3)
+    rows = case.readings
+    start = rows["time"][rows["pose"] == 4].min()
+    base = rows[rows["group"] == "base_start"]
+    late = base["time"] - base["time"].max() + start - pd.Timedelta(seconds=5)
+    again = base.assign(group="base_again", time=late, line=base["line"] + 100_000)
+    rows = pd.concat([rows, again], ignore_index=True)
+    since = rows["time"] >= again["time"].min()
+    rows.loc[since, XYZ] = (rows.loc[since, XYZ].to_numpy(float) - CARRIED) @ TURN
+    return replace(case, readings=rows)
+
+
+def exchanged(case, one, other):
+    """With the coordinates of two groups typed into each other's rows, and brought to one place."""
+    rows = case.readings.copy()
+    here, there = (rows["group"] == group for group in (one, other))
+    rows.loc[here, XYZ], rows.loc[there, XYZ] = (
+        rows.loc[there, XYZ].to_numpy(),
+        rows.loc[here, XYZ].to_numpy(),
+    )
+    return brought(replace(case, readings=rows))
+
+
+def brought(case):
+    """As `run.as_read` has it."""
+    readings, stations = one_station(case.settings, case.readings)
+    return replace(case, readings=readings, stations=stations)
+
+
+@pytest.mark.parametrize("pair", [("base_start", "base_again"), ("base_start", "base_end")])
+def test_the_exchange_is_found_and_undone(shot, pair):
+    """With its lines; what is left is the campaign in which nothing was exchanged."""
+    spoilt, right = exchanged(shot, *pair), brought(shot)
+
+    (found,) = base_rounds(spoilt)
+
+    assert found.name == "exchanged"
+    assert set(found.where.split("/")) == set(pair)
+    rows = shot.readings[shot.readings["group"].isin(pair)]
+    assert set(found.at) == {f"{f}:{n}" for f, n in zip(rows["file"], rows["line"], strict=True)}
+    assert found.before > 3 * found.after
+    got = found.correct(spoilt)
+    np.testing.assert_allclose(got.readings[XYZ], right.readings[XYZ], atol=1e-9)
+    assert [one.group for one in got.stations] == [one.group for one in right.stations]
+
+
+def test_rounds_of_one_station_may_be_exchanged(shot):
+    """Nobody sees it, and nothing depends on it; nor is anything wrong with what was not."""
+    assert base_rounds(exchanged(shot, "base_again", "base_end")) == []
+    assert base_rounds(brought(shot)) == []
+    assert base_rounds(small(3)) == []

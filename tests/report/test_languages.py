@@ -1,0 +1,104 @@
+"""A certificate in German and French: all of its first page, numbers and names as they should be."""
+
+import dataclasses
+import re
+from functools import partial
+
+import pytest
+import report_sample
+from pdf_text import pages_of
+
+from pipeline.answer.words import DO
+from pipeline.base.language import spoken
+from pipeline.base.look import Look
+from pipeline.diagnosis.finding import Verdict
+from pipeline.report.certificate import certificate, digest
+from pipeline.report.model import compose
+from pipeline.report.render import render
+from tests.base.test_language import ENGLISH
+
+OTHERS = ("de", "fr")
+
+
+def words(record):
+    """Every text of a record that somebody reads."""
+    if isinstance(record, str):
+        yield record
+    elif isinstance(record, tuple):
+        for one in record:
+            yield from words(one)
+    elif dataclasses.is_dataclass(record):
+        for one in dataclasses.fields(record):
+            if one.name not in ("kind", "name", "digest", "language", "tone"):
+                yield from words(getattr(record, one.name))
+
+
+def state(content, verdict, reason, decision):
+    """Another verdict, reason and decision."""
+    content["diagnosis"]["verdict"] = str(verdict)
+    content["recommended"]["reason"] = str(reason)
+    content["tolerance"]["test_pose"] = decision
+
+
+CASES = [
+    (verdict, reason, decision)
+    for verdict in Verdict
+    for reason in DO
+    for decision in ("pass", "fail", "undecided")
+]
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_nothing_of_it_stays_english(language):
+    """Whatever is found, decided and to be done, but for the name of the campaign."""
+    answer, say = report_sample.answer(), spoken(language)
+    tables = {"posture": report_sample.tables()["posture"]}
+    left = set()
+    for verdict, reason, decision in CASES:
+        asked = partial(state, verdict=verdict, reason=reason, decision=decision)
+        content = certificate(report_sample.revised(answer, asked), tables, say)
+        left |= {one for one in words(content) if ENGLISH.search(one)}
+
+    assert left == {answer.name}
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_headings_are_said_too(language):
+    """Title, verdicts and the words of the page."""
+    report = compose(report_sample.answer(), {}, look=Look(language))
+    shown = (report.kicker, report.title, report.verdict, report.judged, report.frame)
+
+    assert [one for one in words(shown) if ENGLISH.search(one)] == []
+
+
+@pytest.mark.parametrize("language", OTHERS)
+def test_page_and_paper_are_in_that_language(language):
+    """Both say so to who has them read aloud; the annexes say that they are in English."""
+    answer, tables = report_sample.answer(), report_sample.tables()
+    made = render(answer, tables, look=Look(language))
+    page, first = made["index.html"].decode(), pages_of(made["report.pdf"])[0]
+    english = pages_of(render(answer, tables)["report.pdf"])[0]
+
+    assert f'<html lang="{language}">' in page
+    assert '<main id="content" lang="en">' in page
+    assert {"de": "Steifigkeit (k = 1)", "fr": "Rigidité (k = 1)"}[language] in " ".join(
+        first.split()
+    )
+    assert digest(answer) in first  # of the same answer
+    numbers = [re.sub(r"(?<=\d),(?=\d)", ".", one) for one in re.findall(r"\d[\d.,]*\d", first)]
+    assert sorted(numbers) == sorted(re.findall(r"\d[\d.,]*\d", english))
+    assert not re.search(r"\d\.\d+ ± ", first)
+    certificate = re.search(r'data-tip="[^"]*"[^>]*>', made["figures/certificate.svg"].decode())
+    assert certificate and not ENGLISH.search(certificate[0])
+
+
+def test_numbers_for_machines_keep_their_points():
+    """A certificate in German leaves figures of the annexes as they are."""
+    answer, tables = report_sample.answer(), report_sample.tables()
+    german, english = (render(answer, tables, look=Look(one)) for one in ("de", "en"))
+    same = {name for name in english if english[name] == german[name]}
+
+    assert {name for name in english if name.startswith("figures/")} - same == {
+        "figures/certificate.svg",
+        "figures/gauge.svg",
+    }
