@@ -81,7 +81,7 @@ def _one(
     h: ModelHypothesis, joined: bool, there: Mechanism, tool: Tool, pulls: Pulls
 ) -> UnderForce:
     mine = replace(h.cell, tool=tool)
-    places = _Places.of(h, joined, there)
+    places = _Columns.of(h, joined, there)
     own, held = _of_positions(mine, there)
     known = places.values(h, there)
     shift = forward(mine, pulls, known).displacement - forward(own, pulls, held).displacement
@@ -115,7 +115,7 @@ def _span(there: Mechanism, element: int) -> range:
 
 
 @dataclass(frozen=True, eq=False)
-class _Places(Locked):
+class _Columns(Locked):
     """Parameters of a hypothesis against those of positions.
 
     Attributes:
@@ -132,7 +132,7 @@ class _Places(Locked):
     open: Ints
 
     @classmethod
-    def of(cls, h: ModelHypothesis, joined: bool, there: Mechanism) -> _Places:
+    def of(cls, h: ModelHypothesis, joined: bool, there: Mechanism) -> _Columns:
         """Those of a hypothesis."""
         where, known = layout(there), np.isfinite(h.std)
         effects = h.cell.effects
