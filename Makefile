@@ -11,6 +11,7 @@
 #   make reference     our answers against twelve certified ones
 #   make worlds   campaigns with other noise, blunders, loads, payloads and instruments
 #   make paper    the paper's tables and figures, computed again
+#   make peers    other tools on the same data, in environments of their own: docs/peers.md
 #   make compare  every number that differs from an earlier commit      make compare BASE=HEAD~1
 #   make example  the report and the pictures that the README shows, from kr500_first
 #   make picture  the picture of the code in docs/code.md
@@ -24,7 +25,7 @@
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test slow team check bench league open-league reference worlds paper compare example picture schema words docs wheel supply lock clean
+.PHONY: run test slow team check bench league open-league reference worlds paper peers compare example picture schema words docs wheel supply lock clean
 
 PYTHON ?=
 ARGS ?=
@@ -76,6 +77,16 @@ reference: .venv/.ready
 
 worlds: .venv/.ready
 	@$(PY) -m bench.worlds --page docs/worlds.md $(ARGS)
+
+peers: .venv/.ready build/peers/figaroh/.ready build/peers/pybotics/.ready
+	@$(PY) -m bench.peers $(ARGS)
+
+# Each peer has an environment of its own, for this command only: their requirements exclude each other and ours.
+build/peers/%/.ready: bench/peers/foreign/%.txt .venv/.ready
+	@rm -rf $(@D)
+	@$(PY) -m venv $(@D)
+	@$(@D)/bin/python -m pip -qq --disable-pip-version-check --no-input install --no-deps --require-hashes -r $<
+	@touch $@
 
 compare: .venv/.ready
 	@OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 $(PY) -m bench.compare $(BASE) $(ARGS)

@@ -19,8 +19,9 @@ from pipeline.base.strict import Numbers
 from pipeline.diagnosis.average import average
 from pipeline.machine import sides
 from pipeline.machine.cell import Cell, Prediction, Tool, jacobian, paper_cell
+from pipeline.machine.cell import load as loaded
 from pipeline.machine.cell import predict as forward
-from pipeline.machine.effect import Effect, Noise, Observation, Pulls, Wrench
+from pipeline.machine.effect import Effect, Noise, Observation, Pulls, Reflectors, Wrench
 from pipeline.machine.effects import catalogue, unlisted
 from pipeline.machine.effects.nameless import nameless
 from pipeline.machine.robot import Robot
@@ -315,7 +316,7 @@ def part(
     """
     mine = of_machine(cell)
     effects = tuple(effect for effect in cell.effects if not _measurement(effect))
-    tool = replace(cell.tool, six=False)  # how it was measured is no part of the machine
+    tool = replace(_found(cell, estimate.value), six=False)  # how it was measured is left out
     return _with_beyond(
         ModelHypothesis(
             weight,
@@ -365,7 +366,30 @@ def of_machine(cell: Cell) -> Bools:
 
 
 def _measurement(effect: Effect) -> bool:
-    return any(isinstance(facet, Wrench | Observation | Noise) for facet in effect.facets)
+    kinds = Wrench | Reflectors | Observation | Noise
+    return any(isinstance(facet, kinds) for facet in effect.facets)
+
+
+def _found(cell: Cell, values: Array) -> Tool:
+    """The tool with its points where the effects put them, not where campaign.toml has them.
+
+    An effect that moves points of the tool and turns no force says where they are: whoever asks
+    for the load point or a target means that one.
+    """
+    apart = np.array([np.zeros(cell.robot.n), np.full(cell.robot.n, 0.7)])
+    pulls = Pulls.at(apart, np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]))
+    tool, begin = cell.tool, 0
+    for effect in cell.effects:
+        mine, begin = values[begin : begin + len(effect.parameters)], begin + len(effect.parameters)
+        if not all(isinstance(facet, Wrench | Reflectors) for facet in effect.facets):
+            continue
+        here = loaded(Cell(cell.robot, tool, (effect,)), pulls, mine)
+        ends = np.concatenate([here.load_point[:, None], here.points], axis=1)
+        ends -= here.configuration.flange_origin[:, None]
+        at = ends @ here.configuration.flange_axes
+        if np.allclose(here.force, pulls.force) and np.ptp(at, axis=0).max() < NOTHING_M:
+            tool = replace(tool, load_point=at[0, 0], points=at[0, 1:])
+    return tool
 
 
 def dumps(handed: IdentifiedModel) -> str:
@@ -386,8 +410,8 @@ def dumps(handed: IdentifiedModel) -> str:
             spring | dict(zip(_STIFFNESS, handed.stiffness(j) or (), strict=False))
             for j, spring in enumerate(springs)
         ],
-        "hypothesis": [_hypothesis(one) for one in handed.hypotheses],
-        "tool": {name: at.tolist() for name, at in tool.named.items()},
+        "hypothesis": [_hypothesis(one, tool) for one in handed.hypotheses],
+        "tool": _points(tool),
     }
     return HEAD + toml.dumps(content | {"robot": toml.loads(robot.text, robot.name)})
 
@@ -402,10 +426,15 @@ def _at_pose(handed: IdentifiedModel) -> dict[str, Any]:
     return {"test_pose": {"q": q.tolist(), "force_n": force.tolist()}}
 
 
-def _hypothesis(one: ModelHypothesis) -> dict[str, Any]:
-    told: dict[str, Any] = {}
+def _points(tool: Tool) -> dict[str, list[float]]:
+    return {name: at.tolist() for name, at in tool.named.items()}
+
+
+def _hypothesis(one: ModelHypothesis, tool: Tool) -> dict[str, Any]:
+    mine = _points(one.cell.tool)
+    told: dict[str, Any] = {} if mine == _points(tool) else {"tool": mine}
     if one.free is not None and one.within is not None:
-        told = {"undetermined": one.free.T.tolist(), "variance_within": one.within.tolist()}
+        told |= {"undetermined": one.free.T.tolist(), "variance_within": one.within.tolist()}
     return told | {
         "weight": one.weight,
         "equilibrium": one.cell.equilibrium,
@@ -448,6 +477,7 @@ class _Hypothesis(Numbers):
     effects: list[tuple[str, str]]
     covariance: list[list[float]]
     parameter: list[_Parameter]
+    tool: dict[str, tuple[float, float, float]] | None = None
     undetermined: list[list[float]] | None = None
     variance_within: list[float] | None = None
 
@@ -510,7 +540,8 @@ _ANEW = "write it anew with `pipeline run`"
 
 
 def _read(one: _Hypothesis, springs: Cell, file: str) -> ModelHypothesis:
-    cell = replace(springs, equilibrium=one.equilibrium)
+    tool = springs.tool if one.tool is None else Tool.of(one.tool)
+    cell = replace(springs, equilibrium=one.equilibrium, tool=tool)
     cell = cell.with_effects(*(_named(cell.robot, *words, file) for words in one.effects))
     value, cov = np.array([entry.value for entry in one.parameter]), np.array(one.covariance)
     wanted = [p.name for p in cell.parameters]
