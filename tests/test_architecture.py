@@ -233,6 +233,7 @@ OUTBUILDINGS = {
         "diagnosis.average": "from which probability on a cause counts as likely",
         "report": _PAGES,
     },
+    "house": {},
     "library": {
         "run": "it identifies campaigns",
         "answer.archive": "or takes the answer that is there",

@@ -110,7 +110,7 @@ class Fleet(Strict):
     scatter: Annotated[float, Field(ge=1e-4, le=0.5)] | None = None
 
 
-class Report(Strict):
+class Certificates(Strict):
     """Certificates.
 
     Attributes:
@@ -129,7 +129,7 @@ class Preferences(Strict):
     notify: Notify = Notify()
     storage: Storage = Storage()
     fleet: Fleet = Fleet()
-    report: Report = Report()
+    report: Certificates = Certificates()
 
 
 def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:

@@ -5,6 +5,7 @@ import re
 
 import numpy as np
 import pytest
+from english import ENGLISH
 
 from pipeline.base.language import Language, said, spoken
 from pipeline.design import spec as specs
@@ -17,10 +18,6 @@ from pipeline.design.search import evaluate
 from pipeline.design.trade import feasible_poses
 from pipeline.design.unpulled import Unpulled
 
-ENGLISH = re.compile(
-    r"\b(the|of|and|is|are|with|to|that|which|reading|pull|joint|below|this|above|when)\b"
-)
-"""Words that no German or French text has."""
 OTHERS = [Language.DE, Language.FR]
 
 
