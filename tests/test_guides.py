@@ -133,7 +133,7 @@ def test_the_twins_of_the_guide_are_those_of_the_robot(capsys):
     ("guide", "start", "file"),
     [
         ("CONTRIBUTING.md", '"""A pull that was read', "pipeline/faults/late_pull.py"),
-        ("CONTRIBUTING.md", '"""The forces of a campaign', "pipeline/report/figures/loads.py"),
+        ("CONTRIBUTING.md", '"""The forces of a campaign', "pipeline/annex/figures/loads.py"),
         ("docs/add-a-reader.md", '"""Station scan', "pipeline/readers/station_scan.py"),
     ],
 )

@@ -19,6 +19,7 @@ from pipeline.answer.geometry import (
 )
 from pipeline.answer.inputs import (
     assumptions,
+    division_findings,
     growth_findings,
     identity_entry,
     input_entries,
@@ -124,6 +125,7 @@ def answer(found: Findings) -> Answer:
             *growth_findings(fits),
             *limit_findings(given.case),
             *rounding_findings(given.case),
+            *division_findings(given.case),
             *shot_findings(given.case, given.data.pulls),
             *treated_findings(given.case),
             *pose_findings(found.one_pose),

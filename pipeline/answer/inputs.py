@@ -22,7 +22,8 @@ from pipeline.machine.instrument import near, sheet
 from pipeline.machine.robot import configure
 from pipeline.machine.room import accepted
 from pipeline.reduction.case import Case
-from pipeline.reduction.digits import rounding
+from pipeline.reduction.digits import division, rounding
+from pipeline.reduction.forces import reading_std
 from pipeline.reduction.growth import REFERENCE_C, STEEL, BaseGrowth
 from pipeline.reduction.limits import beyond
 from pipeline.reduction.pose_of_interest import Where
@@ -300,6 +301,20 @@ def rounding_findings(case: Case) -> list[str]:
 
 _COARSE = 0.1
 """Part of the variance of a reading from which on its rounding is said."""
+
+
+def division_findings(case: Case) -> list[str]:
+    """A sentence where the divisions of the scale are as coarse as its readings scatter."""
+    read = case.loads["force_n"].to_numpy(float)
+    h, scale = division(read), case.settings.scale
+    stated = reading_std(scale, np.abs(read[np.isfinite(read)])) if scale else np.zeros(1)
+    if h == 0 or not h**2 / 12 > _COARSE * float(np.mean(stated**2)):
+        return []
+    return [
+        f"All forces are multiples of {h:.4g} N: each was anywhere within half of that, an "
+        f"uncertainty of {plain(h / np.sqrt(12), 2)} N by a uniform law, which is included; equal "
+        "readings are no copies. A scale of finer divisions tells more."
+    ]
 
 
 def shot_findings(case: Case, pulls: Pulls) -> list[str]:

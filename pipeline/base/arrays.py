@@ -19,10 +19,10 @@ class Locked:
     """A frozen dataclass whose arrays cannot be written to."""
 
     def __post_init__(self) -> None:
-        """Replace every array by a read-only view of it."""
+        """Replace every array that can be written to by a read-only view of it."""
         own = self.__dict__  # thousands of records are made in a run: no walk over their fields
         for name, value in own.items():
-            if isinstance(value, np.ndarray):
+            if isinstance(value, np.ndarray) and value.flags.writeable:
                 view = value.view()
                 view.flags.writeable = False
                 own[name] = view

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 from scipy import special
@@ -15,10 +16,12 @@ from pipeline.diagnosis.blindspots import blind_spots
 from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_scatter, of_unloaded
 from pipeline.diagnosis.facts import (
     CrossValidation,
+    Determining,
     Diagnosed,
     Drift,
     Facts,
     PossibleCause,
+    Proposal,
     SoleCause,
     Unnoticed,
 )
@@ -61,6 +64,12 @@ _FURTHER = "pipeline.design.undecided:to_measure"
 
 _POINTS_M = 3e-4
 """Standard uncertainty per axis of the tool's points [m] where the campaign states none."""
+
+
+def _to_measure(*of: Any) -> tuple[tuple[Proposal, ...], tuple[Determining, ...]]:
+    """Poses that would tell causes apart, and those that determine joints; as `to_measure`."""
+    further = doors.found(_FURTHER)
+    return further(*of) if further else ((), ())
 
 
 def diagnose(
@@ -123,8 +132,7 @@ def diagnose(
     every = by_label(case.suspects)
     main = [forms[0] for forms in every.values()]
     single = _alone(found, worth, rng)
-    further = doors.found(_FURTHER)
-    proposed, joints = further(case, found, causes, worth, known, rng) if further else ((), ())
+    proposed, joints = _to_measure(case, found, causes, worth, known, rng)
     return Diagnosed(
         facts=facts,
         causes=facts.moved + drifts + held,

@@ -10,7 +10,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import partial
+from functools import lru_cache, partial
 
 import numpy as np
 import pandas as pd
@@ -188,6 +188,7 @@ def anchored_miss(case: Case) -> float | None:
     return float(np.median(away)) if len(away) else None
 
 
+@lru_cache(maxsize=1)
 def anchored(case: Case) -> tuple[Array, Array] | None:
     """R, t that bring readings into F_b by the base reflectors, None where fewer than three do.
 
@@ -215,6 +216,7 @@ def _not_alone(agree: Bools, reflector: Ints) -> Bools:
     return np.asarray(agree | ~known[reflector])
 
 
+@lru_cache(maxsize=1)  # a dozen tests ask for those of one campaign
 def unloaded(case: Case) -> pd.DataFrame:
     """Unloaded readings of the measured targets in poses with joint values."""
     rows = case.readings

@@ -175,9 +175,11 @@ def _one_pose(case: Case) -> list[Mistake]:
     zeros = unloaded(case).groupby(["target", "pose"], observed=True)[XYZ].median()
     found = []
     for _, rows in log.groupby(case.joint_columns, sort=False):
+        if len(rows) < _COPIED:
+            continue
         here = zeros[zeros.index.isin(rows["pose"], level="pose")]
         spread = here.groupby("target", observed=True).agg(np.ptp).to_numpy(float)
-        if len(rows) < _COPIED or not len(spread) or np.linalg.norm(spread, axis=1).max() < GROSS_M:
+        if not len(spread) or np.linalg.norm(spread, axis=1).max() < GROSS_M:
             continue
         at, size = lines_of(rows), float(np.linalg.norm(spread, axis=1).max())
         every = len(rows) == len(log)

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from itertools import combinations
 
 import numpy as np
@@ -137,29 +137,31 @@ class _Scene(Locked):
         return np.where(self.of(entry)[:, None, None], turn, 0.0).reshape(-1, 3)
 
     def errors(self, at: Array) -> tuple[Array, Array, Array]:
-        """Columns of all small errors of entries, of the robot, and the sizes of the first.
+        """Columns of all small errors of entries, the sizes of these, and columns of the robot.
 
         Args:
             at: The readings in F_b [m], shape (m + b, 3).
         """
+        lever = at[: self.m] - self.origin[self.pose]
+        each = np.zeros((self.m, 3, len(self.axes), 6))  # of its own in every pose
+        each[np.arange(self.m), :, self.pose] = _screw(lever)
+        foot = _screw(at[: self.m] / _CELL_M).reshape(-1, 6)
+        robot = np.hstack([each.reshape(3 * self.m, -1), foot, self._flange(lever)])
+        below = np.zeros((3 * len(self.base), robot.shape[1]))
+        return *self._entries, np.vstack([robot, below])
+
+    @cached_property
+    def _entries(self) -> tuple[Array, Array]:
+        """Columns of all small errors of entries, and their sizes."""
         entries = [self.column(k) for k in range(len(self.tool) + len(self.base))]
         size = [self.tool_std] * (3 * len(self.tool)) + [_BASE_M] * (3 * len(self.base))
-        lever = at[: self.m] - self.origin[self.pose]
-        every = [_screw(lever, self._in_pose(k)) for k in range(len(self.axes))]
-        foot = _screw(at[: self.m] / _CELL_M, np.ones(self.m, bool))
-        robot = np.hstack([*every, foot, self._flange(lever)])
-        below = np.zeros((3 * len(self.base), robot.shape[1]))
-        return np.hstack(entries), np.vstack([robot, below]), np.array(size)
-
-    def _in_pose(self, k: int) -> Bools:
-        return np.asarray(self.pose == k)
+        return np.hstack(entries), np.array(size)
 
     def _flange(self, lever: Array) -> Array:
         """Columns of an error of the flange that goes with it from pose to pose."""
         turn = self.axes[self.pose]
         own = np.einsum("nji,nj->ni", turn, lever)
-        inner = _screw(own, np.ones(self.m, bool)).reshape(-1, 3, 6)
-        return np.asarray(np.einsum("nij,njk->nik", turn, inner).reshape(-1, 6))
+        return np.asarray(np.einsum("nij,njk->nik", turn, _screw(own)).reshape(-1, 6))
 
     def only(self, poses: Bools) -> _Scene:
         """The same with some poses only."""
@@ -290,6 +292,7 @@ def _scene(case: Case) -> _Scene | None:
     return scene.only(np.isin(np.arange(len(scene.axes)), few)) if len(scene.axes) else None
 
 
+@lru_cache(maxsize=1)
 def _base(case: Case) -> tuple[list[str], Array]:
     """Base reflectors that were read, and where in the tracker's frame [m], (b, 3)."""
     rows = case.readings[case.readings["pose"].isna()]
@@ -370,9 +373,9 @@ class _Rows(Locked):
         """At p_b = R p_t + t."""
         at = scene.seen @ R.T + t
         centre = at.mean(axis=0)
-        entries, robot, size = scene.errors(at)
+        entries, size, robot = scene.errors(at)
         sized = entries * size
-        placing = _screw(at - centre, np.ones(len(at), bool))
+        placing = _screw(at - centre).reshape(-1, 6)
         return cls(
             y=(at - scene.stated).ravel(),
             X=np.hstack([placing[:, 3:], placing[:, :3], free]),
@@ -402,8 +405,7 @@ class _Rows(Locked):
         return -0.5 * float(size + rest)
 
 
-def _screw(lever: Array, rows: Bools) -> Array:
-    """Columns of a shift and of a turn with these levers [m], zero in other rows, (3 n, 6)."""
-    turn = linear.turning(lever)
-    both = np.concatenate([np.tile(np.eye(3), (len(lever), 1, 1)), turn], axis=-1)
-    return np.asarray(np.where(rows[:, None, None], both, 0.0).reshape(-1, 6))
+def _screw(lever: Array) -> Array:
+    """Columns of a shift and of a turn with these levers [m], (n, 3) -> (n, 3, 6)."""
+    shift = np.broadcast_to(np.eye(3), (len(lever), 3, 3))
+    return np.concatenate([shift, linear.turning(lever)], axis=-1)

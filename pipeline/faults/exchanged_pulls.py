@@ -162,14 +162,14 @@ def exchanged_pulls(asked: Screening) -> list[Mistake]:
     moved = PullMoves.of(asked)
     if not FEWEST <= len(moved.force) <= MOST:
         return []
-    given = _fit(moved, np.arange(len(moved.force)))
+    given = ordered(moved, np.arange(len(moved.force)))
     least = float(special.chdtri(1, alarms.EXCHANGED / len(moved.force) ** 2))
     if (np.diag(given.cost) <= least).all() and _usual(given):
         return []
     return _states(asked, moved) or _loads(asked, moved, given, least)
 
 
-def _fit(moved: PullMoves, order: Ints) -> _OrderFit:
+def ordered(moved: PullMoves, order: Ints) -> _OrderFit:
     """The pulls with logged force `order[i]` in pull i."""
     x = moved.solved(moved.force[order])
     return _beside(moved, x, order)
@@ -204,7 +204,7 @@ def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
         return {}
     of = asked.reduced.data.pulls
     keys = zip(of.pose[moved.pull].tolist(), of.repeat[moved.pull].tolist(), strict=True)
-    fit = _fit(moved, np.arange(len(moved.force)))
+    fit = ordered(moved, np.arange(len(moved.force)))
     least = float(special.chdtri(1, alarms.EXCHANGED / len(moved.force) ** 2))
     return dict(zip(keys, (np.diag(fit.cost) > least).tolist(), strict=True))
 
@@ -228,7 +228,7 @@ def _loads(asked: Screening, moved: PullMoves, given: _OrderFit, least: float) -
         kept = [one for one in filter(happens, found) if _changes(moved, one)]
         kept = [ring for ring in kept if _both(fit, ring, least)]
         if kept:
-            return [_of_loads(asked, moved, fit, ring, row) for ring in kept]
+            return [of_loads(asked, moved, fit, ring, row) for ring in kept]
     return []
 
 
@@ -239,7 +239,7 @@ def _orders(
     count = len(moved.force)
     few = rings(given.cost, least, least)
     if few and _all_fit(moved, few, least):
-        yield _fit(moved, _order(few, count)), few
+        yield ordered(moved, _order(few, count)), few
     at = np.argsort(row)  # pulls in the order of the log
     wrong = np.flatnonzero(np.diag(given.cost)[at] > least)
     first = int(wrong.min(initial=count))
@@ -247,7 +247,7 @@ def _orders(
     for begin, step, ended in product((0, *since), (1, -1), (False, True)):
         ring = shift(at[begin:], step, ended)
         if _all_fit(moved, [ring], least):
-            yield _fit(moved, _order([ring], count)), [ring]
+            yield ordered(moved, _order([ring], count)), [ring]
     found = _sorted(moved, least)
     if found is not None:
         yield found
@@ -265,7 +265,7 @@ def _order(found: Sequence[Ring], count: int) -> Ints:
 def _all_fit(moved: PullMoves, found: Sequence[Ring], least: float) -> bool:
     """Whether all that is moved fits where it is put, beside what most pulls agree on then."""
     order = _order(found, len(moved.force))
-    fit = _fit(moved, order)
+    fit = ordered(moved, order)
     at = [(here, there) for ring in found for here, there in ring.moves]
     here, there = np.array(at).T
     after, before = fit.cost[here, there], fit.cost[here, here]
@@ -294,10 +294,10 @@ def _sorted(moved: PullMoves, least: float) -> tuple[_OrderFit, list[Ring]] | No
         if (new == order).all():
             break
         order, x = new, moved.solved(moved.force[new])
-    fit = _fit(moved, order)
+    fit = ordered(moved, order)
     found = rings(fit.cost, least, least)
     fine = bool(found) and _all_fit(moved, found, least)
-    return (_fit(moved, _order(found, count)), found) if fine else None
+    return (ordered(moved, _order(found, count)), found) if fine else None
 
 
 def _happens(ring: Ring, pose: Ints, most: bool) -> bool:
@@ -333,7 +333,8 @@ def rows_of(case: Case, data: Measured, moved: PullMoves) -> Ints:
     return np.asarray(key.get_indexer(mine), dtype=np.int64)
 
 
-def _of_loads(asked: Screening, moved: PullMoves, fit: _OrderFit, ring: Ring, row: Ints) -> Mistake:
+def of_loads(asked: Screening, moved: PullMoves, fit: _OrderFit, ring: Ring, row: Ints) -> Mistake:
+    """Rows of the loads that stand in each other's place."""
     case, pulls = asked.case, asked.reduced.data.pulls
     rows = case.loads.iloc[row[list(ring.members)]]
     file = str(rows["file"].iloc[0])
@@ -425,7 +426,7 @@ def _states(asked: Screening, moved: PullMoves) -> list[Mistake]:
         if not mine.any() or (~mine).sum() < FEWEST:
             continue
         others = moved.only(~mine)
-        fit = _fit(others, np.arange(len(others.force)))
+        fit = ordered(others, np.arange(len(others.force)))
         own = moved.only(mine)
         due = dict(
             zip(pulls.repeat[own.pull].tolist(), own.force[:, None] * (own.G @ fit.x), strict=True)

@@ -214,7 +214,7 @@ def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
     if not len(table):
         return
     reversed_ = (table["near"] > table["far"] + clear).to_numpy()
-    if reversed_.mean() > 0.5:
+    if not reversed_.any() or reversed_.mean() > 0.5:
         return
     reversed_ = reversed_ & ~unlike(case)["gross"].reindex(table["group"]).to_numpy(bool)
     reversed_ = reversed_ & _hung_alike(table, reversed_)

@@ -419,7 +419,7 @@ def render_overview(answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> by
 def _draw_robot(name: str, answers: Sequence[Answer], wear: Sequence[Robot] = ()) -> Drawing:
     """Draw the history of one robot: `history-0` is that of the first of `robots`."""
     # matplotlib imports for half a second
-    from pipeline.report.figures.stiffness import draw_history
+    from pipeline.annex.figures.history import draw_history
     from pipeline.report.svg import drawn
 
     machine, own = list(robots(answers).items())[int(name.rpartition("-")[2])]

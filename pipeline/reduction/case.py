@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import pandas as pd
@@ -105,11 +106,17 @@ class Case:
 
     def q(self, poses: Ints) -> Array:
         """Joint values of some poses [m] or [rad], shape (len(poses), n)."""
-        row = pd.Index(self.joints["pose"]).get_indexer_for(poses)
+        known, values = self._logged
+        row = known.get_indexer_for(pd.Index(poses))
         if (row < 0).any():  # ingest keeps no pose without a row of the log
             raise KeyError(f"no joint values of poses {np.asarray(poses)[row < 0]}")
+        return values[row]
+
+    @cached_property
+    def _logged(self) -> tuple[pd.Index[int], Array]:
+        """The poses of the joint log, and their joint values, shape (p, n)."""
         columns = [self.joints[name].to_numpy(float) for name in self.joint_columns]
-        return np.column_stack(columns)[row]
+        return pd.Index(self.joints["pose"]), np.column_stack(columns)
 
 
 def tool(settings: Settings) -> Tool:

@@ -1,16 +1,46 @@
-"""The digits of an export: rounding is an error of every coordinate."""
+"""The digits of an export, and the divisions of a scale: rounding is an error of every reading."""
 
 from __future__ import annotations
 
 import numpy as np
 
 from pipeline.base.arrays import Array
+from pipeline.base.strict import STANDARD_GRAVITY
 
 _UNITS_M = (1.0, 1e-3, 0.0254)
 _DIGITS = 8
 """Decimals behind a metre, or its unit, that are tried: no export has more."""
 _LOOKED_AT = 300
 """So many readings show with how many digits an export is written."""
+
+
+_UNITS_N = (1.0, STANDARD_GRAVITY)
+_DIVISIONS = tuple(d * 10.0**k for k in range(3, -4, -1) for d in (5.0, 2.0, 1.0))
+"""Divisions of scales and displays, 1, 2 or 5 times a power of ten [N] or [kgf], the widest first
+(OIML R 76-1, 4.2.2)."""
+_DIFFERENT = 6
+"""So many different readings, all of them multiples of it, show a division [1]: of one of half its
+width they would be so in 1 of 64 cases."""
+_FEWEST = 20
+"""Divisions in the largest reading [1]: fewer are steps to which somebody pulled, as crane scales
+have 100 (OIML R 76-1, class IIII) and are used in more than a fifth of their range."""
+
+
+def division(forces: Array) -> float:
+    """The division h of a scale [N]: the widest that all of its readings are multiples of.
+
+    What is read is anywhere within half a division, uniformly: standard uncertainty h / sqrt(12).
+    0 where nothing shows one: steps to which somebody pulled are none.
+
+    Args:
+        forces: Readings [N], shape (n,).
+    """
+    x = np.unique(forces[np.isfinite(forces) & (forces != 0)])
+    if len(x) < _DIFFERENT:
+        return 0.0
+    every = sorted((d * unit for d in _DIVISIONS for unit in _UNITS_N), reverse=True)
+    h = next((h for h in every if np.abs(x / h - np.round(x / h)).max() < 1e-3), 0.0)
+    return h if _FEWEST * h <= np.abs(x).max() else 0.0
 
 
 def rounding(positions: Array) -> float:

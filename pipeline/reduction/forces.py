@@ -11,9 +11,13 @@ import pandas as pd
 from pipeline.base import covariance
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.reduction._index import found, means, places, pull_numbers, run
+from pipeline.reduction.digits import division
 from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Scale, Settings
 from pipeline.reduction.weights import PULL, Weights
+
+_COUNTS = 1e-3
+"""Part of a variance that moves nothing [1]."""
 
 _BRANCH = np.array([1, -1, 0])
 """up, down, unknown"""
@@ -24,7 +28,8 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
 
     The direction's covariance is that of the two reflectors across the chain,
     (I - u u') (C1 + C2) (I - u u') / L^2; relative to the tracker's variance, in 1/m^2, where
-    no noise is stated.
+    no noise is stated. A reading's variance is the stated one and that of its rounding, h^2 / 12
+    with h the division of the scale.
 
     Args:
         settings: Names of the chain reflectors and the scale's uncertainty.
@@ -49,13 +54,16 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
     u, direction = _of_chains(placed, near, far, chain)
     weight = hung.force(settings.gravity.vector)
     force = [np.where(chain, reading * part, weight[:, k]) for k, part in enumerate(u)]
+    stated = reading_std(settings.scale or Scale(), reading)
+    variance = division(reading[chain]) ** 2 / 12
+    rounded = np.where(variance > _COUNTS * stated**2, variance, 0.0)
     measured = np.flatnonzero(loaded & (target >= 2))
     return pd.DataFrame(
         {
             **{name: loads[name].to_numpy() for name in ("pose", "repeat")},
             **dict(zip(["fx_n", "fy_n", "fz_n"], force, strict=True)),
             **hung.columns(settings),
-            "reading_std_n": np.where(chain, reading_std(settings.scale or Scale(), reading), 0.0),
+            "reading_std_n": np.where(chain, np.sqrt(stated**2 + rounded), 0.0),
             **dict(zip(covariance.columns("u", ""), direction, strict=True)),
             "branch": _BRANCH[places(loads["branch"], ["up", "down"])],
             "time_s": _mean_by_pull(placed["time_s"].to_numpy()[measured], pull[measured], pulls),

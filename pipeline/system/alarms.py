@@ -28,17 +28,27 @@ READING = 0.02 * MOST
 base, of whole base reflectors, of the chain, of the scale, of those with equal digits, and of
 readings in use that are too many too far off [1]."""
 
-EXCHANGED = READING / 10
+LADDERS = READING / 100
+"""The same of all forces of two poses that stand in each other's place [1]; of an exchange that is
+none likelihoods say so even more rarely, as they bound it for any."""
+
+EXCHANGED = READING / 10 - LADDERS
 """The same of rows of the loads that stand in each other's place: a part of the rate of the scale,
 whose readings they are, since chance has to make two of them fit each other by 3 % and more [1]."""
 
-SCALE = READING - EXCHANGED
+SCALE = READING - EXCHANGED - LADDERS
 """What is left of it for a single reading of the scale [1]."""
 
 FRAME = 0.01 * MOST
 """The same of another frame of the stated covariances [1]."""
 
-DRIFT = 0.05 * MOST
+MOVED = 1e-9
+"""The same of an instrument that stood elsewhere from some pose of a series on, or was knocked
+between two rounds of base reflectors [1]. Copies of what the likeliest move leaves reach a quarter
+less than readings without any, of which 2 in 150 had p < 1e-3 and the least had 1e-6; a move by the
+noise of one reading has 1e-9 to 1e-7, twice that 1e-26."""
+
+DRIFT = 0.05 * MOST - MOVED
 """The same of a motion of the tracker that the base reflectors show [1]."""
 
 MISFIT = 0.04 * MOST
@@ -55,12 +65,6 @@ LAW = 0.10 * MOST
 GEOMETRY = 0.05 * MOST
 """The same of one cause among all that unloaded readings are asked for, and of a rough table
 [1]."""
-
-MOVED = 1e-9
-"""The same of an instrument that stood elsewhere from some pose of a series on [1]. Copies of what
-the likeliest move leaves reach a quarter less than readings without any, of which 2 in 150 had
-p < 1e-3 and the least had 1e-6; a move by the noise of one reading has 1e-9 to 1e-7, twice that
-1e-26."""
 
 LOOSE = 0.01 * MOST - MOVED
 """The same of targets that only seem to move against each other under load [1]."""
@@ -79,11 +83,13 @@ ACCUSING = {
     "a reading of the chain": READING,
     "a reading of the scale": SCALE,
     "exchanged rows of the scale": EXCHANGED,
+    "exchanged forces of two poses": LADDERS,
     "a reading of a pull that is left out": READING,
     "a pose that moved": READING,
     "a reading that repeats another": READING,
     "another frame of covariances": FRAME,
     "a tracker that moved": DRIFT,
+    "a tracker that was knocked": MOVED,
     "too many readings far off": READING,
     "a misfit": MISFIT,
     "a larger scatter": SCATTER,

@@ -11,6 +11,7 @@ import numpy as np
 import pinocchio as pin
 import pytest
 from conftest import without_drawings
+from fit_check import told_by_chi_square
 from pdf_text import pages_of
 
 from bench.as_pinocchio import model as pin_model
@@ -123,6 +124,11 @@ def test_each_campaign_stands_for_the_model_that_holds(told):
     truth = answers["explained"]["stiffness"]
     for mine, right in zip(answers["bad_data"]["stiffness"], truth, strict=True):
         assert mine["value"] == pytest.approx(right["value"], rel=0.03)
+
+
+def test_a_p_value_is_that_of_the_chi_square_beside_it(campaign):
+    """In every fit of an answer: the one that holds, that of the springs, the extended one."""
+    assert told_by_chi_square(campaign[1]) >= 1
 
 
 def test_the_terminal_says_it(campaign, told):

@@ -11,7 +11,7 @@ from pipeline.base.errors import InputError
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import find
 
-GOOD = simulate(Plan(name="c", poses={"count": 8})).files
+GOOD = simulate(Plan(name="c", poses={"count": 5})).files
 
 
 def lines(change):

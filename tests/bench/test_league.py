@@ -142,19 +142,20 @@ def test_an_innocent_machine_is_let_go():
     assert judged(31).verdict == "adequate"
 
 
+@pytest.mark.slow  # test_one_answer has rail_roll, joint_tilt:5 and chain_rubs
 @pytest.mark.parametrize(
     "sizes",
     [
         {"rail_backlash": 1.0},
-        pytest.param({"joint_tilt_3": 2.5}, marks=pytest.mark.slow),
-        pytest.param({"link_bending:forearm": 2.0}, marks=pytest.mark.slow),
-        pytest.param({"joint_asymmetry_4": 1.0}, marks=pytest.mark.slow),
-        pytest.param({"joint_hardening_3": 3.0}, marks=pytest.mark.slow),
-        pytest.param({"joint_lost_motion_3": 2.5}, marks=pytest.mark.slow),
-        pytest.param({"joint_hysteresis_4": 2.0}, marks=pytest.mark.slow),
-        pytest.param({"compensator": 2.0}, marks=pytest.mark.slow),
-        pytest.param({"chain_offset": 2.0}, marks=pytest.mark.slow),
-        pytest.param({"rail_roll": 1.0, "joint_hysteresis_4": 2.0}, marks=pytest.mark.slow),
+        {"joint_tilt_3": 2.5},
+        {"link_bending:forearm": 2.0},
+        {"joint_asymmetry_4": 1.0},
+        {"joint_hardening_3": 3.0},
+        {"joint_lost_motion_3": 2.5},
+        {"joint_hysteresis_4": 2.0},
+        {"compensator": 2.0},
+        {"chain_offset": 2.0},
+        {"rail_roll": 1.0, "joint_hysteresis_4": 2.0},
     ],
     ids=lambda sizes: "+".join(sizes),
 )

@@ -7,9 +7,9 @@ import pinocchio as pin
 import pytest
 
 from bench.as_pinocchio import model as pin_model
+from pipeline.annex.seen_laws import laws
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.diagnosis.joined import agreement, joined
-from pipeline.diagnosis.laws import laws
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.effects import catalogue

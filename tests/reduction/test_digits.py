@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from pipeline.reduction.bring import bring, conformed, plain
-from pipeline.reduction.digits import rounding
+from pipeline.reduction.digits import division, rounding
 from pipeline.run import answered, ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -63,3 +63,53 @@ def test_coarse_digits_are_no_noise_of_the_tracker_and_accuse_no_reflector(seed)
     assert [one.name for one in said.diagnosis.causes] == []
     assert any("rounded to 0.1 mm" in line for line in said.findings)
     assert not any("base_" in line for line in said.findings)
+
+
+@pytest.mark.parametrize("h", [0.1, 2.0, 5.0, 50.0, 5 * 9.80665, 10 * 9.80665])
+def test_the_division_of_a_scale_is_found_in_newtons_and_kilograms(h):
+    """The widest that all readings are multiples of; steps to which somebody pulled are none."""
+    x = np.random.default_rng(2).uniform(300, 3500, 60)
+
+    assert division(np.round(x / h) * h) == pytest.approx(h)
+    assert division(np.append(np.round(x / h) * h, np.nan)) == pytest.approx(h)
+    assert division(np.repeat([1000.0, 2000.0, 3000.0], 20)) == 0.0
+    assert division(np.repeat(np.arange(500.0, 3001.0, 500.0), 9)) == 0.0
+    assert division(x) == 0.0
+
+
+def coarse(files, h):
+    """The campaign as a scale with such divisions reads it [N]."""
+    rows = list(csv.reader(io.StringIO(files["loads.csv"].decode())))
+    at = rows[0].index("force_n")
+    for row in rows[1:]:
+        row[at] = f"{round(float(row[at]) / h) * h:.2f}"
+    text = io.StringIO()
+    csv.writer(text).writerows(rows)
+    return {**files, "loads.csv": text.getvalue().encode()}
+
+
+def test_a_coarse_scale_makes_each_force_less_certain():
+    """By a uniform law over a division; finer ones than it scatters move no number."""
+    files = campaign(3)
+
+    def variances(made):
+        case = ingested(in_memory(made), conformed, plain, plausible=False)
+        return bring(case).data.reading_std ** 2
+
+    before, after = variances(files), variances(coarse(files, 20.0))
+    assert after == pytest.approx(400 / 12 + 4.0, rel=1e-3)
+    assert before == pytest.approx(4.0, rel=1e-3)
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("seed", range(1, 7))
+def test_many_readings_at_one_mark_of_a_coarse_scale_are_neither_copies_nor_noise(seed):
+    """Twenty newtons, of two that are stated; said, and no cause of anything."""
+    said = answered("coarse", in_memory(coarse(campaign(seed), 20.0))).answer
+
+    assert said.diagnosis.verdict == "adequate"
+    assert [one.name for one in said.diagnosis.causes] == []
+    assert any("multiples of 20 N" in line for line in said.findings)
+    assert not any(
+        "multiples" in line for line in answered("x", in_memory(campaign(seed))).answer.findings
+    )

@@ -12,6 +12,7 @@ import pytest
 import report_sample
 from pdf_text import pages_of
 
+from pipeline.annex.figures.heldout import judged
 from pipeline.answer.contract import About, Amplitude, Cause, Line, Reason
 from pipeline.answer.nouns import amount, noun
 from pipeline.answer.words import DO
@@ -19,7 +20,6 @@ from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import SHIPPED, load
 from pipeline.report.certificate import certificate, digest, found, to_do
 from pipeline.report.figures.catalogue import draw
-from pipeline.report.figures.heldout import judged
 from pipeline.report.model import compose
 from pipeline.report.render import page, render
 from pipeline.store.campaign import dump

@@ -11,12 +11,13 @@ from made_system import dense, generalised, made
 from small_case import PLAN, small
 
 from bench.as_pinocchio import model
+from pipeline.annex.fewer_poses import enough
+from pipeline.annex.seen_laws import laws
 from pipeline.answer.posture import posture
 from pipeline.answer.recommended import joint_springs
 from pipeline.answer.scene import MOST, scene
 from pipeline.answer.tables import models_table
 from pipeline.diagnosis.average import Hypothesis
-from pipeline.diagnosis.laws import laws
 from pipeline.machine import bodies
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effects import catalogue
@@ -28,7 +29,6 @@ from pipeline.reduction.pose_of_interest import Where, place_of_interest
 from pipeline.run import ingested
 from pipeline.simulate import revised, simulate
 from pipeline.store.campaign import in_memory
-from pipeline.system.enough import enough
 from pipeline.system.estimate import identify
 from pipeline.system.fit import fit
 

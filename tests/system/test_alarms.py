@@ -35,7 +35,7 @@ def test_a_campaign_of_both_is_asked_all_that_either_is_and_whether_they_agree()
 
 RATES = {
     "SUSPECT", "LACK_OF_FIT", "READING", "DRIFT", "MISFIT", "SCATTER", "COMPONENT", "LAW",
-    "GEOMETRY", "LOOSE", "MOVED", "EXCHANGED", "SCALE", "FRAME",
+    "GEOMETRY", "LOOSE", "MOVED", "EXCHANGED", "SCALE", "FRAME", "LADDERS",
 }  # fmt: skip
 
 
@@ -143,4 +143,5 @@ def test_nine_families_of_readings_are_tested():
     # joint_row asks the base for its alibi, one_pose what targets were computed from
     assert testing - {"joint_row", "one_pose"} == set(families)
     assert sum(rate == alarms.READING for rate in alarms.ACCUSING.values()) == len(families)
-    assert alarms.SCALE + alarms.EXCHANGED == alarms.READING
+    parts = alarms.SCALE, alarms.EXCHANGED, alarms.LADDERS
+    assert math.fsum(parts) == pytest.approx(alarms.READING, rel=1e-12)

@@ -60,7 +60,7 @@ def test_columns_that_are_nearly_alike_are_no_evidence_of_noise():
         assert scatter(doubled, system, found).force_p > 1e-3
 
 
-@pytest.mark.sampled(1)
+@pytest.mark.slow  # test_one_answer has clean campaigns
 @pytest.mark.parametrize("scale", [1.0, 1.12])
 def test_scatter_that_no_repeat_shows_is_said_beside_the_verdict(scale):
     """Nothing is missing; readings a little worse than stated are not passed over."""

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import lru_cache
 
 import numpy as np
 
@@ -43,6 +44,7 @@ def rated_torque(robot: Robot, joint: int) -> float:
     return _RATED_TWIST_RAD / compliance(robot, joint)
 
 
+@lru_cache(maxsize=8)  # every effect of the carriage asks for those of the same poses
 def rail_axes(loaded: Loaded) -> tuple[Array, Array, Array]:
     """Unit vectors along the rail, across it and up, each (m, 3), in F_b."""
     along = loaded.configuration.axes[:, 0, :, 2]

@@ -1,4 +1,4 @@
-"""Every figure of the report, one line each."""
+"""Every figure of the report, one line each: its own, and those of the annex."""
 
 from __future__ import annotations
 
@@ -6,61 +6,30 @@ from collections.abc import Sequence
 from typing import Any
 
 from pipeline.answer.contract import Answer
+from pipeline.base import doors
 from pipeline.base.language import Say
-from pipeline.report.figures import (
-    causes,
-    certificate,
-    enough,
-    geometry,
-    heldout,
-    laws,
-    models,
-    places,
-    prediction,
-    residuals,
-    scene,
-    stiffness,
-    tolerance,
-    workspace,
-)
+from pipeline.report.figures import certificate, scene, stiffness
 from pipeline.report.figures.plot import Plot
 from pipeline.report.record import Figure, present
 from pipeline.report.summaries import Tables, has
 from pipeline.report.svg import Drawing, by_hand, drawn
 
-CATALOGUE: tuple[Plot, ...] = (
+_ANNEX = "pipeline.annex.figures:PLOTS"
+"""Figures behind the first page."""
+_OWN = (
     certificate.CERTIFICATE,
     certificate.GAUGE,
     certificate.MOTION,
-    heldout.HELD_OUT,
     stiffness.STIFFNESS,
-    prediction.PREDICTION,
-    prediction.MEASURED,
-    models.MODELS,
-    causes.EVIDENCE,
-    causes.SEPARABILITY,
-    laws.LAWS,
-    enough.ENOUGH,
-    enough.CORRELATION,
-    residuals.POSE_RMS,
-    residuals.RESIDUAL_FORCE,
-    residuals.RESIDUAL_COURSE,
-    residuals.WHITENED,
-    places.ARROWS,
     scene.SCENE,
-    tolerance.PATH,
-    workspace.WORKSPACE,
-    workspace.WORKSPACE_JOINT_SPRINGS,
-    places.REGISTRATION,
-    geometry.POSITION_STEPS,
-    geometry.CURVES,
 )
+CATALOGUE: tuple[Plot, ...] = (*_OWN, *(doors.found(_ANNEX) or ()))
 _PLOTS = {plot.name: plot for plot in CATALOGUE}
 
 
 def figures(names: Sequence[str], answer: Answer, tables: Tables) -> list[Figure]:
-    """The figures of these names that this campaign has data for."""
-    plots = [_PLOTS[name] for name in names]
+    """The figures of these names that somebody draws, and that this campaign has data for."""
+    plots = [_PLOTS[name] for name in names if name in _PLOTS]
     return list(present(one.write(answer, tables) for one in plots if has(tables, *one.needs)))
 
 

@@ -1,0 +1,43 @@
+"""The figures: each module has words and picture of its own, from the same digest."""
+
+from __future__ import annotations
+
+import pipeline.report.svg  # noqa: F401  # imports Matplotlib, before a figure does
+from pipeline.annex.figures import (
+    causes,
+    enough,
+    geometry,
+    heldout,
+    laws,
+    models,
+    places,
+    prediction,
+    residuals,
+    tolerance,
+    workspace,
+)
+from pipeline.report.figures.plot import Plot
+
+PLOTS: tuple[Plot, ...] = (
+    heldout.HELD_OUT,
+    prediction.PREDICTION,
+    prediction.MEASURED,
+    models.MODELS,
+    causes.EVIDENCE,
+    causes.SEPARABILITY,
+    laws.LAWS,
+    enough.ENOUGH,
+    enough.CORRELATION,
+    residuals.POSE_RMS,
+    residuals.RESIDUAL_FORCE,
+    residuals.RESIDUAL_COURSE,
+    residuals.WHITENED,
+    places.ARROWS,
+    tolerance.PATH,
+    workspace.WORKSPACE,
+    workspace.WORKSPACE_JOINT_SPRINGS,
+    places.REGISTRATION,
+    geometry.POSITION_STEPS,
+    geometry.CURVES,
+)
+"""One line each."""

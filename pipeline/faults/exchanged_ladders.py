@@ -1,0 +1,113 @@
+"""All forces of one pose logged for another one's, where no single row stands out.
+
+The two are taken for each other where that, and nothing else, makes the joint springs explain all
+pulls. With L_e the likelihood under exchange e, the springs at their best each time, and n
+exchanges that are tried: were the rows right, the largest L_e / L would reach n / p with no more
+than probability p (Markov's inequality for ratios of likelihoods).
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from itertools import combinations
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.base.tails import chi2_beyond
+from pipeline.faults.assignment import Ring
+from pipeline.faults.exchanged_pulls import FEWEST, MOST, PullMoves, of_loads, ordered, rows_of
+from pipeline.faults.fault import Fault, Screening
+from pipeline.faults.mistake import Mistake
+from pipeline.system import alarms, odds
+
+_FEWEST = 2
+"""Pulls of a pose from which on its forces are more than one row [1]."""
+
+
+@dataclass(frozen=True, eq=False)
+class _Normal(Locked):
+    """Normal equations of every pull for one newton, whitened.
+
+    Attributes:
+        P: Of the compliances, shape (m, k, k).
+        q: Right-hand sides, shape (m, k).
+        square: Sum of squares of the displacements.
+        dof: Coordinates minus compliances.
+    """
+
+    P: Array
+    q: Array
+    square: float
+    dof: int
+
+    @classmethod
+    def of(cls, moved: PullMoves) -> _Normal:
+        """V_i = s^2 I + u_i^2 g_i g_i', g_i = G_i x what one newton moves and u_i the scale's std.
+
+        V^(-1/2) = (I - a g g') / s with a = (1 - (1 + u^2 g'g / s^2)^(-1/2)) / g'g.
+        """
+        g = moved.G @ moved.solved(moved.force)
+        gg = np.maximum(np.sum(g**2, axis=1), np.finfo(float).tiny)
+        a = (1 - 1 / np.sqrt(1 + (moved.std / moved.noise) ** 2 * gg)) / gg
+        G = (moved.G - (a[:, None] * g)[:, :, None] * (g[:, None] @ moved.G)) / moved.noise
+        y = (moved.y - (a * np.sum(g * moved.y, axis=1))[:, None] * g) / moved.noise
+        read = np.abs(moved.G).max(axis=2) > 0
+        return cls(
+            np.einsum("mck,mcl->mkl", G, G),
+            np.einsum("mck,mc->mk", G, y),
+            float(np.sum(y**2)),
+            int(read.sum()) - G.shape[2],
+        )
+
+    def left(self, force: Array) -> float:
+        """Sum of squares that the springs leave with these forces."""
+        N = np.einsum("m,mkl->kl", force**2, self.P)
+        b = force @ self.q
+        return self.square - float(b @ linear.shortest(N) @ b)
+
+
+def ladders(asked: Screening) -> list[Mistake]:
+    """The two poses whose forces make all pulls agree if they are exchanged."""
+    if asked.case.settings.displacements is not None or asked.reduced.data.poses:
+        return []
+    moved = PullMoves.of(asked)
+    if not FEWEST <= len(moved.force) <= MOST or not asked.reduced.data.noise_stated:
+        return []
+    normal = _Normal.of(moved)
+    given = normal.left(moved.force)
+    tried = _tried(moved, asked.reduced.data.pulls.pose[moved.pull])
+    left = np.array([normal.left(moved.force[order]) for order in tried])
+    best = int(np.argmin(left)) if tried else -1
+    if not tried or normal.dof < 1:
+        return []
+    wide = max(1.0, left[best] / normal.dof)
+    p = len(tried) * float(np.exp((left[best] - given) / wide / 2))
+    rival = np.delete(left, best).min(initial=np.inf) - left[best] < odds.DECIDES * wide
+    if p > alarms.LADDERS or rival or not _fits(left[best], normal.dof, asked):
+        return []
+    row = rows_of(asked.case, asked.reduced.data, moved)
+    rings = [Ring((int(k), int(j))) for k, j in enumerate(tried[best]) if k < j]
+    return [of_loads(asked, moved, ordered(moved, tried[best]), ring, row) for ring in rings]
+
+
+def _fits(left: float, dof: int, asked: Screening) -> bool:
+    """Whether nothing else is wrong, beside readings that scatter as they do."""
+    scale = max(asked.spread[0], 1.0)
+    return bool(chi2_beyond(left / scale**2, dof) > odds.FITS)
+
+
+def _tried(moved: PullMoves, pose: Ints) -> list[Ints]:
+    """Orders of the forces with two poses exchanged, pull by pull in the order of the log."""
+    own = [np.flatnonzero(pose == one) for one in np.unique(pose)]
+    out = []
+    for one, other in combinations([rows for rows in own if len(rows) >= _FEWEST], 2):
+        if len(one) == len(other):
+            order = np.arange(len(pose))
+            order[one], order[other] = other, one
+            out.append(order)
+    return out
+
+
+FAULT = Fault("exchanged", "exchanged groups or rows", ladders, in_files=True)
