@@ -24,8 +24,8 @@ width they would be so in 1 of 64 cases."""
 _FEWEST = 20
 """Divisions in the largest reading [1]: fewer are steps to which somebody pulled, as crane scales
 have 100 (OIML R 76-1, class IIII) and are used in more than a fifth of their range."""
-_MOST = 10_000
-"""Divisions of a scale at most (OIML R 76-1, class III): more are digits of a file."""
+_MOST = 100_000
+"""Divisions of a scale at most (OIML R 76-1, class II): more are digits of a file."""
 
 
 def division(forces: Array) -> float:
