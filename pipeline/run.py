@@ -239,7 +239,8 @@ def _of_pulls(name: str, raw: Raw, read: PositionsFound | None, keep: Keep, step
     if both is None:
         return Answered(answer_of(found), shown, told.model)
     shown |= both.shown(shown, keep)
-    return Answered(both.answer(found, answer_of(found)), shown, told.model, both.files)
+    model = told.model
+    return Answered(both.answer(found, answer_of(found)), shown, model, both.files(model))
 
 
 def _joined(

@@ -27,7 +27,10 @@ from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.joined import Agreement, agreement, joined
 from pipeline.diagnosis.verdict import of_both, verdict
-from pipeline.geometry.stance import beside_pulls, elsewhere, lighter, standing
+from pipeline.geometry.stance import beside_pulls, elsewhere, lighter, opened, standing
+from pipeline.machine.stance import called_for, laws_of_gears
+from pipeline.prediction.model import IdentifiedModel
+from pipeline.prediction.under_force import ByPulls
 from pipeline.reduction.bring import Keep, Step, bring
 from pipeline.reduction.case import Case
 from pipeline.system import alarms
@@ -69,17 +72,19 @@ class Both:
 
     def beside(self, stands: Fitted, diagnosis: Diagnosed) -> Both:
         """The same after the pulls, whose likeliest model adds to what the positions know."""
-        stance = stands.data.stance
-        if stance is None:
+        if stands.data.stance is None:
             return self
         one = diagnosis.hypotheses[0] if diagnosis.hypotheses else joint_springs(stands).first
         now = joined(one, stands.data)
-        held = agreement(one, now, stance, self.lighter)
-        found = self.said.found.final
-        held = replace(held, table_p=elsewhere(found, stance, stands.data, self.case.tool))
-        found = lighter(found, self.lighter)
+        held = agreement(one, now, self.lighter)
+        found, every = self.said.found.final, self.said.found.final.mechanism.elements
+        before = opened(found, called_for(every, stands.data.stance.held))
+        gears = laws_of_gears(one.cell.effects)
+        table_p = elsewhere(before, stands.data.stance, stands.data, self.case.tool, gears)
+        held = replace(held, table_p=table_p)
+        found = lighter(opened(found, called_for(every, now.stance.held)), self.lighter)
         if held.p >= alarms.MISFIT:
-            found = beside_pulls(found, stance, now.value, now.cov)
+            found = beside_pulls(found, now.stance, now.value, now.cov)
         return replace(self, said=self.said.ending(self.said.found.ending(found)), agreement=held)
 
     @property
@@ -101,10 +106,13 @@ class Both:
     def _alone(self) -> Answer:
         return of_positions.answer(self.said)
 
-    @property
-    def files(self) -> dict[str, bytes]:
-        """What `pipeline predict` reads, by name."""
-        return model_file(self.said)
+    def files(self, pulls: IdentifiedModel) -> dict[str, bytes]:
+        """What `pipeline predict` reads, by name.
+
+        Args:
+            pulls: What is handed over of the pulls.
+        """
+        return model_file(self.said, ByPulls(pulls, self.agrees))
 
     def shown(self, pulls: Mapping[str, pd.DataFrame], keep: Keep) -> dict[str, pd.DataFrame]:
         """The tables of the positions, beside those of the pulls."""
@@ -148,7 +156,10 @@ class Both:
     def _diagnosis(self, facts: Facts, pulls: contract.Diagnosis) -> contract.Diagnosis:
         """Mistakes of both, then causes of the pulls, then those of the positions."""
         mine = self._alone.diagnosis
-        beside = [one for one in mine.causes if one.evidence is None]  # mistakes are told of both
+        said = {(one.name, one.where) for one in pulls.causes}
+        beside = [  # mistakes are told of both
+            one for one in mine.causes if one.evidence is None and (one.name, one.where) not in said
+        ]
         return pulls.model_copy(
             update={
                 "verdict": verdict(facts),

@@ -35,6 +35,7 @@ from pipeline.geometry.study import Study, study
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 from pipeline.prediction.standing import dumps, standing
+from pipeline.prediction.under_force import ByPulls
 from pipeline.reduction.bring import Keep, Step
 from pipeline.store.campaign import Raw
 
@@ -105,11 +106,11 @@ def pictures(said: PositionsFound, keep: Keep) -> dict[str, pd.DataFrame]:
     }
 
 
-def model_file(said: PositionsFound) -> dict[str, bytes]:
+def model_file(said: PositionsFound, by_pulls: ByPulls | None = None) -> dict[str, bytes]:
     """What `pipeline predict` reads, by name."""
     settings = said.raw.settings
     tip = None if settings.of_positions else np.array(settings.tool["load_point"])
-    return {_MODEL: dumps(standing(said.campaign, said.found.final, tip))}
+    return {_MODEL: dumps(standing(said.campaign, said.found.final, tip, by_pulls))}
 
 
 def _studied(raw: Raw, read: Positioned, step: Step) -> Study:

@@ -168,7 +168,7 @@ def weighed(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
 
 def _springs(one: Hypothesis) -> int:
     """Number of joint springs: what stands before the causes' own parameters."""
-    return len(one.estimate.value) - sum(len(effect.parameters) for effect in one.effects)
+    return one.cell.robot.n
 
 
 def _determined(one: Hypothesis) -> Bools:

@@ -25,8 +25,8 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.base.tails import chi2_beyond
 from pipeline.diagnosis.average import Hypothesis
 from pipeline.machine.cell import Cell, sensitivity
-from pipeline.machine.effect import Effect
-from pipeline.machine.stance import CommonSoftness, Stance
+from pipeline.machine.effect import Effect, Elastic
+from pipeline.machine.stance import CommonSoftness, Stance, laws_of_gears
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.assemble import POSITIONS, by_stance
@@ -98,6 +98,7 @@ class Joined(Locked):
 
     Attributes:
         hypothesis: Springs, causes, and elements that yield under the weight.
+        stance: What the positions say, with the elements among its causes held.
         value: Springs and elements as a stance has them, and errors of table and points, (s,).
         cov: Their covariance, shape (s, s).
         springs: What the rows of the springs leave more.
@@ -105,6 +106,7 @@ class Joined(Locked):
     """
 
     hypothesis: Hypothesis
+    stance: Stance
     value: Array
     cov: Array
     springs: Excess
@@ -114,22 +116,26 @@ class Joined(Locked):
 def joined(one: Hypothesis, data: Measured, usual: Array | None = None) -> Joined:
     """A hypothesis of the pulls beside the positions.
 
+    Elements that it has among its causes are held by the positions, too. The spring of a joint
+    whose gear has another law in it is another number under the weight than under a pull.
+
     Args:
         one: The hypothesis, from the pulls alone.
         data: The measurements, with their stance.
         usual: Standard deviations of the last parameters of it about zero before any reading.
     """
-    stance = data.stance
-    assert stance is not None
-    cell, k = one.cell, len(one.estimate.value)
-    system = _beside(one, data, usual)
-    start = np.append(one.estimate.value, stance.yields)
+    assert data.stance is not None
+    old, stance = data.stance, data.stance.holding(one.cell.effects)
+    there = _Places.of(one, old, stance)
+    system = _beside(one, data, there, usual)
+    start = np.append(one.estimate.value, old.yields[there.fresh_rows])
     found = solve(system, start)
     told = np.zeros(len(system.rows), dtype=bool)
-    below = np.flatnonzero(system.rows.pull < 0)[: stance.springs]
-    told[below[: len(stance.told)]] = stance.told
+    below = np.flatnonzero(system.rows.pull < 0)[: len(there.rows)]
+    springs = there.rows < len(stance.told)
+    told[below[springs]] = stance.told[there.rows[springs]]
     less = solve(system.part(~told), start)
-    told[below[len(stance.told) :]] = True
+    told[below[~springs]] = True
     least = solve(system.part(~told), start) if stance.held else less
     M = int((system.rows.pull >= 0).sum())
     estimate = replace(
@@ -140,10 +146,60 @@ def joined(one: Hypothesis, data: Measured, usual: Array | None = None) -> Joine
         quantile=one.estimate.quantile,
         noise_from=one.estimate.noise_from,
     )
-    whole = replace(cell, held=stance.weighs, effects=(*cell.effects, *stance.held))
+    whole = replace(one.cell, held=stance.weighs, effects=(*one.cell.effects, *there.fresh))
     now = replace(one, cell=whole, system=system, estimate=estimate, ratio=1.0, sized=None)
-    value, cov = _of_stance(system, stance, k)
-    return Joined(now, value, cov, _more(found, less), _more(less, least))
+    value, cov = _of_stance(system, stance, there)
+    return Joined(now, stance, value, cov, _more(found, less), _more(less, least))
+
+
+class _Places(NamedTuple):
+    """Where what positions say stands among the parameters of a hypothesis.
+
+    Attributes:
+        rows: Springs and elements of the stance that are parameters of it, too, shape (r,).
+        columns: Which, shape (r,).
+        fresh: Elements that it lacks; their parameters come behind its own.
+        fresh_rows: Of the parameters of these among those that acted with given values.
+    """
+
+    rows: Ints
+    columns: Ints
+    fresh: tuple[Elastic, ...]
+    fresh_rows: Ints
+
+    @classmethod
+    def of(cls, one: Hypothesis, old: Stance, stance: Stance) -> _Places:
+        """Those of a hypothesis.
+
+        Args:
+            one: The hypothesis.
+            old: What positions said to the pulls when it was tried.
+            stance: The same with elements that it has, too.
+        """
+        n, effects = len(stance.compliance), one.cell.effects
+        first = np.cumsum([0, *(len(each.parameters) for each in effects)])
+        at = {(e.label, e.form): int(k) for e, k in zip(effects, first, strict=False)}
+        fresh = tuple(e for e in stance.held if (e.label, e.form) not in at)
+        end = int(first[-1])
+        for each in fresh:
+            at[each.label, each.form] = end
+            end += len(each.parameters)
+        columns = [k for e in stance.held for k in _span(at[e.label, e.form], e)]
+        laws = laws_of_gears(effects)
+        joints = np.array([j for j in range(n) if j + 1 not in laws], dtype=np.int64)
+        given = np.cumsum([0, *(len(each.parameters) for each in old.held)])
+        of = {(e.label, e.form): int(k) for e, k in zip(old.held, given, strict=False)}
+        rows = [k for e in fresh for k in _span(of[e.label, e.form], e)]
+        return cls(
+            np.append(joints, n + np.arange(len(columns))),
+            np.append(joints, np.array(columns, dtype=np.int64)),
+            fresh,
+            np.array(rows, dtype=np.int64),
+        )
+
+
+def _span(first: int, effect: Effect) -> range:
+    return range(first, first + len(effect.parameters))
 
 
 def _more(one: Estimate, less: Estimate) -> Excess:
@@ -151,22 +207,24 @@ def _more(one: Estimate, less: Estimate) -> Excess:
     return Excess(max(one.chi2 - less.chi2, 0.0), max(one.dof - less.dof, 0))
 
 
-def agreement(one: Hypothesis, beside: Joined, stance: Stance, lighter: float) -> Agreement:
+def agreement(one: Hypothesis, beside: Joined, lighter: float) -> Agreement:
     """Springs by the weight against those by the pulls alone.
 
     Args:
         one: The hypothesis from the pulls alone.
         beside: The same beside the positions.
-        stance: What these say.
         lighter: Springs over those with an arm of usual weight.
     """
-    n = len(stance.told)
+    stance, n = beside.stance, len(beside.stance.told)
+    laws = laws_of_gears(one.cell.effects)
+    both = np.array([j not in laws for j in range(1, n + 1)])
     own = np.sqrt(np.diag(stance.cov)[:n])
-    weight = np.column_stack([stance.compliance, np.where(stance.told, own, np.inf)])
+    weight = np.column_stack([stance.compliance, np.where(stance.told & both, own, np.inf)])
     pulls = np.column_stack([one.estimate.value[:n], one.estimate.std[:n]])
     shared = int(stance.factor > 0)  # one of them has told the weight
     only, cov = one.estimate.value[:n], one.estimate.cov[:n, :n]
-    common = None if shared else stance.common(only, cov, one.estimate.identifiable[:n])
+    known = one.estimate.identifiable[:n] & both
+    common = None if shared else stance.common(only, cov, known)
     fits = common is not None and chi2_beyond(common.chi2, common.dof) >= alarms.MISFIT
     return Agreement(
         chi2=beside.springs.chi2,
@@ -180,20 +238,20 @@ def agreement(one: Hypothesis, beside: Joined, stance: Stance, lighter: float) -
     )
 
 
-def _beside(one: Hypothesis, data: Measured, usual: Array | None) -> System:
+def _beside(one: Hypothesis, data: Measured, there: _Places, usual: Array | None) -> System:
     """The rows of the pulls, those of springs and elements below them."""
-    stance, old = data.stance, one.system
-    assert stance is not None
+    acted, old = data.stance, one.system
+    assert acted is not None
+    stance = acted.holding(one.cell.effects)
     flat = replace(one.cell, equilibrium="undeformed")
-    M, k, s = len(old.rows), old.B.shape[1], stance.springs
-    n, e = len(stance.compliance), len(stance.yields)
-    held = _held(flat, data, one.estimate.value, stance.held)
+    M, k, s = len(old.rows), old.B.shape[1], len(there.rows)
     jacobian = by_stance(flat, data, one.estimate.value).reshape(M, -1)
+    held = _held(flat, data, one.estimate.value, acted.held)
     kept = old.errors.source != POSITIONS
-    _, K, W = stance.parts
+    _, K, W = (part[there.rows] if i else part for i, part in enumerate(stance.parts))
     known = _known(one, usual)
-    below = np.zeros((s + len(known), k + e))
-    below[:n, :n], below[n:s, k:] = np.eye(n), np.eye(e)
+    below = np.zeros((s + len(known), k + len(there.fresh_rows)))
+    below[np.arange(s), there.columns] = 1.0
     below[s:, :k] = known
     blocks = [
         [old.errors.G[:, kept] * one.ratio, jacobian, None, None],
@@ -202,16 +260,15 @@ def _beside(one: Hypothesis, data: Measured, usual: Array | None) -> System:
     if len(known):
         assert usual is not None
         blocks.append([None, None, None, np.diag(usual)])
-    more = [jacobian.shape[1], s, len(known)]
-    parameters = tuple(p for effect in stance.held for p in effect.parameters)
+    more = [jacobian.shape[1], W.shape[1], len(known)]
+    parameters = tuple(p for effect in there.fresh for p in effect.parameters)
+    told = np.append(stance.compliance, stance.yields)[there.rows]
     return replace(
         old,
         parameters=(*old.parameters, *parameters),
         rows=_rows(old.rows, len(below)),
-        B=np.vstack([np.column_stack([old.B, held]), below]),
-        c=np.concatenate(
-            [old.c + held @ stance.yields, stance.compliance, stance.yields, np.zeros(len(known))]
-        ),
+        B=np.vstack([np.column_stack([old.B, held[:, there.fresh_rows]]), below]),
+        c=np.concatenate([old.c + held @ acted.yields, told, np.zeros(len(known))]),
         errors=Errors(
             scipy.sparse.csr_array(scipy.sparse.block_array(blocks[: 2 + bool(len(known))])),
             np.append(old.errors.source[kept], np.full(sum(more), POSITIONS, dtype=object)),
@@ -247,20 +304,36 @@ def _rows(old: Rows, more: int) -> Rows:
     )
 
 
-def _of_stance(system: System, stance: Stance, k: int) -> tuple[Array, Array]:
+def _of_stance(system: System, stance: Stance, there: _Places) -> tuple[Array, Array]:
     """Springs and elements, errors of table and points, and the covariance of all, (s,), (s, s).
 
-    Those of a are columns of the least squares as a ~ N(0, I); table and points err by F a.
+    Those of a are columns of the least squares as a ~ N(0, I); table and points err by F a. Springs
+    that are no parameters of the pulls follow from the rest as the positions have them.
     """
     white = whitener(system.errors, system.rows.pose)
     X = np.hstack([white.with_priors(system.B * system.typical), white.columns])
     inverse = linear.pseudoinverse(X)
     x, cov = inverse(white.with_priors(system.c)), inverse.half @ inverse.half.T
-    p, n = system.B.shape[1], len(stance.compliance)
+    p = system.B.shape[1]
     own: Ints = np.flatnonzero(system.errors.source[system.errors.common] == POSITIONS)
-    mine = np.r_[np.arange(n), np.arange(k, p), p + own]
-    F = stance.parts[0]
-    T = np.zeros((stance.springs + len(F), len(mine)))
-    s = stance.springs
-    T[:s, :s], T[s:, s:] = np.diag(system.typical[mine[:s]]), -F
-    return T @ x[mine], T @ cov[np.ix_(mine, mine)] @ T.T
+    mine = np.append(there.columns, p + own)
+    F, r = stance.parts[0], len(there.rows)
+    T = np.zeros((r + len(F), len(mine)))
+    T[:r, :r], T[r:, r:] = np.diag(system.typical[there.columns]), -F
+    return _completed(stance, there.rows, T @ x[mine], T @ cov[np.ix_(mine, mine)] @ T.T)
+
+
+def _completed(stance: Stance, rows: Ints, value: Array, cov: Array) -> tuple[Array, Array]:
+    """The same of all springs, where a part of them is given by some rows of the stance."""
+    C, every = stance.cov, np.arange(len(stance.cov))
+    part = np.append(rows, every[stance.springs :])
+    if len(part) == len(C):
+        return value, cov
+    size = np.sqrt(np.diag(C))
+    unit = C / size / size[:, None]
+    gain = (unit[:, part] @ linear.inverse(unit[np.ix_(part, part)])) * size[:, None] / size[part]
+    before = np.pad(np.append(stance.compliance, stance.yields), (0, len(C) - stance.springs))
+    return (
+        before + gain @ (value - before[part]),
+        C - gain @ (C[np.ix_(part, part)] - cov) @ gain.T,
+    )

@@ -1,9 +1,10 @@
 """All forces of one pose logged for another one's, where no single row stands out.
 
-The two are taken for each other where that, and nothing else, makes the joint springs explain all
-pulls. With L_e the likelihood under exchange e, the springs at their best each time, and n
-exchanges that are tried: were the rows right, the largest L_e / L would reach n / p with no more
-than probability p (Markov's inequality for ratios of likelihoods).
+The two are taken for each other where that, and no other exchange nor a single force that is read
+wrong, makes the joint springs explain all pulls. With L_e the likelihood under exchange e, the
+springs at their best each time, and n exchanges that are tried: were the rows right, the largest
+L_e / L would reach n / p with no more than probability p (Markov's inequality for ratios of
+likelihoods).
 """
 
 from __future__ import annotations
@@ -67,6 +68,16 @@ class _Normal(Locked):
         b = force @ self.q
         return self.square - float(b @ linear.shortest(N) @ b)
 
+    def one_row(self, force: Array) -> Array:
+        """The same where the force of one pull is another one, of each in turn, shape (m,)."""
+        N, b = np.einsum("m,mkl->kl", force**2, self.P), force @ self.q
+        out = np.empty(len(force))
+        for k, f in enumerate(force):
+            x = linear.shortest(N - f**2 * self.P[k]) @ (b - f * self.q[k])
+            read = float(self.q[k] @ x) / max(float(x @ self.P[k] @ x), np.finfo(float).tiny)
+            out[k] = self.left(np.where(np.arange(len(force)) == k, read, force))
+        return out
+
 
 def ladders(asked: Screening) -> list[Mistake]:
     """The two poses whose forces make all pulls agree if they are exchanged."""
@@ -84,7 +95,8 @@ def ladders(asked: Screening) -> list[Mistake]:
         return []
     wide = max(1.0, left[best] / normal.dof)
     p = len(tried) * float(np.exp((left[best] - given) / wide / 2))
-    rival = np.delete(left, best).min(initial=np.inf) - left[best] < odds.DECIDES * wide
+    others = np.append(np.delete(left, best), normal.one_row(moved.force))
+    rival = others.min(initial=np.inf) - left[best] < odds.DECIDES * wide
     if p > alarms.LADDERS or rival or not _fits(left[best], normal.dof, asked):
         return []
     row = rows_of(asked.case, asked.reduced.data, moved)

@@ -101,8 +101,12 @@ def _listed(robot: Robot, q: Array, tau: Array) -> Iterator[Listed]:
     shoulder = joints[0] if joints and relative(robot) >= _BALANCED and tau.any() else None
     most = np.abs(tau).max(axis=0)
     for joint in turning(robot):
-        if most[joint - 1] > _LOADED * most.max():
+        one, largest = tau[:, joint - 1], float(most[joint - 1])
+        if largest > _LOADED * most.max():
             yield Listed("joint_lost_motion", JointLaw(joint, "step", "torque", joint, 0.0))
+            if min(one.max(), -one.min()) > _EACH_WAY * largest:
+                law = JointLaw(joint, "sides", "torque", joint, 1.0, 0.0, largest)
+                yield Listed("joint_asymmetry", law)
         yield from _waves(joint, joint == shoulder, np.ptp(q[:, joint - 1]))
 
 
@@ -113,6 +117,10 @@ def _waves(joint: int, shoulder: bool, span: float) -> Iterator[Listed]:
         if name or order * span > np.pi:
             yield Listed(name, JointLaw(joint, "periodic", "angle", joint, order))
 
+
+_EACH_WAY = 0.1
+"""Part of the largest torque that a joint has to carry the other way, too, before two stiffnesses
+can be told from one [1]."""
 
 _LOADED = 1e-3
 """Part of the largest torque of the weight below which a joint carries none."""
@@ -157,7 +165,7 @@ def _of_laws(
             parts.setdefault(key, []).extend(at)
             said.setdefault(key, []).extend(_amounts(name, law, x[at], std[at]))
     for (name, joint), at in parts.items():
-        where = joint if name == "joint_lost_motion" else None
+        where = joint if name.startswith("joint_") else None
         form = "two harmonics" if name == "compensator" else ""
         yield _Group(TableLaw(name, where, form, tuple(said[name, joint])), np.array(at))
 
@@ -167,6 +175,10 @@ def _amounts(name: str, law: JointLaw, x: Array, std: Array) -> Iterator[Amount]
         yield Amount("scale", "1", float(x[0]) / law.scale, float(std[0]) / law.scale)
     elif name == "joint_lost_motion":
         yield Amount(f"b_joint{law.joint}", "rad", 2 * float(x[0]), 2 * float(std[0]))
+    elif name == "joint_asymmetry":
+        yield Amount(
+            f"dc_{law.joint}", "rad/(N m)", float(x[0]) / law.scale, float(std[0]) / law.scale
+        )
     else:
         for part, a, s in zip(("cos", "sin"), x, std, strict=True):
             yield Amount(f"turn_{part}{law.order:g}", "rad", float(a), float(s))

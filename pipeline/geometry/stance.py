@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import scipy.linalg
@@ -56,7 +56,41 @@ class _Unloaded:
         return stand.here.q - q, (stand.at - plain)[:, self.which]
 
 
-def stance(found: Identified, targets: Collection[str]) -> Stance:
+@dataclass(frozen=True, eq=False)
+class _Reopened:
+    """`stance` where some elements are free, as `Stance.reopened`; kept, as each is asked again."""
+
+    found: Identified
+    targets: Collection[str]
+    kept: dict[tuple[int, ...], Stance] = field(default_factory=dict)
+
+    def __call__(self, free: tuple[int, ...]) -> Stance:
+        if free not in self.kept:
+            self.kept[free] = stance(opened(self.found, free), self.targets, free)
+        return self.kept[free]
+
+
+def opened(found: Identified, free: Collection[int]) -> Identified:
+    """The estimate where readings alone tell how large some elements are, by number.
+
+    All others are rough alike, and not by more than is usual: an element that stands out of them,
+    or that pulls call for and the weight hardly moves, must not be held near zero by that.
+    """
+    if not free:
+        return found
+    std, places = found.known.std.copy(), list(_places(found.mechanism))
+    for k in free:
+        std[places[k]] = _FREE * found.known.most[places[k]]
+    nothing = np.zeros(len(found.solution.x))
+    wide = replace(found, known=replace(found.known, std=std))
+    return _with(wide, np.zeros((len(nothing),) * 2), nothing)
+
+
+_FREE = 1e3
+"""Prior of what has none, over what is usual."""
+
+
+def stance(found: Identified, targets: Collection[str], free: Collection[int] = ()) -> Stance:
     """What the positions say to pulls.
 
     An element that the weight does not call for is none, as causes are that pulls do not call for:
@@ -65,13 +99,18 @@ def stance(found: Identified, targets: Collection[str]) -> Stance:
     Args:
         found: The whole model.
         targets: Points of the tool that pulls may have read, too.
+        free: Elements, by number, that something else than the weight calls for.
     """
+    reopened = None if free else _Reopened(found, targets)
     mechanism, cov, where = found.mechanism, found.solution.cov, layout(found.mechanism)
     x, v, factor = mechanism.at(where), softened(mechanism), 0.0
     if mechanism.unknown:
         factor = 1 / float(v @ linear.cholesky(cov).solve(v))
     apart = cov - factor * np.outer(v, v) + by_masses(found)
-    held = tuple(_held(mechanism, x, apart))
+    held = tuple(_held(mechanism, x, apart, free))
+    if len(held) > len(free):
+        more = tuple(k for k, _ in held)
+        return replace(stance(opened(found, more), targets, more), reopened=reopened)
     there = [k for _, at in held for k in at]
     none = [k for k in range(where.yields.start, where.yields.stop) if k not in there]
     which = [k for k, name in enumerate(found.readings.targets) if name in targets]
@@ -97,6 +136,8 @@ def stance(found: Identified, targets: Collection[str]) -> Stance:
         factor=factor,
         moments=mechanism.moments,
         gravity=found.weights.gravity,
+        elements=mechanism.elements,
+        reopened=reopened,
     )
 
 
@@ -151,11 +192,13 @@ _MASSES = 0.05
 castings, but no cables, grease, hoses and dress packs."""
 
 
-def _held(mechanism: Mechanism, x: Array, apart: Array) -> Iterator[tuple[int, list[int]]]:
-    """Elements that the weight calls for, and where their parameters stand."""
+def _held(
+    mechanism: Mechanism, x: Array, apart: Array, free: Collection[int]
+) -> Iterator[tuple[int, list[int]]]:
+    """Elements that the weight or something else calls for, and where their parameters stand."""
     for k, at in enumerate(_places(mechanism)):
         said = linear.inverse(apart[np.ix_(at, at)])
-        if chi2_beyond(float(x[at] @ said @ x[at]), len(at)) < alarms.SUSPECT:
+        if k in free or chi2_beyond(float(x[at] @ said @ x[at]), len(at)) < alarms.SUSPECT:
             yield k, at
 
 
@@ -283,7 +326,9 @@ _TURNS = 4
 """Linearisations beside pulls; each leaves the square of what the one before it did."""
 
 
-def elsewhere(found: Identified, known: Stance, data: Measured, tool: Tool) -> float:
+def elsewhere(
+    found: Identified, known: Stance, data: Measured, tool: Tool, gears: Collection[int] = ()
+) -> float:
     """Chance that a robot as its positions have it has its targets where pulls begin.
 
     Chi-square of the unloaded readings about the whole model, in its covariance, the scatter of its
@@ -294,24 +339,26 @@ def elsewhere(found: Identified, known: Stance, data: Measured, tool: Tool) -> f
         known: `stance` of it.
         data: The pulls, brought where their robot stands by it.
         tool: Their targets.
+        gears: Joints, from 1, whose gear has another law by the pulls: how the weight alone turns
+            them further where positions have not been is free, too.
     """
     row = np.unique(data.zero, return_index=True)[1]
     row = row[np.isfinite(data.unloaded[row]).all(axis=1)]
     names = data.name[row]
     fresh = [k for k, name in enumerate(tool.targets) if name not in known.points]
     wide, cov = _with_targets(found, tool.points[fresh])
-    if len(row) <= _FRAME + len(fresh) or data.poses:
+    if len(row) <= _FRAME + len(fresh) + len(gears) or data.poses:
         return 1.0
     turned, read = data.pulls.q[data.pull[row]], found.readings.targets.tolist()
     order = [*read, *tool.targets[fresh].tolist()]
     target = np.array([len(order) - 1 - order[::-1].index(str(name)) for name in names])
-    at, X, S = _there(found, wide, turned - known.unloaded(turned)[0], target)
+    at, X, S, further = _there(found, wide, turned - known.unloaded(turned)[0], target, gears)
     left = (data.unloaded[row] + known.moved(turned, names) - at).ravel()
     pose = np.repeat(data.pulls.pose[data.pull[row]], 3)
     V = X @ cov @ X.T + (S @ S.T) * (pose[:, None] == pose)
     W = linear.whitening(V + scipy.linalg.block_diag(*data.zero_cov[row]))
     frame = by_frame(at[:, None])[:, :3].reshape(len(left), _FRAME)
-    white = linear.complement(W @ frame).T @ W @ left
+    white = linear.complement(W @ np.hstack([frame, further])).T @ W @ left
     return float(chi2_beyond(float(white @ white), len(white)))
 
 
@@ -333,13 +380,14 @@ _ANYWHERE_M = 0.01
 
 
 def _there(
-    found: Identified, mechanism: Mechanism, q: Array, target: Ints
-) -> tuple[Array, Array, Array]:
+    found: Identified, mechanism: Mechanism, q: Array, target: Ints, gears: Collection[int]
+) -> tuple[Array, Array, Array, Array]:
     """Where a target stands unloaded at each of some joint values, as `Stance.unloaded`.
 
     Returns:
-        Places [m], F_b, (m, 3), and what moves them: all parameters (3 m, k), and the error of
-        each joint in its standard deviation (3 m, n).
+        Places [m], F_b, (m, 3), and what moves them: all parameters (3 m, k), the error of each
+        joint in its standard deviation (3 m, n), and another stiffness or play of some gears by the
+        sign of their torque (3 m, 2 g).
     """
     m = len(q)
     never, weights = np.full(m, np.nan), replace(found.weights, carried=np.zeros(m, dtype=np.int64))
@@ -352,10 +400,16 @@ def _there(
         X[np.arange(m), :, D.shape[2] + knot[:, k]] += K[..., k]
     mine = np.arange(m)[:, None], 6 * target[:, None] + np.arange(3)
     S = Z[..., : mechanism.table.n] * found.scatter.joints
+    which = np.array(sorted(gears), dtype=np.int64) - 1
+    tau = stand.tau[:, which]
+    size = np.abs(tau).max(axis=0, initial=0.0)
+    sides = np.concatenate([np.abs(tau) / np.where(size > 0, size, 1.0), np.sign(tau)], axis=1)
+    G = np.tile(Z[..., which], 2) * sides[:, None]
     return (
         stand.at[np.arange(m), target],
         X[mine].reshape(3 * m, -1),
         S[mine].reshape(3 * m, -1),
+        G[mine].reshape(3 * m, -1),
     )
 
 

@@ -1,13 +1,14 @@
 """What gives way under the arm's own weight beside its joints: elastic effects of the catalogue.
 
 Virtual joint v of an effect with the screw s_v moves by its compliance times the effect's response
-to s_v . W, with W the wrench of all that its carrier carries: as under a pull, with the weight in
+to s_v . W, with W the wrench of all that it bears: as under a pull, with the weight in
 the place of the pull.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -50,6 +51,7 @@ class Virtual:
     Attributes:
         screws: Unit screws in F_b, shape (m, v, 6).
         carrier: Joint from 1 that carries each, shape (v,).
+        bears: Joint from 1 whose weight, and that of all behind it, loads each, shape (v,).
         parameter: Which parameter each has, shape (v,).
     """
 
@@ -60,6 +62,8 @@ class Virtual:
         before = np.cumsum([0, *(len(effect.parameters) for effect in effects)]).tolist()
         self.screws = np.concatenate([np.zeros((len(here.q), 0, 6)), *own], axis=1)
         self.carrier = np.array([c for e in effects for c in e.carrier], dtype=np.int64).clip(1)
+        bears = [e.bears or c for e in effects for c in e.carrier]
+        self.bears = np.array(bears, dtype=np.int64).clip(1)
         self.parameter = np.array(
             [k + p for e, k in zip(effects, before, strict=False) for p in e.parameter_of],
             dtype=np.int64,
@@ -75,13 +79,34 @@ class Virtual:
 
     def under(self, wrenches: Array) -> Array:
         """The same under what each joint carries, (m, n, 6)."""
-        return self.answers(work(self.screws, wrenches[:, self.carrier - 1]))
+        own = wrenches[..., 3:] - np.pad(wrenches[:, 1:, 3:], ((0, 0), (0, 1), (0, 0)))
+        tau = work(self.screws, wrenches[:, self.bears - 1])
+        for one, body, part in self._between:
+            tau[:, one] += part * work(self.screws[:, one], self._hung(own[:, body], one))
+        return self.answers(tau)
 
     def by_moments(self, unit: Array) -> Array:
         """The same by mass and first moment of each link, (m, n, 4, 6) -> (m, v, 4 n)."""
-        torques = carried_by(self.screws, self.carrier, unit)
+        torques = carried_by(self.screws, self.bears, unit)
+        for one, body, part in self._between:
+            weight = self._hung(unit[:, body, 0, 3:], one)
+            torques[:, one, 4 * body] += part * work(self.screws[:, one], weight)
         each = [self.answers(torques[:, :, k]) for k in range(torques.shape[2])]
         return np.stack(each, axis=2)
+
+    @cached_property
+    def _between(self) -> list[tuple[slice, int, float]]:
+        """Virtual joints of an effect, a body between carrier and `bears`, and its part."""
+        return [
+            (slice(a, b), e.carrier[0] - 1 + k, part)
+            for e, (a, b) in zip(self._effects, pairwise(self._ends), strict=True)
+            for k, part in enumerate(e.between)
+        ]
+
+    def _hung(self, force: Array, one: slice) -> Array:
+        """Forces (m, 3) where the joint sits that an effect bears, as wrenches (m, 1, 6)."""
+        at = self._loaded.configuration.frame(int(self.bears[one][0]))[1]
+        return np.concatenate([np.cross(at, force), force], axis=1)[:, None]
 
 
 def carried_by(screws: Array, carrier: Ints, unit: Array) -> Array:

@@ -275,6 +275,10 @@ class Elastic(Effect):
         response: loaded, tau (m, v) -> deflection per unit parameter, shape (m, v); that of a
             linear spring where nothing else is said.
         shared: Parameter of each virtual joint where several have one; empty for one each.
+        bears: The joint from which on the arm's own weight loads them; that which carries each
+            where 0.
+        between: Of each body from the carrier to before that joint, the part of its weight that
+            loads them as if it hung where that joint sits [1].
         side: Of a law that is another one each way of the torque: loaded, tau (m, 1) -> 1 where its
             one parameter adds to the compliance of the joint that carries it, -1 where it takes
             from it, shape (m, 1); None where the joint has one compliance.
@@ -285,6 +289,8 @@ class Elastic(Effect):
     response: Callable[[Loaded, Array], Array] = linear
     shared: tuple[int, ...] = ()
     side: Callable[[Loaded, Array], Array] | None = None
+    bears: int = 0
+    between: tuple[float, ...] = ()
 
     def screws(self, loaded: Loaded) -> Array:
         """Unit screws of the virtual joints in F_b, shape (m, v, 6)."""

@@ -12,7 +12,7 @@ are linear where the positions ended.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import NamedTuple
@@ -22,7 +22,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Locked, Strings
 from pipeline.machine.cell import Cell
-from pipeline.machine.effect import Elastic
+from pipeline.machine.effect import Effect, Elastic
 from pipeline.machine.effects.gravity_sag import under_pulls
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.letters import Letter, changed
@@ -45,6 +45,17 @@ class CommonSoftness(NamedTuple):
     dof: int
 
 
+def called_for(elements: Sequence[Elastic], by: Sequence[Effect]) -> tuple[int, ...]:
+    """Which elements are among some effects, of this or of another robot's table."""
+    keys = {(one.label, one.form) for one in by}
+    return tuple(k for k, one in enumerate(elements) if (one.label, one.form) in keys)
+
+
+def laws_of_gears(effects: Sequence[Effect]) -> set[int]:
+    """Joints with a law in their gear beside the spring, of which weight shows something else."""
+    return {one.where for one in effects if one.element == "gear" and isinstance(one.where, int)}
+
+
 @dataclass(frozen=True, eq=False)
 class Stance(Locked):
     """Where a robot stands and what bends it, as its absolute positions have it.
@@ -65,6 +76,9 @@ class Stance(Locked):
             it, which moves nothing; 0 where the robot file states the masses [1].
         moments: Mass [kg] and first moment in its frame [kg m] of each link, shape (n, 4).
         gravity: Acceleration in F_b [m/s^2], shape (3,).
+        elements: All that could yield beside the joints; those that are not held are none.
+        reopened: What positions say where some of these, by number, are free; None: they stay none.
+        scaled: Springs over those that the positions alone have.
     """
 
     robot: Robot
@@ -79,6 +93,16 @@ class Stance(Locked):
     factor: float = 0.0
     moments: Array = field(default_factory=lambda: np.zeros((0, 4)))
     gravity: Array = field(default_factory=lambda: np.zeros(3))
+    elements: tuple[Elastic, ...] = ()
+    reopened: Callable[[tuple[int, ...]], Stance] | None = None
+    scaled: float = 1.0
+
+    def holding(self, called: Sequence[Effect]) -> Stance:
+        """The same with elements held that pulls call for, of whatever size readings have them."""
+        more = called_for(self.elements, called)
+        if self.reopened is None or all(self.elements[k] in self.held for k in more):
+            return self
+        return self.reopened(more).softer(self.scaled)
 
     @property
     def springs(self) -> int:
@@ -137,6 +161,7 @@ class Stance(Locked):
             yields=self.yields * factor,
             moments=self.moments / factor,
             cov=self.cov * scale * scale[:, None],
+            scaled=self.scaled * factor,
         )
 
     @cached_property

@@ -5,7 +5,7 @@ from __future__ import annotations
 import io
 import json
 from dataclasses import dataclass, replace
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 
@@ -27,6 +27,9 @@ from pipeline.geometry.mechanism import (
 from pipeline.geometry.yielding import yielding
 from pipeline.machine.robot.mdh import parse
 from pipeline.machine.robot.weight import link_moments
+from pipeline.prediction.model import dumps as model_text
+from pipeline.prediction.model import parse as model_of
+from pipeline.prediction.under_force import ByPulls, under_force
 
 LARGEST = 2**28
 """Bytes of a model: the covariance of two thousand knots has 2^25."""
@@ -50,6 +53,7 @@ class Standing(Locked):
         gravity: [m/s^2], F_b, shape (3,).
         series: Whose frame says where F_b is: the one with most poses.
         tip: Where a force acts, flange frame [m], shape (3,); the first target where None.
+        by_pulls: What pulls of the same robot say a force does; None where nothing was pulled.
     """
 
     campaign: str
@@ -62,6 +66,7 @@ class Standing(Locked):
     gravity: Array
     series: int
     tip: Array | None = None
+    by_pulls: ByPulls | None = None
 
     @property
     def payloads(self) -> tuple[str, ...]:
@@ -89,7 +94,7 @@ class Standing(Locked):
             knots=np.zeros(0),
         )
         kept = slice(where.yields.start)
-        return replace(self, mechanism=bare, cov=self.cov[kept, kept])
+        return replace(self, mechanism=bare, cov=self.cov[kept, kept], by_pulls=None)
 
     def springs(self) -> Standing:
         """The table as delivered with the springs found, without letters and laws."""
@@ -158,7 +163,14 @@ def _predict(
     D, Z = derivatives(mechanism, stand, weights)
     D[..., frame_of(mechanism, model.series)] = by_frame(stand.at)
     K, knots = between_knots(mechanism.curves, q, Z)
-    cov = _spread(model.cov, D, K, knots)
+    at, cov = stand.at, _spread(model.cov, D, K, knots)
+    pulled = np.flatnonzero(force.any(axis=1))
+    if model.by_pulls is not None and len(pulled):
+        rows = D[pulled], K[pulled], knots[pulled]
+        moved = _under_force(model, q[pulled], force[pulled], *rows)
+        at = at.copy()
+        at[pulled] += moved.mean
+        cov[pulled] = moved.cov
     loose = np.zeros(Z[:, 0].shape)
     loose[:, : q.shape[1]] = model.joints**2
     for curve in mechanism.curves:
@@ -166,9 +178,44 @@ def _predict(
     for law in mechanism.laws:
         loose[:, law.joint - 1] += _unknown(law, mechanism, stand.inputs)
     cov += (Z * loose[:, None, :]) @ np.swapaxes(Z, 1, 2)
-    m, t = stand.at.shape[:2]
+    m, t = at.shape[:2]
     each = cov.reshape(m, t, 6, t, 6)
-    return stand.at, stand.turn, np.stack([each[:, k, :, k] for k in range(t)], axis=1)
+    return at, stand.turn, np.stack([each[:, k, :, k] for k in range(t)], axis=1)
+
+
+class _Moved(NamedTuple):
+    """How far pulls have targets from where positions do [m], (m, t, 3); covariance of both."""
+
+    mean: Array
+    cov: Array
+
+
+def _under_force(
+    model: Standing, q: Array, force: Array, D: Array, K: Array, knots: Ints
+) -> _Moved:
+    """The mixture of what the hypotheses of pulls say."""
+    there, m = model.mechanism, len(q)
+    tip = there.tool[0, :3, 3] if model.tip is None else model.tip
+    assert model.by_pulls is not None
+    every = under_force(model.by_pulls, there, tip, q, force)
+    weights = np.array([one.weight for one in every])
+    mean = np.einsum("h,hmti->mti", weights, [one.shift for one in every])
+    cov = np.zeros((m, D.shape[1], D.shape[1]))
+    for one in every:
+        if one.weight > 0:
+            more = _spread(model.cov, D + _of_points(one.by_positions), K, knots)
+            own, off = _of_points(one.own), _of_points((one.shift - mean)[..., None])
+            more += own @ np.swapaxes(own, 1, 2) + off @ np.swapaxes(off, 1, 2)
+            pose, row = np.nonzero(_of_points(one.unknown[..., None])[..., 0])
+            more[pose, row, row] = np.inf
+            cov += one.weight * more
+    return _Moved(mean, cov)
+
+
+def _of_points(moved: Array) -> Array:
+    """Rows (m, t, 3, k) of points as rows of points and turns, which are zero, (m, 6 t, k)."""
+    wide = np.pad(moved, ((0, 0), (0, 0), (0, 3), (0, 0)))
+    return np.asarray(wide.reshape(len(moved), 6 * moved.shape[1], moved.shape[-1]))
 
 
 def _spread(cov: Array, D: Array, K: Array, knots: Ints) -> Array:
@@ -194,8 +241,10 @@ def _unknown(law: JointLaw, mechanism: Mechanism, inputs: Inputs) -> Array:
     return np.where(np.isfinite(v), size * beyond**2, size)
 
 
-def standing(campaign: str, found: Identified, tip: Array | None = None) -> Standing:
-    """The model of an estimate, and where a force acts, as in `Standing`."""
+def standing(
+    campaign: str, found: Identified, tip: Array | None = None, by_pulls: ByPulls | None = None
+) -> Standing:
+    """The model of an estimate; where a force acts and what it does, as in `Standing`."""
     return Standing(
         campaign=campaign,
         mechanism=found.mechanism,
@@ -207,6 +256,7 @@ def standing(campaign: str, found: Identified, tip: Array | None = None) -> Stan
         gravity=found.weights.gravity,
         series=int(np.argmax(np.bincount(found.readings.series))),
         tip=tip,
+        by_pulls=by_pulls,
     )
 
 
@@ -226,6 +276,8 @@ def dumps(model: Standing) -> bytes:
         "series": model.series,
         "yields": bool(there.elements),
         "tip": None if model.tip is None else model.tip.tolist(),
+        "pulls": model.by_pulls and model_text(model.by_pulls.model),
+        "joined": bool(model.by_pulls and model.by_pulls.joined),
     }
     arrays: dict[str, Any] = {
         "said": np.frombuffer(json.dumps(said).encode(), dtype=np.uint8),
@@ -288,4 +340,5 @@ def _loaded(kept: dict[str, Any]) -> Standing:
         gravity=kept["gravity"],
         series=said["series"],
         tip=None if said.get("tip") is None else np.array(said["tip"]),
+        by_pulls=ByPulls(model_of(said["pulls"]), said["joined"]) if said.get("pulls") else None,
     )

@@ -24,6 +24,8 @@ width they would be so in 1 of 64 cases."""
 _FEWEST = 20
 """Divisions in the largest reading [1]: fewer are steps to which somebody pulled, as crane scales
 have 100 (OIML R 76-1, class IIII) and are used in more than a fifth of their range."""
+_MOST = 100_000
+"""Divisions of a scale at most (OIML R 76-1, class II): more are digits of a file."""
 
 
 def division(forces: Array) -> float:
@@ -40,7 +42,7 @@ def division(forces: Array) -> float:
         return 0.0
     every = sorted((d * unit for d in _DIVISIONS for unit in _UNITS_N), reverse=True)
     h = next((h for h in every if np.abs(x / h - np.round(x / h)).max() < 1e-3), 0.0)
-    return h if _FEWEST * h <= np.abs(x).max() else 0.0
+    return h if _FEWEST * h <= np.abs(x).max() <= _MOST * h else 0.0
 
 
 def rounding(positions: Array) -> float:

@@ -9,6 +9,7 @@ import pytest
 from bench.as_pinocchio import model as pin_model
 from pipeline.annex.seen_laws import laws
 from pipeline.diagnosis.average import Hypothesis
+from pipeline.diagnosis.average import springs as springs_of
 from pipeline.diagnosis.joined import agreement, joined
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effect import Pulls
@@ -231,7 +232,7 @@ def many():
         one = world(seed)
         springs, data = hypothesis(one)
         both = joined(springs, data)
-        held = agreement(springs, both, data.stance, 1.0)
+        held = agreement(springs, both, 1.0)
         out.append((springs.estimate, both.hypothesis.estimate, one.truth[:6], held))
     return out
 
@@ -257,7 +258,7 @@ def test_a_scale_that_reads_too_much_contradicts_the_weight():
     """A quarter more force makes springs stiffer than the arm's weight says."""
     one = world(1, off=1.25)
     springs, data = hypothesis(one)
-    held = agreement(springs, joined(springs, data), data.stance, 1.0)
+    held = agreement(springs, joined(springs, data), 1.0)
 
     assert held.p < alarms.MISFIT
     assert (np.abs(held.pulls[:, 0] - one.truth[:6] / 1.25) < 4 * held.pulls[:, 1]).all()
@@ -300,3 +301,65 @@ def test_causes_of_the_pulls_keep_their_place_beside_elements_of_the_positions()
         / np.abs(alone.estimate.value[6 : 6 + k]).max(),
         rel=0.5,
     )
+
+
+def with_causes(one, *effects):
+    """Springs and causes of the pulls; the positions hold how the bearing of joint 3 tilts."""
+    springs, data = with_tilt(one)
+    cell = replace(springs.cell, effects=springs.cell.effects[:1]).with_effects(*effects)
+    start = np.append(one.estimate[:6], np.zeros(len(cell.parameters) - 6))
+    system = assemble(cell, data, start)
+    return Hypothesis(0.5, effects, cell, system, solve(system, start)), data
+
+
+def test_a_cause_that_positions_hold_is_one_parameter():
+    """What pulls find beside what is held is added to it, and weight and pulls say one number."""
+    one = world(4)
+    tilt = {e.where: e for e in catalogue(one.robot) if e.name == "joint_tilt"}[3]
+    alone, data = with_causes(one, tilt)
+    found = joined(alone, data)
+    names = [p.name for p in found.hypothesis.estimate.parameters]
+
+    assert len(set(names)) == len(names) == 6 + len(tilt.parameters)
+    assert found.hypothesis.estimate.value[6:] == pytest.approx(2e-8, abs=4e-8)
+    assert found.elements.dof == len(tilt.parameters)
+    more = alone.estimate.value[6:] / alone.estimate.std[6:]  # beyond what is held
+    assert found.elements.chi2 == pytest.approx(float(more @ more), rel=0.6, abs=2.0)
+
+
+def test_springs_are_averaged_where_each_hypothesis_lacks_another_element():
+    """The first six, whatever stands behind them."""
+    one = world(4)
+    tilts = {e.where: e for e in catalogue(one.robot) if e.name == "joint_tilt"}
+    several = [
+        joined(*with_causes(one, *causes)).hypothesis
+        for causes in ((tilts[3],), (tilts[2],))
+    ]
+    assert len({len(each.estimate.value) for each in several}) == 2
+    both = springs_of(several)
+
+    middle = (several[0].estimate.value[:6] + several[1].estimate.value[:6]) / 2
+    assert both.value == pytest.approx(middle)
+
+
+def test_the_spring_of_a_gear_with_a_second_law_is_not_joined():
+    """Under the weight it is another number; the others are known as well as with it."""
+    one = world(4)
+    effect = next(
+        e for e in catalogue(one.robot) if (e.label, e.form) == ("joint_asymmetry:2", "pull")
+    )
+    alone, data = with_causes(one, effect)
+    off = data.stance.cov[1, 1] ** 0.5 * np.eye(len(data.stance.cov))[1]
+    far = replace(data.stance, compliance=data.stance.compliance + 50 * off[:6])
+    moved = joined(alone, replace(data, stance=far))
+    here = joined(alone, data)
+
+    assert moved.springs.chi2 == pytest.approx(here.springs.chi2, abs=1e-6)
+    assert here.springs.dof == 5
+    assert moved.hypothesis.estimate.value == pytest.approx(here.hypothesis.estimate.value)
+    assert np.isinf(agreement(alone, here, 1.0).weight[1, 1])
+    # what goes back to the positions has their own number of it, beside what the others are now
+    back = moved.value[:6] - here.value[:6]
+    assert back[[0, 2, 3, 4, 5]] == pytest.approx(0.0, abs=1e-12)
+    assert back[1] == pytest.approx(50 * off[1], rel=1e-6)
+    assert np.linalg.eigvalsh(far.cov[:6, :6] - moved.cov[:6, :6]).min() > -1e-18

@@ -13,12 +13,13 @@ from pipeline.geometry.identify import Wanted, identify
 from pipeline.geometry.mechanism import ArmWeights, Mechanism, Payloads, layout
 from pipeline.geometry.scatter import start
 from pipeline.geometry.stance import by_masses
+from pipeline.geometry.yielding import Virtual, carried_on, yielding
 from pipeline.machine.cell import Cell, Tool, baseline, predict
 from pipeline.machine.effect import Pulls
 from pipeline.machine.effects.gravity_sag import under_pulls
 from pipeline.machine.robot import configure, load
 from pipeline.machine.robot.letters import letters
-from pipeline.machine.robot.weight import link_moments, stiffening
+from pipeline.machine.robot.weight import by_moments, carried, link_moments, stiffening
 
 GRAVITY = np.array([0.0, 0.0, -9.80665])
 NOTHING = Payloads((), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))
@@ -135,3 +136,51 @@ def test_masses_that_are_off_count_as_springs_that_are(arm):
     change = (np.array(moved) - given.solution.x[where]) / 0.001 * 0.05
 
     assert np.sqrt((change**2).sum(axis=0))[1:5] == pytest.approx(spread[1:5], rel=0.35)
+
+
+def bent(robot, machine, q, where, c):
+    """How far a link that bends lets the targets sag [m], (t, 3): curvature along it, summed up.
+
+    Every weight bends the link between its near end and where it hangs, by c / L times its moment
+    there; both ends and all weights are where Pinocchio has the straight arm.
+    """
+    near, far = {"upper_arm": (2, 3), "forearm": (3, 5)}[where]
+    flange = machine.flange(q)
+    there = {k: machine.data.oMi[one + 1] for k, (one, _) in enumerate(machine.own, 1)}
+    axis = there[near].rotation[:, 2]
+    start, along = there[near].translation, there[far].translation - there[near].translation
+    along = along - (along @ axis) * axis
+    out, steps = np.zeros_like(TOOL), 400
+    for s in (np.arange(steps) + 0.5) / steps:
+        moment = np.zeros(3)
+        for k in range(near, robot.n + 1):
+            at = there[k].act(machine.truth.centre[k - 1])
+            if k >= far or (at - start) @ along / (along @ along) > s:
+                moment += machine.truth.mass[k - 1] * np.cross(at - start - s * along, GRAVITY)
+        moment -= (moment @ along) * along / (along @ along)
+        arms = TOOL @ flange[:3, :3].T + flange[:3, 3] - start - s * along
+        out += np.cross(c / steps * moment, arms)
+    return out
+
+
+@pytest.mark.parametrize("where", ["upper_arm", "forearm"])
+def test_a_link_is_bent_by_the_weights_beyond(arm, where):
+    """To a tenth of the largest sag; a motor at its near end does not bend it."""
+    robot, c, machine, q = arm
+    stiff = HeavyRobot(
+        robot,
+        0 * errors_of_table(robot.n + 1, np.random.default_rng(0)),
+        Truth(0 * c, mass=machine.truth.mass, centre=machine.truth.centre),
+    )
+    here, never = configure(robot, q), np.tile(np.eye(3), (len(q), len(TOOL), 1, 1))
+    element = next(e for e in yielding(robot) if e.label == f"link_bending:{where}")
+    virtual, size = Virtual([element], here), 3e-7
+    weight = carried(here, GRAVITY, link_moments(robot), np.zeros(len(q)), np.zeros((len(q), 3)))
+    at, _ = carried_on(
+        virtual.screws, virtual.carrier, size * virtual.under(weight), points(stiff, q), never
+    )
+    sag = np.array([bent(robot, stiff, one, where, size) for one in q])
+
+    assert np.abs(at - points(stiff, q) - sag).max() < 0.1 * np.abs(sag).max()
+    by = virtual.by_moments(by_moments(here, GRAVITY)) @ link_moments(robot).ravel()
+    np.testing.assert_allclose(by, virtual.under(weight), rtol=1e-9, atol=1e-9)

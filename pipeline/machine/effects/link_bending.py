@@ -3,6 +3,9 @@
 - beam: it turns about its middle by c = L / EI times the moment there, and its end moves across by
   c L^2 / 12 times the force there (Euler and Bernoulli, exact for any load at the end)
 - hinge: it turns about its middle only (a link that is stiff but for one section)
+
+Under the arm's own weight what hangs on its far end does so, and a body at a part a of its length
+as a^2 of its weight there would: the slope is c a^2 L F / 2.
 """
 
 import numpy as np
@@ -10,7 +13,7 @@ import numpy as np
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import Elastic, Loaded
 from pipeline.machine.effects._anatomy import arm, compliance
-from pipeline.machine.robot import Robot
+from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.configuration import rotation_about, translation_along
 
 
@@ -65,4 +68,19 @@ def _effect(robot: Robot, where: str, short: str, near: int, far: int, form: str
         twists=screws,
         response=response,
         shared=(0, 1, 0, 1) if beam else (),
+        bears=far,
+        between=_between(robot, near, far),
     )
+
+
+def _between(robot: Robot, near: int, far: int) -> tuple[float, ...]:
+    """a^2 of each body that the link carries between its ends; amid it where no mass is stated."""
+    here = configure(robot, np.zeros((1, robot.n)))
+    (_, start), (_, end) = here.frame(near), here.frame(far)
+    link, out = (end - start)[0], []
+    for number in range(near, far):
+        axes, origin = here.frame(number)
+        centre = robot.joints[number - 1].centre_of_mass_m
+        middle = (start + end) / 2 if centre is None else origin + axes @ np.array(centre)
+        out.append(float(np.clip((middle - start)[0] @ link / (link @ link), 0.0, 1.0)) ** 2)
+    return tuple(out)

@@ -1,0 +1,165 @@
+"""What pulls say a force does, in place of what springs by positions do, and how uncertain.
+
+A model of positions turns each joint by its spring under weight and force alike. Where the same
+robot was pulled, a force moves targets by
+
+    d(q, f) = sum over hypotheses of w (S_h p_h),        p_h = springs and causes,
+
+with laws that a weight does not show, and instead of S x, with x the springs and elements that
+positions have in common with p_h. What both were estimated from together is one number: the rest e
+of p_h follows it,
+
+    e = e_h + G (x - x_h) + r,    G = cov(e, x) cov(x)^-1,    r independent of all positions.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from pipeline.base import linear
+from pipeline.base.arrays import Array, Ints, Locked
+from pipeline.geometry.mechanism import Mechanism, layout
+from pipeline.machine.cell import Cell, Tool, jacobian, paper_cell
+from pipeline.machine.cell import predict as forward
+from pipeline.machine.effect import Pulls
+from pipeline.machine.stance import called_for, laws_of_gears
+from pipeline.prediction.model import NOTHING_M, IdentifiedModel, ModelHypothesis
+
+
+@dataclass(frozen=True, eq=False)
+class ByPulls(Locked):
+    """What pulls of the robot say.
+
+    Attributes:
+        model: Of the pulls.
+        joined: It was estimated together with the positions.
+    """
+
+    model: IdentifiedModel
+    joined: bool
+
+
+class UnderForce(NamedTuple):
+    """How one hypothesis has targets under a force, beside how positions have them.
+
+    Attributes:
+        weight: Its probability.
+        shift: [m], F_b, shape (m, t, 3).
+        by_positions: Change of the derivatives by parameters of the positions, (m, t, 3, dense).
+        own: Derivatives by independent unit errors of its own, shape (m, t, 3, k).
+        unknown: Whether something moves them that nothing determines, shape (m, t, 3).
+    """
+
+    weight: float
+    shift: Array
+    by_positions: Array
+    own: Array
+    unknown: Array
+
+
+def under_force(
+    said: ByPulls, there: Mechanism, tip: Array, q: Array, force: Array
+) -> list[UnderForce]:
+    """All hypotheses of the pulls.
+
+    Args:
+        said: What the pulls say.
+        there: The robot as positions have it.
+        tip: Where the force acts, flange frame [m], shape (3,).
+        q: Joint values [m] or [rad], shape (m, n).
+        force: Force at the tip [N], F_b, shape (m, 3).
+    """
+    points, pulls = there.tool[:, :3, 3], Pulls.at(q, force)
+    tool = Tool(tip, np.array([str(k) for k in range(len(points))], dtype=object), points)
+    return [_one(h, said.joined, there, tool, pulls) for h in said.model.hypotheses]
+
+
+def _one(
+    h: ModelHypothesis, joined: bool, there: Mechanism, tool: Tool, pulls: Pulls
+) -> UnderForce:
+    mine = replace(h.cell, tool=tool)
+    places = _Columns.of(h, joined, there)
+    own, held = _of_positions(mine, there)
+    known = places.values(h, there)
+    shift = forward(mine, pulls, known).displacement - forward(own, pulls, held).displacement
+    A = jacobian(replace(mine, equilibrium="undeformed"), pulls, known)
+    S = jacobian(replace(own, equilibrium="undeformed"), pulls, held)
+    C, e, s = h.cov, places.rest, places.shared[:, 0]
+    follow = C[np.ix_(e, s)] @ linear.inverse(C[np.ix_(s, s)])
+    more = np.zeros((*shift.shape, layout(there).dense))
+    more[..., places.replaced[:, 1]] = -S[..., places.replaced[:, 0]]
+    more[..., places.shared[:, 1]] += A[..., e] @ follow
+    left = linear.factor(C[np.ix_(e, e)] - follow @ C[np.ix_(s, e)])
+    typical = np.array([p.typical for p in h.cell.parameters])
+    loose = np.abs(A[..., places.open] * typical[places.open]).max(axis=-1, initial=0.0)
+    return UnderForce(h.weight, shift, more, A[..., e] @ left, loose > NOTHING_M)
+
+
+def _of_positions(mine: Cell, there: Mechanism) -> tuple[Cell, Array]:
+    """Springs, and elements that pulls hold or find, as positions have them; their values."""
+    which = called_for(there.elements, mine.effects)
+    held = [k for one in which for k in _span(there, one)]
+    cell = paper_cell(mine.robot, mine.tool).with_effects(*(there.elements[k] for k in which))
+    return replace(cell, equilibrium=mine.equilibrium), np.append(
+        there.compliance, there.yields[held]
+    )
+
+
+def _span(there: Mechanism, element: int) -> range:
+    """Where the parameters of an element stand among those of all."""
+    ends = np.cumsum([0, *(len(one.parameters) for one in there.elements)]).tolist()
+    return range(ends[element], ends[element + 1])
+
+
+@dataclass(frozen=True, eq=False)
+class _Columns(Locked):
+    """Parameters of a hypothesis against those of positions.
+
+    Attributes:
+        shared: Both have them and were estimated together: column of each, shape (s, 2).
+        replaced: Column of springs and elements as positions have them that do not act under a
+            force, among these alone and among all of the positions, shape (r, 2).
+        rest: Its own, shape (e,).
+        open: Its own that nothing determines, shape (o,).
+    """
+
+    shared: Ints
+    replaced: Ints
+    rest: Ints
+    open: Ints
+
+    @classmethod
+    def of(cls, h: ModelHypothesis, joined: bool, there: Mechanism) -> _Columns:
+        """Those of a hypothesis."""
+        where, known = layout(there), np.isfinite(h.std)
+        effects = h.cell.effects
+        first = np.cumsum([0, *(len(one.parameters) for one in effects)]).tolist()
+        at = {(one.label, one.form): k for one, k in zip(effects, first, strict=False)}
+        pairs = [(j, j, where.compliance.start + j) for j in range(there.table.n)]
+        for k in called_for(there.elements, effects):
+            element = there.elements[k]
+            for i, column in enumerate(_span(there, k)):
+                mine = at[element.label, element.form] + i
+                pairs.append((mine, len(pairs), where.yields.start + column))
+        laws = {j - 1 for j in laws_of_gears(effects)}
+        both = [joined and bool(known[i]) and i not in laws for i, _, _ in pairs]
+        shared = [(i, k) for (i, _, k), yes in zip(pairs, both, strict=True) if yes]
+        moved = [(j, k) for (i, j, k), yes in zip(pairs, both, strict=True) if known[i] and not yes]
+        taken, given = {i for i, _ in shared}, {i for i, _, _ in pairs if not known[i]}
+        every = np.array([i for i in range(len(known)) if i not in taken | given], dtype=np.int64)
+        return cls(
+            np.array(shared, dtype=np.int64).reshape(-1, 2),
+            np.array(moved, dtype=np.int64).reshape(-1, 2),
+            every[known[every]],
+            every[~known[every]],
+        )
+
+    def values(self, h: ModelHypothesis, there: Mechanism) -> Array:
+        """Its values; of springs that it does not determine those of the positions."""
+        out, n = h.value.copy(), there.table.n
+        unknown = np.flatnonzero(~np.isfinite(h.std[:n]))
+        out[unknown] = there.compliance[unknown]
+        return out

@@ -1,0 +1,157 @@
+"""Where targets are under a force, by positions and pulls of one robot, against drawn machines."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from heavy_robot import TOOL
+
+from pipeline.geometry.mechanism import ArmWeights, Mechanism, Payloads, layout
+from pipeline.geometry.yielding import yielding
+from pipeline.machine.cell import Tool, paper_cell
+from pipeline.machine.effects import catalogue
+from pipeline.machine.robot import load
+from pipeline.machine.robot.letters import letters
+from pipeline.machine.robot.weight import link_moments
+from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
+from pipeline.prediction.standing import Standing, dumps, loads, predict
+from pipeline.prediction.under_force import ByPulls
+
+GRAVITY = np.array([0.0, 0.0, -9.80665])
+NOBODY = Payloads((), np.zeros(0), np.zeros((0, 3)), np.zeros((0, 4)))
+TIP = np.array([0.1, 0.0, 0.2])
+Q = np.array([[0.3, -1.2, 0.6, 0.5, -0.7, 0.2], [-0.8, -0.9, 0.3, -0.6, 0.9, 1.0]])
+FORCE = np.array([[900.0, -400.0, -1200.0], [0.0, 0.0, 1500.0]])
+ROBOT = load("kr210_r2700_2")
+HALF = 2e-7  # half of the difference of two springs [rad/(N m)]
+SOFT = ROBOT.nominal_compliance * np.array([1.1, 0.9, 1.2, 0.8, 1.0, 1.3])
+NAMES = np.array(["P1", "P2", "P3"], dtype=object)
+BOTH_WAYS = next(e for e in catalogue(ROBOT) if (e.label, e.form) == ("joint_asymmetry:2", "pull"))
+
+
+def standing(by_pulls=None):
+    """A robot of which positions know the springs to 3 % of each, and all else exactly."""
+    tool = np.tile(np.eye(4), (len(TOOL), 1, 1))
+    tool[:, :3, 3] = TOOL
+    elements = yielding(ROBOT)
+    one = Mechanism(
+        ROBOT, np.zeros(len(letters(ROBOT))), tool, np.eye(4)[None], SOFT, np.zeros((0, 4)),
+        link_moments(ROBOT), elements=elements,
+        yields=np.zeros(sum(len(e.parameters) for e in elements)),
+    )  # fmt: skip
+    where = layout(one)
+    cov, part = np.zeros((where.size, where.size)), where.compliance
+    cov[part, part] = np.diag((0.03 * SOFT) ** 2)
+    return Standing(
+        "made", one, np.zeros(3, dtype=bool), NAMES, cov,
+        np.zeros(6), NOBODY, GRAVITY, 0, TIP, by_pulls,
+    )  # fmt: skip
+
+
+def pulled(effects=(), more=(), joined=True, mixed=0.0):
+    """What pulls say: springs to 3 % of each, effects to a tenth, `mixed` with the spring of A3."""
+    cell = paper_cell(ROBOT, Tool(TIP, NAMES, TOOL)).with_effects(*effects)
+    value = np.append(SOFT, np.asarray(more, float))
+    size = np.append(0.03 * SOFT, 0.1 * np.abs(np.asarray(more, float)))
+    C = np.eye(len(value))
+    C[2, 6:] = C[6:, 2] = mixed
+    one = ModelHypothesis(1.0, cell, value, C * size * size[:, None])
+    return ByPulls(IdentifiedModel("made", "explained", {}, (one,)), joined)
+
+
+def at(model, force=FORCE):
+    """What it predicts."""
+    never = np.full(len(Q), np.nan)
+    return predict(model, Q, force, np.zeros(len(Q), dtype=np.int64), never)
+
+
+def test_pulls_that_say_the_same_change_nothing():
+    """Springs of both estimated together are one number."""
+    alone, beside = at(standing()), at(standing(pulled()))
+
+    np.testing.assert_allclose(beside.at, alone.at, atol=1e-12)
+    np.testing.assert_allclose(beside.cov, alone.cov, atol=1e-18)
+
+
+def test_unloaded_the_pulls_have_no_say():
+    """Whatever they say of a force."""
+    without = np.zeros_like(FORCE)
+    alone, beside = standing(), standing(pulled([BOTH_WAYS], [4e-7], joined=False))
+
+    np.testing.assert_array_equal(at(beside, without).at, at(alone, without).at)
+    np.testing.assert_array_equal(at(beside, without).cov, at(alone, without).cov)
+
+
+def drawn(joined, mixed, count=20000):
+    """Motions of the targets of machines drawn from what both say, (count, m, t, 3) [m].
+
+    Weight turns joints by one spring and a force by another, which is the same one of joints
+    without a second law, if positions and pulls were estimated together.
+    """
+    rng, never = np.random.default_rng(4), np.full(len(Q), np.nan)
+    weights = ArmWeights(GRAVITY, NOBODY, np.zeros(len(Q), dtype=np.int64))
+    by_weight, by_force = 1 + 0.03 * rng.normal(size=(2, count, 6))
+    if joined:
+        same = [0, 2, 3, 4, 5]
+        by_weight[:, same] = by_force[:, same]
+    further = mixed * (by_force[:, 2] - 1) / 0.03 + np.sqrt(1 - mixed**2) * rng.normal(size=count)
+    stand = standing().mechanism.stand(Q, weights, never, never, never)
+    lever = np.einsum("mij,j->mi", stand.here.flange_axes, TIP) + stand.here.flange_origin
+    turn, shift = stand.here.twists[..., :3], stand.here.twists[..., 3:]
+    pull = np.einsum("mkj,mj->mk", turn, np.cross(lever, FORCE))
+    pull += np.einsum("mkj,mj->mk", shift, FORCE)
+    angle = (by_weight * SOFT)[:, None] * stand.tau + (by_force * SOFT)[:, None] * pull
+    angle[..., 1] += (HALF * (1 + 0.1 * further))[:, None] * np.abs(pull[:, 1])
+    moves = shift[:, :, None] + np.cross(turn[:, :, None], stand.at[:, None])
+    return np.einsum("dmk,mkti->dmti", angle, moves), np.einsum(
+        "mk,mkti->mti", SOFT * (stand.tau + pull), moves
+    )
+
+
+@pytest.mark.parametrize("joined", [True, False])
+@pytest.mark.parametrize("mixed", [0.0, 0.8])
+def test_a_gear_with_two_springs_moves_targets_as_drawn_machines(joined, mixed):
+    """Mean and standard uncertainty, to what 20 000 machines tell and a force turns further."""
+    told = at(standing(pulled([BOTH_WAYS], [HALF], joined, mixed)))
+    moved, without = drawn(joined, mixed)
+
+    std = moved.std(axis=0)
+    np.testing.assert_allclose(told.std[..., :3], std, rtol=0.04, atol=0.01 * std.max())
+    more = moved.mean(axis=0) - without
+    np.testing.assert_allclose(told.at - at(standing()).at, more, atol=0.02 * np.abs(more).max())
+
+
+def test_hypotheses_are_mixed_with_what_they_differ_by():
+    """Half of the weight on a second spring: half of its way, and as much uncertainty more."""
+    one, two = pulled().model.hypotheses[0], pulled([BOTH_WAYS], [HALF]).model.hypotheses[0]
+    both = (replace(one, weight=0.5), replace(two, weight=0.5))
+    mixed = at(standing(ByPulls(IdentifiedModel("made", "ambiguous", {}, both), True)))
+    first, second = at(standing(pulled())), at(standing(pulled([BOTH_WAYS], [HALF])))
+
+    half = (second.at - first.at) / 2
+    np.testing.assert_allclose(mixed.at, first.at + half, atol=1e-12)
+    axis = np.arange(3)
+    of = [one.cov[..., axis, axis] for one in (mixed, first, second)]
+    np.testing.assert_allclose(of[0], (of[1] + of[2]) / 2 + half**2, rtol=1e-9)
+
+
+def test_what_pulls_do_not_determine_is_unknown_only_where_it_acts():
+    """A second spring of joint 2 without bounds: everything under a force that turns joint 2."""
+    said = pulled([BOTH_WAYS], [HALF]).model.hypotheses[0]
+    cov = said.cov.copy()
+    cov[6, :], cov[:, 6], cov[6, 6] = 0.0, 0.0, np.inf
+    open_ = IdentifiedModel("made", "explained", {}, (replace(said, cov=cov),))
+    std = at(standing(ByPulls(open_, True)), np.array([[0.0] * 3, FORCE[1]])).std
+
+    assert np.isfinite(std[0]).all()
+    assert np.isinf(std[1, :, :3]).any()
+
+
+def test_the_file_holds_what_pulls_say():
+    """Written and read, it predicts the same to the seven digits of its covariance."""
+    one = standing(pulled([BOTH_WAYS], [HALF], mixed=0.5))
+    again = loads(dumps(one), "positions.npz")
+
+    np.testing.assert_allclose(at(again).at, at(one).at, atol=1e-9)
+    np.testing.assert_allclose(at(again).std, at(one).std, rtol=1e-5, atol=1e-12)
+    assert again.nominal().by_pulls is None
