@@ -115,8 +115,8 @@ def test_every_place_that_speaks_is_there():
          "bis zu 5,6 m von dort, wo die Roboterdatei sie hat, und 6,9 mm mit getauschten Plätzen",
          "poses.csv : les valeurs articulaires de p1 à p9 (9) sont en retard d'un rang (pose) ; le "
          "contenu du premier appartient au dernier (poses.csv:2 ...) : tels qu'enregistrés, leurs "
-         "réflecteurs sont jusqu'à 5,6 m de là où le fichier du robot les place, et à 6,9 mm une fois "
-         "échangées"),
+         "réflecteurs sont jusqu'à 5,6 m de là où le fichier du robot les place, et à 6,9 mm "
+         "une fois échangées"),
         ("For the cause: no reachable pose tells the causes apart by pulls alone. What would: "
          "reflectors at the elbow.",
          "Zur Ursache: Keine erreichbare Stellung trennt die Ursachen durch Züge allein. Was es "
