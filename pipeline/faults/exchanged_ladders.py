@@ -86,22 +86,28 @@ def ladders(asked: Screening) -> list[Mistake]:
     moved = PullMoves.of(asked)
     if not FEWEST <= len(moved.force) <= MOST or not asked.reduced.data.noise_stated:
         return []
-    normal = _Normal.of(moved)
-    given = normal.left(moved.force)
-    tried = _tried(moved, asked.reduced.data.pulls.pose[moved.pull])
-    left = np.array([normal.left(moved.force[order]) for order in tried])
-    best = int(np.argmin(left)) if tried else -1
-    if not tried or normal.dof < 1:
-        return []
-    wide = max(1.0, left[best] / normal.dof)
-    p = len(tried) * float(np.exp((left[best] - given) / wide / 2))
-    others = np.append(np.delete(left, best), normal.one_row(moved.force))
-    rival = others.min(initial=np.inf) - left[best] < odds.DECIDES * wide
-    if p > alarms.LADDERS or rival or not _fits(left[best], normal.dof, asked):
+    order = _decisive(asked, moved)
+    if order is None:
         return []
     row = rows_of(asked.case, asked.reduced.data, moved)
-    rings = [Ring((int(k), int(j))) for k, j in enumerate(tried[best]) if k < j]
-    return [of_loads(asked, moved, ordered(moved, tried[best]), ring, row) for ring in rings]
+    rings = [Ring((int(k), int(j))) for k, j in enumerate(order) if k < j]
+    return [of_loads(asked, moved, ordered(moved, order), ring, row) for ring in rings]
+
+
+def _decisive(asked: Screening, moved: PullMoves) -> Ints | None:
+    """The exchange that alone explains all pulls; None where there is none."""
+    normal = _Normal.of(moved)
+    tried = _tried(moved, asked.reduced.data.pulls.pose[moved.pull])
+    if not tried or normal.dof < 1:
+        return None
+    left = np.array([normal.left(moved.force[order]) for order in tried])
+    best, given = int(np.argmin(left)), normal.left(moved.force)
+    wide = max(1.0, left[best] / normal.dof)
+    p = len(tried) * float(np.exp((left[best] - given) / wide / 2))
+    if p > alarms.LADDERS or not _fits(left[best], normal.dof, asked):
+        return None
+    others = np.append(np.delete(left, best), normal.one_row(moved.force))
+    return None if others.min() - left[best] < odds.DECIDES * wide else tried[best]
 
 
 def _fits(left: float, dof: int, asked: Screening) -> bool:

@@ -134,25 +134,14 @@ class _Columns(Locked):
     @classmethod
     def of(cls, h: ModelHypothesis, joined: bool, there: Mechanism) -> _Columns:
         """Those of a hypothesis."""
-        where, known = layout(there), np.isfinite(h.std)
-        effects = h.cell.effects
-        first = np.cumsum([0, *(len(one.parameters) for one in effects)]).tolist()
-        at = {(one.label, one.form): k for one, k in zip(effects, first, strict=False)}
-        pairs = [(j, j, where.compliance.start + j) for j in range(there.table.n)]
-        for k in called_for(there.elements, effects):
-            element = there.elements[k]
-            for i, column in enumerate(_span(there, k)):
-                mine = at[element.label, element.form] + i
-                pairs.append((mine, len(pairs), where.yields.start + column))
-        laws = {j - 1 for j in laws_of_gears(effects)}
-        both = [joined and bool(known[i]) and i not in laws for i, _, _ in pairs]
-        shared = [(i, k) for (i, _, k), yes in zip(pairs, both, strict=True) if yes]
-        moved = [(j, k) for (i, j, k), yes in zip(pairs, both, strict=True) if known[i] and not yes]
-        taken, given = {i for i, _ in shared}, {i for i, _, _ in pairs if not known[i]}
-        every = np.array([i for i in range(len(known)) if i not in taken | given], dtype=np.int64)
+        pairs = np.array(_pairs(h, there), dtype=np.int64)
+        known, mine = np.isfinite(h.std), pairs[:, 0]
+        laws = np.array(sorted(laws_of_gears(h.cell.effects)), dtype=np.int64) - 1
+        both = known[mine] & joined & ~np.isin(mine, laws)
+        every = np.setdiff1d(np.arange(len(known)), mine[both | ~known[mine]])
         return cls(
-            np.array(shared, dtype=np.int64).reshape(-1, 2),
-            np.array(moved, dtype=np.int64).reshape(-1, 2),
+            pairs[both][:, [0, 2]],
+            pairs[known[mine] & ~both][:, 1:],
             every[known[every]],
             every[~known[every]],
         )
@@ -163,3 +152,16 @@ class _Columns(Locked):
         unknown = np.flatnonzero(~np.isfinite(h.std[:n]))
         out[unknown] = there.compliance[unknown]
         return out
+
+
+def _pairs(h: ModelHypothesis, there: Mechanism) -> list[tuple[int, int, int]]:
+    """Springs and elements that both have: column of a hypothesis, among these, of positions."""
+    where, effects = layout(there), h.cell.effects
+    first = np.cumsum([0, *(len(one.parameters) for one in effects)]).tolist()
+    at = {(one.label, one.form): k for one, k in zip(effects, first, strict=False)}
+    pairs = [(j, j, where.compliance.start + j) for j in range(there.table.n)]
+    for k in called_for(there.elements, effects):
+        mine = at[there.elements[k].label, there.elements[k].form]
+        for i, column in enumerate(_span(there, k)):
+            pairs.append((mine + i, len(pairs), where.yields.start + column))
+    return pairs
