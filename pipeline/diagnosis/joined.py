@@ -125,10 +125,10 @@ def joined(one: Hypothesis, data: Measured, usual: Array | None = None) -> Joine
         usual: Standard deviations of the last parameters of it about zero before any reading.
     """
     assert data.stance is not None
-    old, stance = data.stance, data.stance.holding(one.cell.effects)
-    there = _Places.of(one, old, stance)
-    system = _beside(one, data, there, usual)
-    start = np.append(one.estimate.value, old.yields[there.fresh_rows])
+    stance = data.stance.holding(one.cell.effects)
+    there = _Places.of(one, stance)
+    system = _beside(one, data, stance, there, usual)
+    start = np.append(one.estimate.value, there.fresh_yields)
     found = solve(system, start)
     told = np.zeros(len(system.rows), dtype=bool)
     below = np.flatnonzero(system.rows.pull < 0)[: len(there.rows)]
@@ -159,23 +159,17 @@ class _Places(NamedTuple):
         rows: Springs and elements of the stance that are parameters of it, too, shape (r,).
         columns: Which, shape (r,).
         fresh: Elements that it lacks; their parameters come behind its own.
-        fresh_rows: Of the parameters of these among those that acted with given values.
+        fresh_yields: Parameters of these.
     """
 
     rows: Ints
     columns: Ints
     fresh: tuple[Elastic, ...]
-    fresh_rows: Ints
+    fresh_yields: Array
 
     @classmethod
-    def of(cls, one: Hypothesis, old: Stance, stance: Stance) -> _Places:
-        """Those of a hypothesis.
-
-        Args:
-            one: The hypothesis.
-            old: What positions said to the pulls when it was tried.
-            stance: The same with elements that it has, too.
-        """
+    def of(cls, one: Hypothesis, stance: Stance) -> _Places:
+        """Those of a hypothesis, the elements among whose causes the stance holds."""
         n, effects = len(stance.compliance), one.cell.effects
         first = np.cumsum([0, *(len(each.parameters) for each in effects)])
         at = {(e.label, e.form): int(k) for e, k in zip(effects, first, strict=False)}
@@ -187,14 +181,11 @@ class _Places(NamedTuple):
         columns = [k for e in stance.held for k in _span(at[e.label, e.form], e)]
         laws = laws_of_gears(effects)
         joints = np.array([j for j in range(n) if j + 1 not in laws], dtype=np.int64)
-        given = np.cumsum([0, *(len(each.parameters) for each in old.held)])
-        of = {(e.label, e.form): int(k) for e, k in zip(old.held, given, strict=False)}
-        rows = [k for e in fresh for k in _span(of[e.label, e.form], e)]
         return cls(
             np.append(joints, n + np.arange(len(columns))),
             np.append(joints, np.array(columns, dtype=np.int64)),
             fresh,
-            np.array(rows, dtype=np.int64),
+            stance.yields[np.array(columns, dtype=np.int64) >= int(first[-1])],
         )
 
 
@@ -238,19 +229,24 @@ def agreement(one: Hypothesis, beside: Joined, lighter: float) -> Agreement:
     )
 
 
-def _beside(one: Hypothesis, data: Measured, there: _Places, usual: Array | None) -> System:
-    """The rows of the pulls, those of springs and elements below them."""
+def _beside(
+    one: Hypothesis, data: Measured, stance: Stance, there: _Places, usual: Array | None
+) -> System:
+    """The rows of the pulls, those of springs and elements below them.
+
+    What acted with given values when the pulls were fitted is taken off no longer.
+    """
     acted, old = data.stance, one.system
     assert acted is not None
-    stance = acted.holding(one.cell.effects)
     flat = replace(one.cell, equilibrium="undeformed")
     M, k, s = len(old.rows), old.B.shape[1], len(there.rows)
-    jacobian = by_stance(flat, data, one.estimate.value).reshape(M, -1)
-    held = _held(flat, data, one.estimate.value, acted.held)
+    about = replace(data, stance=stance)  # whose errors of the table are those of K
+    jacobian = by_stance(flat, about, one.estimate.value).reshape(M, -1)
+    held, fresh = (_held(flat, data, one.estimate.value, e) for e in (acted.held, there.fresh))
     kept = old.errors.source != POSITIONS
     _, K, W = (part[there.rows] if i else part for i, part in enumerate(stance.parts))
     known = _known(one, usual)
-    below = np.zeros((s + len(known), k + len(there.fresh_rows)))
+    below = np.zeros((s + len(known), k + len(there.fresh_yields)))
     below[np.arange(s), there.columns] = 1.0
     below[s:, :k] = known
     blocks = [
@@ -267,7 +263,7 @@ def _beside(one: Hypothesis, data: Measured, there: _Places, usual: Array | None
         old,
         parameters=(*old.parameters, *parameters),
         rows=_rows(old.rows, len(below)),
-        B=np.vstack([np.column_stack([old.B, held[:, there.fresh_rows]]), below]),
+        B=np.vstack([np.column_stack([old.B, fresh]), below]),
         c=np.concatenate([old.c + held @ acted.yields, told, np.zeros(len(known))]),
         errors=Errors(
             scipy.sparse.csr_array(scipy.sparse.block_array(blocks[: 2 + bool(len(known))])),

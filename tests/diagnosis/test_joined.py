@@ -332,8 +332,7 @@ def test_springs_are_averaged_where_each_hypothesis_lacks_another_element():
     one = world(4)
     tilts = {e.where: e for e in catalogue(one.robot) if e.name == "joint_tilt"}
     several = [
-        joined(*with_causes(one, *causes)).hypothesis
-        for causes in ((tilts[3],), (tilts[2],))
+        joined(*with_causes(one, *causes)).hypothesis for causes in ((tilts[3],), (tilts[2],))
     ]
     assert len({len(each.estimate.value) for each in several}) == 2
     both = springs_of(several)
@@ -363,3 +362,38 @@ def test_the_spring_of_a_gear_with_a_second_law_is_not_joined():
     assert back[[0, 2, 3, 4, 5]] == pytest.approx(0.0, abs=1e-12)
     assert back[1] == pytest.approx(50 * off[1], rel=1e-6)
     assert np.linalg.eigvalsh(far.cov[:6, :6] - moved.cov[:6, :6]).min() > -1e-18
+
+
+def test_what_positions_say_anew_of_an_element_is_what_is_joined():
+    """Errors of table and tool are those of the new estimate, whatever basis the old one had."""
+    one = world(4)
+    springs, data = hypothesis(one)
+    tilts = {e.where: e for e in catalogue(one.robot) if e.name == "joint_tilt"}
+    k, old = len(tilts[3].parameters), data.stance
+    rng = np.random.default_rng(3)
+    mix = 0.3 * rng.normal(size=(20 + k, 20 + k)) + np.eye(20 + k)
+    size = np.r_[np.sqrt(np.diag(old.cov)[:6]), np.full(k, 1e-8), np.sqrt(np.diag(old.cov)[6:])]
+    cov = mix @ mix.T * size * size[:, None]
+    cov[-1, :], cov[:, -1] = 0.0, 0.0  # a coordinate of the tool that is known exactly
+    cov[-1, -1] = 1e-30
+    new = replace(old, held=(tilts[3], tilts[4]), yields=np.zeros(2 * k), cov=wider(cov, k))
+    before = replace(old, elements=(tilts[3], tilts[4]), reopened=lambda free: new)
+    cell = springs.cell.with_effects(tilts[3])
+    start = np.append(one.estimate[:6], np.zeros(k))
+    system = assemble(cell, data, start)
+    alone = Hypothesis(1.0, (tilts[3],), cell, system, solve(system, start))
+
+    now = joined(alone, replace(data, stance=before))
+    same = joined(alone, replace(data, stance=new))
+    assert now.value == pytest.approx(same.value, rel=1e-9)
+    assert now.hypothesis.estimate.cov == pytest.approx(same.hypothesis.estimate.cov, rel=1e-9)
+    assert len(now.hypothesis.estimate.value) == 6 + 2 * k
+
+
+def wider(cov, k):
+    """A covariance with a further element behind the first one, known by itself."""
+    at = np.r_[np.arange(6 + k), np.arange(6 + 2 * k, len(cov) + k)]
+    out = np.zeros((len(cov) + k, len(cov) + k))
+    out[np.ix_(at, at)] = cov
+    out[6 + k : 6 + 2 * k, 6 + k : 6 + 2 * k] = 1e-16 * np.eye(k)
+    return out
