@@ -190,15 +190,19 @@ def stand(joint: Stiffness) -> Stand:
     if joint.value is None:
         return Stand(_LOST, PAPER, "?")
     if not joint.nominal:
-        rough = joint.relative_std
-        word = _SURE if rough is not None and rough <= _KNOWN else _ROUGH
-        return Stand(word, _COLOURS[word], f"± {percent(None if rough is None else 2 * rough)}")
+        return _by_uncertainty(joint.relative_std)
     ratio, off = joint.value / joint.nominal, 2 * (joint.std or 0.0) / joint.nominal
     word = _ALIKE if off <= _TELLS else _WIDE_OPEN
     if abs(ratio - 1) > max(_NEAR, off):
         word = _SOFT if ratio < 1 else _STIFF
     said = MISSING if joint.ci95[1] is None else percent(ratio, 3 if ratio >= 1 else 2)
     return Stand(word, _COLOURS[word], said)
+
+
+def _by_uncertainty(rough: float | None) -> Stand:
+    """How well a joint is known of which no nominal stiffness is stated."""
+    word = _SURE if rough is not None and rough <= _KNOWN else _ROUGH
+    return Stand(word, _COLOURS[word], f"± {percent(None if rough is None else 2 * rough)}")
 
 
 # --- the picture ----------------------------------------------------------------------------------
