@@ -98,6 +98,8 @@ class Update:
         next: The planned poses that are left, the most telling first, or one that is proposed.
         stop: Whether to stop.
         verdict: Of what is there.
+        searched: Causes were sought with it as `run` does; else its readings were held against the
+            last search, and the stiffnesses estimated from all.
         why: In place of all that, why nothing can be said yet.
     """
 
@@ -111,7 +113,13 @@ class Update:
     next: tuple[_Next, ...] = ()
     stop: _Stop = _Stop(now=False, text="")
     verdict: str | None = None
+    searched: bool = False
     why: str | None = None
+
+    @property
+    def ends(self) -> bool:
+        """Whether it may be the last: to stop is proposed, or no planned pose is left."""
+        return self.stop.now or not any(one.pose is not None for one in self.next)
 
     def as_json(self) -> str:
         """It as one line."""
