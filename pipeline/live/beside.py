@@ -32,8 +32,11 @@ _SAME = 0.1
 """Standard uncertainties by which an estimate may miss that of the search, and share by which its
 uncertainty may: the search weighs readings by what it saw of their noise as well."""
 
+_LEADING = 0.8
+"""Weight of the likeliest hypothesis from which its rivals follow it until the next search."""
+
 _FURTHER = 4
-"""When a quarter of the poses has come since, causes are sought again: what a fewer poses could not
+"""When a quarter of the poses has come since, causes are sought again: what fewer poses could not
 show is found so, and the searches of a campaign cost together as much as some of the last."""
 
 
@@ -57,10 +60,11 @@ class Standing:
     def of(cls, campaign: Campaign, result: Result) -> Standing | None:
         """A search, if new rows beside it give what it would.
 
-        None where it has mistakes or rivals, or weighs its rows by more than is stated of them.
+        None where it has mistakes, or rivals that a pose may make the likelier ones, or weighs its
+        rows by more than is stated of them.
         """
-        model, *rivals = result.model.identified.hypotheses
-        if rivals or campaign.raw.settings.positions is not None:
+        model = result.model.identified.hypotheses[0]
+        if model.weight < _LEADING or campaign.raw.settings.positions is not None:
             return None
         with campaign.raw.placing():
             case = _read(campaign)
@@ -110,13 +114,24 @@ class Standing:
 
     def _with(self, campaign: Campaign, case: Case, reduced: Reduced, found: Estimate) -> Result:
         """The answer with the values that all rows give."""
+        before = self.result.model.identified
         model = replace(self.model, value=found.value, cov=found.cov)
-        told = replace(self.result.model.identified, hypotheses=(model,))
+        rivals = [self._followed(one, found) for one in before.hypotheses[1:]]
+        told = replace(before, hypotheses=(model, *rivals))
         answer = _updated(self.result.answer, told, campaign, case, reduced)
         tables = {
             **self.result.tables, "readings": case.readings, "forces": reduced.shown["forces"]
         }  # fmt: skip
         return Result(answer, Model(told), tables)
+
+    def _followed(self, rival: ModelHypothesis, found: Estimate) -> ModelHypothesis:
+        """A rival whose springs move, and are known better, as those of the leading one."""
+        n, old = self.case.robot.n, self.model
+        value, ratio = rival.value.copy(), np.ones(len(rival.value))
+        value[:n] += (found.value - old.value)[:n]
+        finite = np.isfinite(old.std[:n])
+        ratio[:n][finite] = found.std[:n][finite] / old.std[:n][finite]
+        return replace(rival, value=value, cov=rival.cov * np.outer(ratio, ratio))
 
 
 def _estimated(model: ModelHypothesis, reduced: Reduced) -> Estimate | None:

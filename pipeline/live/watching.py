@@ -74,15 +74,15 @@ class Live:
         found = self._search.beside(campaign) if self._search else None
         update = None if found is None else self._judged(campaign, found)
         if found is None or update is None or (update.complete and update.ends):
-            return self._searched(campaign)
+            return self._heard(*self._sought(campaign))
         self._unsearched = campaign
         return self._heard(update, found)
 
-    def _searched(self, campaign: Campaign) -> Update | None:
-        """What is to be told where causes are sought anew, from the usual starts, as `run` does."""
+    def _sought(self, campaign: Campaign) -> tuple[Update, Result]:
+        """Where causes are sought anew, from the usual starts, as `run` does."""
         result = identify(campaign)
         self._search, self._unsearched = Standing.of(campaign, result), None
-        return self._heard(replace(self._judged(campaign, result), searched=True), result)
+        return replace(self._judged(campaign, result), searched=True), result
 
     def _judged(self, campaign: Campaign, result: Result) -> Update:
         """Of the newest pose that is measured and not told yet, or of the one being measured."""
@@ -103,8 +103,9 @@ class Live:
         refused = owed is not None and owed.why is not None
         if quiet_s < (_REFUSED_S if refused else QUIET_S):
             return None
-        told = None if open_ is None or refused else self._tried(lambda: self._searched(open_))
-        return told or (None if self._owed is None else self._tell(self._owed))
+        if open_ is None or refused:
+            return None if owed is None else self._tell(owed)
+        return self._tried(lambda: self._tell(self._sought(open_)[0]))
 
     def _differs(self, update: Update) -> bool:
         """Whether others are suspected than before."""
