@@ -116,11 +116,6 @@ class Update:
     searched: bool = False
     why: str | None = None
 
-    @property
-    def ends(self) -> bool:
-        """Whether it may be the last: to stop is proposed, or no planned pose is left."""
-        return self.stop.now or not any(one.pose is not None for one in self.next)
-
     def as_json(self) -> str:
         """It as one line."""
         return json.dumps(asdict(self), ensure_ascii=False, allow_nan=False)

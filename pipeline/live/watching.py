@@ -73,10 +73,15 @@ class Live:
         """What is to be told, of the last search where that stands."""
         found = self._search.beside(campaign) if self._search else None
         update = None if found is None else self._judged(campaign, found)
-        if found is None or update is None or (update.complete and update.ends):
+        if found is None or update is None or (update.complete and self._may_end(update)):
             return self._heard(*self._sought(campaign))
         self._unsearched = campaign
         return self._heard(update, found)
+
+    def _may_end(self, update: Update) -> bool:
+        """Whether it may be the last: to stop is proposed anew, or no planned pose is left."""
+        said = self.told is not None and self.told.stop.now
+        return update.stop.now > said or not any(one.pose is not None for one in update.next)
 
     def _sought(self, campaign: Campaign) -> tuple[Update, Result]:
         """Where causes are sought anew, from the usual starts, as `run` does."""
