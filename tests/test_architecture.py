@@ -268,7 +268,7 @@ OUTBUILDINGS = {
         "readers.logs": "which of the planned poses nothing was read of yet",
         "run": "readings in between are read as `run` does",
         "reduction": "and come to displacements as there",
-        "faults.screen": "each new one is held against what is known by the same tests",
+        "faults": "each new one is held against what is known by the same tests",
         "system": "and the springs are estimated from all of them",
         "prediction": "what these predict decides on the tolerance",
         "answer.judged": "and is said as in the answer",

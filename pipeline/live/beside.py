@@ -16,6 +16,7 @@ from pipeline.answer.contract import Answer, Stiffness
 from pipeline.answer.judged import pose_entry, tolerance_entry
 from pipeline.base.arrays import Bools
 from pipeline.base.quantities import MM
+from pipeline.faults.mistake import Mistake
 from pipeline.faults.screen import Screened, ScreeningBase, singles_of
 from pipeline.library.campaign import Campaign, Result
 from pipeline.library.model import Model
@@ -77,8 +78,11 @@ class Standing:
         same = np.max(apart, initial=0.0) < _SAME
         return cls(result, case, model, again.identifiable) if same else None
 
-    def beside(self, campaign: Campaign) -> Result | None:
-        """What further poses say; None where something contradicts, and the search must run.
+    def beside(self, campaign: Campaign) -> Result | tuple[Mistake, ...]:
+        """What further poses say; where something contradicts, and the search must run, what.
+
+        A reading that is the first of its kind stands against what was known before it; the search
+        also asks what else would explain it, and may have to wait for the next one to tell.
 
         Raises:
             InputError: The data cannot be trusted.
@@ -86,15 +90,15 @@ class Standing:
         with campaign.raw.placing():
             case = _read(campaign)
             if not self._grown(case):
-                return None
+                return ()
             reduced = bring(case)
             base = ScreeningBase(self.model.cell, self.model.value)
             found = singles_of(Screened((), case), reduced, base)
-            estimate = _estimated(self.model, reduced)
-            if found.findings or found.doubted or estimate is None:
-                return None
+            estimate = None if found.findings else _estimated(self.model, reduced)
+            if found.doubted or estimate is None:
+                return found.findings
             if (estimate.identifiable != self.known).any():
-                return None
+                return ()
             return self._with(campaign, case, reduced, estimate)
 
     def _grown(self, case: Case) -> bool:

@@ -9,6 +9,7 @@ from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pipeline.base.errors import InputError
+from pipeline.faults.mistake import Mistake
 from pipeline.library.campaign import Campaign, Result, identify, load_campaign
 from pipeline.live.beside import Standing
 from pipeline.live.growing import snapshot
@@ -71,28 +72,39 @@ class Live:
 
     def _looked(self, campaign: Campaign) -> Update | None:
         """What is to be told, of the last search where that stands."""
-        found = self._search.beside(campaign) if self._search else None
-        update = None if found is None else self._judged(campaign, found)
-        if found is None or update is None or (update.complete and self._may_end(update)):
-            return self._heard(*self._sought(campaign))
-        self._unsearched = campaign
-        return self._heard(update, found)
+        found = self._search.beside(campaign) if self._search else ()
+        if isinstance(found, Result) and not (self.told and self.told.suspects):
+            update = self._judged(campaign, found)
+            if not (update.complete and self._may_end(update)):
+                self._unsearched = campaign
+                return self._heard(update, found)
+        return self._heard(*self._sought(campaign, () if isinstance(found, Result) else found))
 
     def _may_end(self, update: Update) -> bool:
         """Whether it may be the last: to stop is proposed anew, or no planned pose is left."""
         said = self.told is not None and self.told.stop.now
         return update.stop.now > said or not any(one.pose is not None for one in update.next)
 
-    def _sought(self, campaign: Campaign) -> tuple[Update, Result]:
-        """Where causes are sought anew, from the usual starts, as `run` does."""
-        result = identify(campaign)
-        self._search, self._unsearched = Standing.of(campaign, result), None
-        return replace(self._judged(campaign, result), searched=True), result
+    def _sought(
+        self, campaign: Campaign, doubted: tuple[Mistake, ...] = ()
+    ) -> tuple[Update, Result]:
+        """Where causes are sought anew, from the usual starts, as `run` does.
 
-    def _judged(self, campaign: Campaign, result: Result) -> Update:
+        Args:
+            campaign: As it is now.
+            doubted: What contradicts the last search.
+        """
+        result = identify(campaign)
+        self._search = Standing.of(campaign, result) or self._search
+        self._unsearched = None
+        return replace(self._judged(campaign, result, doubted), searched=True), result
+
+    def _judged(
+        self, campaign: Campaign, result: Result, doubted: tuple[Mistake, ...] = ()
+    ) -> Update:
         """Of the newest pose that is measured and not told yet, or of the one being measured."""
         new = [one for one in _ended(result) if one not in self.poses]
-        return judged(campaign, result, new[-1] if new else None)
+        return judged(campaign, result, new[-1] if new else None, doubted)
 
     def _heard(self, update: Update, result: Result) -> Update | None:
         """It, where it is to be told."""

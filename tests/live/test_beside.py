@@ -1,4 +1,4 @@
-"""New poses beside a search that stands: the same values, and whatever contradicts calls a search."""
+"""New poses beside a search that stands: the same values; what contradicts calls the search."""
 
 import time
 
@@ -6,6 +6,7 @@ import pytest
 from test_live import BASE, OTHERS, TITLES, of_pose, steps, table, wide
 
 from pipeline import identify, load_campaign
+from pipeline.library.campaign import Result
 from pipeline.live.beside import Standing
 from pipeline.live.watching import QUIET_S, Live
 
@@ -56,7 +57,7 @@ CONTRADICTIONS = {
 
 @pytest.mark.parametrize("lines", CONTRADICTIONS.values(), ids=CONTRADICTIONS)
 def test_what_contradicts_calls_the_search(standing, lines):
-    assert standing.beside(read(*SEVEN, *lines)) is None
+    assert isinstance(standing.beside(read(*SEVEN, *lines)), tuple)
 
 
 def test_another_reading_in_an_old_place_calls_the_search(standing):
@@ -64,9 +65,9 @@ def test_another_reading_in_an_old_place_calls_the_search(standing):
     again = [wide(SEVEN[3], 0.01)]
     anew = [*SEVEN[:3], *again, *SEVEN[4:]]
 
-    assert standing.beside(read(*SEVEN, *again)) is None
-    assert standing.beside(read(*anew)) is None
-    assert standing.beside(read(*SEVEN)) is not None
+    assert standing.beside(read(*SEVEN, *again)) == ()
+    assert standing.beside(read(*anew)) == ()
+    assert isinstance(standing.beside(read(*SEVEN)), Result)
 
 
 @pytest.mark.parametrize("change", ["campaign.toml", "joints.csv", "loads.csv"])
@@ -80,14 +81,14 @@ def test_another_log_or_setting_calls_the_search(standing, change):
     assert old[0] in files[change]
     files[change] = files[change].replace(*old, 1)
 
-    assert standing.beside(load_campaign(files, name="demo")) is None
+    assert standing.beside(load_campaign(files, name="demo")) == ()
 
 
 def test_after_a_quarter_more_poses_causes_are_sought_again(standing):
     lines = [line for k in range(8, 10) for line in of_pose(k)]
 
-    assert standing.beside(read(*SEVEN, *of_pose(8))) is not None
-    assert standing.beside(read(*SEVEN, *lines)) is None
+    assert isinstance(standing.beside(read(*SEVEN, *of_pose(8))), Result)
+    assert isinstance(standing.beside(read(*SEVEN, *lines)), tuple)
 
 
 def test_the_last_planned_pose_is_searched_and_a_pause_too():
@@ -118,3 +119,23 @@ def test_the_last_planned_pose_is_searched_and_a_pause_too():
     result = identify(load_campaign(files, name="demo"))
     assert later.searched
     assert [one.value for one in later.stiffness] == [one.value for one in result.stiffness]
+
+
+def test_a_first_pull_that_is_off_is_told_before_a_second_one_tells_which():
+    """0.45 mm: `run` alone would take it for noise, as zero and pull explain each other."""
+    state = Live("demo")
+    state.look(table(*SEVEN), 0.0)
+    zero, pull = steps(8)[:2]
+    bad = [wide(line, 0.45) if ",P2," in line else line for line in pull]
+    told = state.look(table(*SEVEN, *zero, *bad), 8.0)
+    alone = identify(read(*SEVEN, *zero, *bad))
+
+    assert not any(one.evidence for one in alone.answer.diagnosis.causes)
+    (suspect,) = told.suspects
+    assert len(suspect.readings) == 2
+    assert "pose08_rep1_loaded/P2" in suspect.text
+    assert not told.accepted
+    right = [line for line in pull if ",P2," in line]
+    cleared = state.look(table(*SEVEN, *zero, *bad, *right), 16.0)
+    assert cleared.suspects == ()
+    assert cleared.searched
