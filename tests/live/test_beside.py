@@ -8,6 +8,7 @@ from test_live import BASE, OTHERS, TITLES, of_pose, steps, table, wide
 from pipeline import identify, load_campaign
 from pipeline.library.campaign import Result
 from pipeline.live.beside import Standing
+from pipeline.live.judged import judged
 from pipeline.live.watching import QUIET_S, Live
 
 SEVEN = [line for k in range(1, 8) for line in of_pose(k)]
@@ -121,21 +122,30 @@ def test_the_last_planned_pose_is_searched_and_a_pause_too():
     assert [one.value for one in later.stiffness] == [one.value for one in result.stiffness]
 
 
-def test_a_first_pull_that_is_off_is_told_before_a_second_one_tells_which():
-    """0.45 mm: `run` alone would take it for noise, as zero and pull explain each other."""
+def test_what_nothing_explains_is_told_though_the_search_is_silent(standing):
+    """A zero and the one pull read from it: with a second pull it is known which of them is off."""
+    zero, pull = steps(8)[:2]
+    bad = [wide(line, 0.45) if ",P2," in line else line for line in pull]
+    doubted = standing.beside(read(*SEVEN, *zero, *bad))
+    silent = judged(read(*SEVEN), standing.result, None, doubted)
+
+    (suspect,) = silent.suspects
+    assert suspect.readings == doubted[0].at
+    assert len(suspect.readings) == 2
+    assert "pose08_rep1_loaded/P2" in suspect.text
+    assert suspect.text.endswith("Measure it again, or correct the file.")
+    assert judged(read(*SEVEN), standing.result).suspects == ()
+
+
+def test_a_reading_that_is_shot_again_is_cleared_by_a_search():
     state = Live("demo")
     state.look(table(*SEVEN), 0.0)
     zero, pull = steps(8)[:2]
     bad = [wide(line, 0.45) if ",P2," in line else line for line in pull]
     told = state.look(table(*SEVEN, *zero, *bad), 8.0)
-    alone = identify(read(*SEVEN, *zero, *bad))
-
-    assert not any(one.evidence for one in alone.answer.diagnosis.causes)
-    (suspect,) = told.suspects
-    assert len(suspect.readings) == 2
-    assert "pose08_rep1_loaded/P2" in suspect.text
-    assert not told.accepted
     right = [line for line in pull if ",P2," in line]
     cleared = state.look(table(*SEVEN, *zero, *bad, *right), 16.0)
+
+    assert told.suspects
     assert cleared.suspects == ()
     assert cleared.searched
