@@ -99,7 +99,11 @@ const fields = document.getElementById("fields");
 let waiting = Promise.resolve();
 
 async function fill(line, said, unit, inputs) {
+  const all = fields.querySelectorAll("input, select, button"), whole = inputs[0].tagName === "SELECT";
+  if (whole) for (const one of all) one.disabled = true;  // another robot is another drawing, and other names
   const answer = await ask("POST", fields.dataset.fill, JSON.stringify({ line, said, unit, seen: fields.dataset.seen }));
+  if (answer.reload) return location.reload();
+  if (whole) for (const one of all) one.disabled = false;
   if (answer.seen) {
     fields.dataset.seen = answer.seen;
     for (const one of document.querySelectorAll("input[name=seen]")) one.value = answer.seen;
