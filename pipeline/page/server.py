@@ -178,7 +178,7 @@ class _State:
         text, run, done = desk.text(), self.runs.of.get(desk.name), self.done(desk)
         setup = _left(text) if text else "files"
         return {
-            "files": "" if text else "drop the files of the campaign",
+            "files": "" if text else "go on below" if desk.names() else "drop what was measured",
             "setup": setup,
             "check": "" if self.passed(desk) else "setup" if setup else "check",
             "run": "running" if run and run.said is None else "" if done else "check",
@@ -522,10 +522,17 @@ async def report(state: _State, request: Request) -> Response:
 
 
 async def correct(state: _State, request: Request) -> Response:
-    """A program that was dropped, corrected: both, line by line, and what was not."""
+    """A program that was dropped, corrected: both, line by line, and what was not.
+
+    Behind its bytes those of `beside` may follow, the file of the same program that is read with
+    it: the .dat of a .src.
+    """
     desk = state.desk(request)
-    name = named(request.path_params["file"])
+    name, other = named(request.path_params["file"]), request.query_params.get("beside", "")
     data = await _body(request, 8 * 2**20)
+    first = request.query_params.get("first", "")
+    size = int(first) if first.isdecimal() else len(data)
+    data, rest = data[:size], data[size:]
     options: list[str] = []
     for key in ("force", "tool", "base", "world", "flange", "start"):
         if typed := request.query_params.get(key, "").strip():
@@ -535,6 +542,8 @@ async def correct(state: _State, request: Request) -> Response:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
         path.write_bytes(data)
+        if other and named(other) != name:
+            path.with_name(other).write_bytes(rest)
         said = await state.look("compensate", "--root", state.root, *options, "--", desk.name, path)
     if said.code:
         return _told("\n".join(said.words[-12:]) or f"it ended with {said.code}")

@@ -220,19 +220,31 @@ if (live && live.dataset.running === "yes") follow();
 const correct = document.getElementById("correct");
 if (correct) correct.addEventListener("submit", async (event) => {
   event.preventDefault();
-  const file = document.getElementById("program").files[0];
-  const options = new URLSearchParams([...new FormData(correct)].filter(([, value]) => typeof value === "string" && value));
-  const said = await ask("POST", `${correct.dataset.correct}${encodeURIComponent(file.name)}?${options}`, file);
-  const table = correct.querySelector(".diff"), save = document.getElementById("corrected");
-  correct.querySelector(".words").textContent = (said.words || []).join("\n");
-  table.hidden = save.hidden = !said.rows;
-  if (!said.rows) return;
-  table.tBodies[0].replaceChildren(...said.rows.map((one) => {
-    const row = document.createElement("tr");
-    for (const cell of [one.line, one.old, one.new]) row.insertCell().textContent = cell;
-    return row;
-  }));
-  const bytes = Uint8Array.from(said.corrected, (letter) => letter.charCodeAt(0));
-  save.href = URL.createObjectURL(new Blob([bytes]));
-  save.download = file.name.replace(/(\.[^.]*)?$/, "-corrected$1");
+  const files = [...document.getElementById("program").files];
+  const done = correct.querySelector("#done");
+  done.replaceChildren();
+  for (const file of files) {
+    const stem = (one) => one.name.replace(/\.[^.]*$/, "").toLowerCase();
+    const other = files.find((one) => one !== file && stem(one) === stem(file));  // the .dat of a .src
+    const options = new URLSearchParams([...new FormData(correct)].filter(([, value]) => typeof value === "string" && value));
+    if (other) { options.set("first", file.size); options.set("beside", other.name); }
+    const said = await ask("POST", `${correct.dataset.correct}${encodeURIComponent(file.name)}?${options}`, other ? new Blob([file, other]) : file);
+    const part = document.getElementById("part").content.cloneNode(true);
+    part.querySelector("h3").textContent = file.name;
+    part.querySelector(".words").textContent = (said.words || [said.problem]).join("\n");
+    const table = part.querySelector(".diff"), save = part.querySelector("a");
+    table.hidden = save.hidden = !said.rows;
+    table.tBodies[0].replaceChildren(...(said.rows || []).map((one) => {
+      const row = document.createElement("tr");
+      for (const cell of [one.line, one.old, one.new]) row.insertCell().textContent = cell;
+      return row;
+    }));
+    if (said.rows) {
+      const bytes = Uint8Array.from(said.corrected, (letter) => letter.charCodeAt(0));
+      save.href = URL.createObjectURL(new Blob([bytes]));
+      save.download = file.name.replace(/(\.[^.]*)?$/, "-corrected$1");
+    }
+    done.append(part);
+    if (said.problem) break;
+  }
 });
