@@ -56,10 +56,9 @@ def fill_in(tab, hall):
     tab.get_by_label("sigma_n", exact=True).fill(hall.said["sigma_n"])
     tab.keyboard.press("Tab")
     tab.wait_for_load_state("networkidle")
-    while (confirm := tab.get_by_role("button", name="Confirm as proposed")).count():
-        before = confirm.count()
-        confirm.first.click()
-        tab.wait_for_function(f"document.querySelectorAll('[data-confirm]').length < {before}")
+    while before := tab.get_by_role("button", name="Confirm as proposed").all():
+        before[0].click()
+        tab.wait_for_timeout(1000)
     tab.reload()
     tab.get_by_text("Nothing is missing").wait_for()
 
