@@ -287,6 +287,7 @@ OUTBUILDINGS = {
         "app.progress": _COMMAND,
         "store.campaign": _PLACES,
         "answer.archive": "which answers are finished, and the page over them",
+        "report": _PAGES,
         "readers": "how large an export may be that is copied from a storage",
         "run": "it runs campaigns",
     },
