@@ -340,6 +340,7 @@ async def setup_page(state: _State, request: Request) -> Response:
     return await _page(
         request, state, "setup", desk,
         tables=tables, text=text, seen=desk.digest(TOML), robots=robots,
+        names=[one for one in desk.names() if not one.endswith(".toml")],
         picture=await asyncio.to_thread(_picture, desk, text),
         fields=sum(one.needed for one in found),
     )  # fmt: skip

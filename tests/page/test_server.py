@@ -311,3 +311,16 @@ def test_the_points_of_a_program_are_read_beside_it(demo):
     assert "LIN" not in both["corrected"]
     assert "XP1" in corrected("part.src", SRC)["problem"]
     assert "plain" in corrected("part.src", SRC, "../part.dat", DAT)["problem"]
+
+
+def test_a_log_that_was_not_recognised_is_chosen_among_the_files(client, tmp_path):
+    """Titles that nobody knows: its name is not to be typed."""
+    drop(client, DEMO / "tracker.csv", DEMO / "joints.csv")
+    odd = (DEMO / "loads.csv").read_text().replace("force_n", "kraft am haken")
+    client.put("/c/hall/file/hook.csv", content=odd.encode())
+    client.post("/c/hall/init")
+    page = client.get("/c/hall/setup").text
+    text = (tmp_path / "data" / "raw" / "hall" / "campaign.toml").read_text()
+
+    assert "# file" in text
+    assert "<option>hook.csv</option>" in page
