@@ -75,16 +75,22 @@ and up), ABB (IRB 6600 and up) and FANUC (M-900), some 100 kg."""
 
 def _gears(robot: Robot, tau: Array) -> Iterator[Elastic]:
     """Laws of gears by all the torque on them, of joints that the weight loads."""
-    most, known = np.abs(tau).max(axis=0), weighs(robot)
+    known, shoulder = weighs(robot), balanced(robot)
     for effect in catalogue(robot):
-        if not isinstance(effect, Elastic) or effect.under_weight is None:
+        if not isinstance(effect, Elastic) or not effect.under_weight or not _shown(effect, tau):
             continue
-        mine, largest = tau[:, effect.carrier[0] - 1], most[effect.carrier[0] - 1]
-        if largest <= LOADED * most.max() or (known and "total" not in effect.form):
-            continue
-        if effect.side is None or min(mine.max(), -mine.min()) > _EACH_WAY * largest:
-            told = known and effect.where != balanced(robot)
-            yield effect if told else replace(effect, form=BY_WEIGHT)
+        if not known or effect.where == shoulder:
+            yield replace(effect, form=BY_WEIGHT)
+        elif "total" in effect.form:
+            yield effect
+
+
+def _shown(effect: Elastic, tau: Array) -> bool:
+    """Whether a law of a gear moves anything under torques of the weight (m, n)."""
+    mine = tau[:, effect.carrier[0] - 1]
+    largest = float(np.abs(mine).max())
+    each_way = effect.side is None or min(mine.max(), -mine.min()) > _EACH_WAY * largest
+    return each_way and largest > LOADED * float(np.abs(tau).max())
 
 
 _EACH_WAY = 0.1
