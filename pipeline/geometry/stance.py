@@ -28,7 +28,7 @@ from pipeline.geometry.mechanism import (
     layout,
     linearised,
 )
-from pipeline.geometry.yielding import BY_WEIGHT
+from pipeline.geometry.yielding import by_weight_alone
 from pipeline.machine.cell import Tool
 from pipeline.machine.stance import Stance, soften
 from pipeline.reduction.bring import bring
@@ -220,7 +220,7 @@ def _held(
     """Elements that the weight or something else calls for, and where their parameters stand."""
     for k, at in enumerate(_places(mechanism)):
         said = linear.inverse(apart[np.ix_(at, at)])
-        if mechanism.elements[k].form == BY_WEIGHT:
+        if by_weight_alone(mechanism.elements[k]):
             continue
         if k in free or chi2_beyond(float(x[at] @ said @ x[at]), len(at)) < alarms.SUSPECT:
             yield k, at
