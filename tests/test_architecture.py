@@ -265,7 +265,15 @@ OUTBUILDINGS = {
         "reduction.settings": "it writes campaign.toml",
         "reduction.limits": "whether a robot can stand where a log says",
     },
-    "live": {"readers.logs": "which of the planned poses nothing was read of yet"},
+    "live": {
+        "readers.logs": "which of the planned poses nothing was read of yet",
+        "run": "readings in between are read as `run` does",
+        "reduction": "and come to displacements as there",
+        "faults": "each new one is held against what is known by the same tests",
+        "system": "and the springs are estimated from all of them",
+        "prediction": "what these predict decides on the tolerance",
+        "answer.judged": "and is said as in the answer",
+    },
     "page": {"app.commands._shared": _COMMAND},
     "programs": {
         "app.commands._shared": _COMMAND,
