@@ -27,8 +27,9 @@ def points(svg):
 
 
 def test_a_kr210_is_drawn_with_its_published_lengths():
-    """KR 210 R2700-2, data sheet: axis 1 to 2 0.330 and 0.645 m, upper arm 1.150, forearm 1.220
-    and 0.115, to the flange 0.215 m; drawn with all axes at zero, stretched to the front.
+    """Stretched to the front at zero: 0.330 m to axis 2, arms of 1.150 and 1.220 m, 0.215 m more.
+
+    Axis 2 stands 0.645 m high, and the wrist 0.115 m above it.
     """
     (arm,) = points(drawing([load("kr210_r2700_2")]))
     reach, height = np.ptp(arm, axis=0)
