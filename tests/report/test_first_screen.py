@@ -216,14 +216,17 @@ def test_what_nobody_knows_has_no_expanded_uncertainty():
 
 
 def test_the_report_says_what_it_is_filed_by():
-    """Dates, serial numbers and counts as stated; what is blank is not stated."""
+    """Dates, serial numbers and counts as stated; what nobody stated, in one row."""
     report = compose(report_sample.answer(), {})
     (of,) = [one for one in report.sections if one.key == "identity"]
     told = {row[0].text: row[1].text for row in of.blocks[0].rows}
 
     assert told["Measured"] == "2026-11-03 08:00 to 10:31"
-    assert told["Operator"] == "not stated"
-    assert told["Scale"] == ("serial number S-17, certificate not stated, calibrated 2026-03-01")
+    assert "Operator" not in told
+    assert told["Scale"] == "serial number S-17, calibrated 2026-03-01"
+    assert told["Not stated"].startswith("the operator; ")
+    assert "certificate of the scale" in told["Not stated"]
+    assert "date" not in told["Not stated"].split("; ")
     assert told["Poses and pulls"] == "16 poses, 48 pulls of 1000 N to 3000 N"
     assert told["Temperature of rail and base"] == "21.5 °C"
     assert told["Software"] == "pipeline 0.1.0"

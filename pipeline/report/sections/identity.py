@@ -5,11 +5,10 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 from pipeline.answer.contract import Answer, Identity, JointType, Measuring, Unit
+from pipeline.answer.words import listed
 from pipeline.base.quantities import plain
 from pipeline.report.columns import Cells, said, table_of
 from pipeline.report.record import Section, section_of
-
-_BLANK = "not stated"
 
 _KINDS = {"laser_tracker": "laser tracker", "arm": "measuring arm", "unknown": "unknown kind"}
 
@@ -21,20 +20,19 @@ NAMES = ("Campaign", "Operator", "Software")
 
 
 def identity(answer: Answer) -> Section | None:
-    """Date, operator, instrument, scale, robot and software; what nobody said is not stated."""
+    """Date, operator, instrument, scale, robot and software, and in one line what nobody said."""
     columns: list[Cells[Row]] = [
         said("What", lambda row: row[0]),
-        said("Stated", lambda row: row[1] or _BLANK),
+        said("Stated", lambda row: row[1]),
     ]
+    every = [*rows(answer), *_unsaid(answer)]
     return section_of(
-        "identity",
-        "This campaign",
-        [table_of("identity", "What was measured", columns, rows(answer, _BLANK))],
+        "identity", "This campaign", [table_of("identity", "What was measured", columns, every)]
     )
 
 
-def rows(answer: Answer, blank: str = "") -> Iterator[Row]:
-    """What a report is filed by; what nobody said is left out where there is no word for it."""
+def rows(answer: Answer) -> Iterator[Row]:
+    """What a report is filed by; what nobody said is left out."""
     found = answer.identity
     if found is None:
         return
@@ -42,17 +40,44 @@ def rows(answer: Answer, blank: str = "") -> Iterator[Row]:
         ("Campaign", answer.name),
         ("Measured", _when(answer, found)),
         ("Operator", found.operator),
-        ("Robot", _list(answer.robot, _unit(answer.robot_unit, blank))),
-        ("Instrument", _instrument(answer.instrument, blank)),
-        ("Scale", "" if found.force_n is None else _unit(found.scale, blank)),
-        (f"Temperature of {'rail and base' if _slides(answer) else 'base'}", _warm(found)),
+        ("Robot", _list(answer.robot, _unit(answer.robot_unit))),
+        ("Instrument", _instrument(answer.instrument)),
+        ("Scale", "" if found.force_n is None else _unit(found.scale)),
+        (_where_warm(answer), _warm(found)),
         ("Poses and pulls", _counts(found)),
-        ("Software", f"pipeline {answer.versions.get('pipeline', _BLANK)}"),
+        ("Software", f"pipeline {answer.versions.get('pipeline', '')}".rstrip()),
     )
-    pulled = found.force_n is not None
-    for name, text in every:
-        if (text or blank) and (pulled or name != "Scale"):
-            yield name, text or ""
+    yield from ((name, text) for name, text in every if text)
+
+
+def _unsaid(answer: Answer) -> Iterator[Row]:
+    """What a file of campaigns would like to have and campaign.toml does not state."""
+    found, instrument = answer.identity, answer.instrument
+    if found is None:
+        return
+    papers = {"robot": answer.robot_unit, "instrument": instrument, "scale": found.scale}
+    if found.force_n is None:
+        del papers["scale"]
+    lacking = {name: listed(_lacking(one)) for name, one in papers.items() if _lacking(one)}
+    every = (
+        "" if _when(answer, found) else "the date",
+        "" if found.operator else "the operator",
+        "" if instrument and instrument.model else "the model of the instrument",
+        *(f"{of} of the {name}" for name, of in lacking.items()),
+        "" if _warm(found) else _where_warm(answer).lower(),
+    )
+    if any(every):
+        yield "Not stated", "; ".join(one for one in every if one)
+
+
+def _lacking(of: Unit | Measuring | None) -> list[str]:
+    papers = (None,) * 3 if of is None else (of.serial, of.certificate, of.calibrated)
+    words = ("serial number", "certificate", "date of calibration")
+    return [word for word, paper in zip(words, papers, strict=True) if not paper]
+
+
+def _where_warm(answer: Answer) -> str:
+    return f"Temperature of {'rail and base' if _slides(answer) else 'base'}"
 
 
 def _slides(answer: Answer) -> bool:
@@ -77,24 +102,23 @@ def _warm(found: Identity) -> str:
     return "" if found.temperature_c is None else f"{plain(found.temperature_c)} °C"
 
 
-def _unit(of: Unit | Measuring | None, blank: str) -> str:
+def _unit(of: Unit | Measuring | None) -> str:
     """Serial number and certificate of a device."""
-    papers = (None,) * 3 if of is None else (of.serial, of.certificate, of.calibrated)
-    serial, certificate, calibrated = (paper or blank for paper in papers)
+    if of is None:
+        return ""
     return _list(
-        f"serial number {serial}" if serial else "",
-        f"certificate {certificate}" if certificate else "",
-        f"calibrated {calibrated}" if calibrated else "",
+        f"serial number {of.serial}" if of.serial else "",
+        f"certificate {of.certificate}" if of.certificate else "",
+        f"calibrated {of.calibrated}" if of.calibrated else "",
     )
 
 
-def _instrument(one: Measuring | None, blank: str) -> str:
-    if one is None and not blank:
+def _instrument(one: Measuring | None) -> str:
+    if one is None:
         return ""
-    kind = "laser tracker" if one is None else _KINDS.get(one.kind, one.kind)
-    model = (one and one.model) or blank
-    sheet = f"; noise by its data sheet ({one.data_sheet})" if one and one.data_sheet else ""
-    return f"{_list(kind, f'model {model}' if model else '', _unit(one, blank))}{sheet}"
+    model = f"model {one.model}" if one.model else ""
+    sheet = f"; noise by its data sheet ({one.data_sheet})" if one.data_sheet else ""
+    return f"{_list(_KINDS.get(one.kind, one.kind), model, _unit(one))}{sheet}"
 
 
 def _counts(found: Identity) -> str:
