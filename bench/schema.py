@@ -1,4 +1,4 @@
-"""`python -m bench.schema`: docs/result.schema.json and the keys in docs/campaign.md, from types.
+"""`python -m bench.schema`: docs/result.schema.json and the keys in docs/answer.md, from types.
 
 Both follow from pipeline/answer/contract.py alone; a test holds them to it.
 """
@@ -25,7 +25,7 @@ def schema() -> str:
 
 
 def page(old: str) -> str:
-    """docs/campaign.md with its table of keys anew; what stands outside the marks stays."""
+    """docs/answer.md with its table of keys anew; what stands outside the marks stays."""
     before, _, rest = old.partition(BEGIN)
     _, _, after = rest.partition(END)
     rows = ["| key | type | meaning |", "|---|---|---|", *_rows(Answer, "")]
@@ -79,8 +79,8 @@ def _words(kind: Any) -> str:
 def main() -> None:
     """Write both."""
     (DOCS / "result.schema.json").write_text(schema(), "utf-8")
-    campaign = DOCS / "campaign.md"
-    campaign.write_text(page(campaign.read_text("utf-8")), "utf-8")
+    answer = DOCS / "answer.md"
+    answer.write_text(page(answer.read_text("utf-8")), "utf-8")
 
 
 if __name__ == "__main__":

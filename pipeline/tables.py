@@ -14,6 +14,8 @@ from pipeline.base.covariance import PAIRS
 from pipeline.base.errors import TableMismatch, listed
 from pipeline.machine.robot import Robot
 
+pd.set_option("mode.string_storage", "python")  # Arrow's words cost a small table twice the time
+
 
 def _col(name: str, kind: pa.DataType, unit: str, meaning: str, nullable: bool = False) -> pa.Field:
     """One column of a promise."""

@@ -25,7 +25,7 @@ class Cause(_Strict):
     """Something that the joint springs leave out.
 
     Attributes:
-        name: A word of "Names of causes" in docs/campaign.md where `listed`, else any.
+        name: A word of docs/causes.md where `listed`, else any.
         where: Joint number or part, as there.
         accept: Further labels that count as right (`joint_tilt:6`), as twins do.
         listed: The catalogue has it; for one that it has not, `UNLISTED` at its place is right.

@@ -26,7 +26,7 @@ LISTED = 0.01
 """A rival less probable than this is not counted as one."""
 
 CONTRADICTS = 1e-3
-"""Below this p-value a payload is to be called another one than stated (docs/campaign.md)."""
+"""Below this p-value a payload is to be called another one than stated (docs/causes.md)."""
 
 WIDE = 1.959964
 """Half a 95 % interval in standard uncertainties."""

@@ -79,7 +79,7 @@ class Both:
         held = agreement(one, now, self.lighter)
         found, every = self.said.found.final, self.said.found.final.mechanism.elements
         before = opened(found, called_for(every, stands.data.stance.held))
-        gears = laws_of_gears(one.cell.effects)
+        gears = laws_of_gears(one.cell.effects, every)
         table_p = elsewhere(before, stands.data.stance, stands.data, self.case.tool, gears)
         held = replace(held, table_p=table_p)
         found = lighter(opened(found, called_for(every, now.stance.held)), self.lighter)

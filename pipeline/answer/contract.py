@@ -1,6 +1,6 @@
 """The answer to a campaign, frozen; result.json is its dump, key by key.
 
-docs/result.schema.json and the table in docs/campaign.md are made from here (`make schema`). Keys
+docs/result.schema.json and the table in docs/answer.md are made from here (`make schema`). Keys
 may be added, not renamed. Terminal, report and history read these records and nothing else.
 """
 

@@ -16,7 +16,7 @@ from pipeline.design.search import HARD, Effort, Plan, evaluate, objective, sear
 from pipeline.design.space import Box
 from pipeline.design.spec import revised
 
-_QUICK = Effort(first=0, rounds=1, poses=192, settled=16, exchanged=4)
+_QUICK = Effort(first=0, rounds=1, poses=192, settled=16, exchanged=4, gain=1e-6)
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,6 +57,7 @@ def by_size(
     readings: Sequence[int],
     seed: int,
     effort: Effort = _QUICK,
+    own: Plan | None = None,
 ) -> BySize:
     """Best figure for each m_0 and n; the limit on single compliances is left out.
 
@@ -69,12 +70,17 @@ def by_size(
         readings: Values of n.
         seed: Determines the searches.
         effort: How hard to search each.
+        own: The plan of the problem, where it is the best one also without that limit and with
+            its hardest pull alone: its size is not searched again.
     """
     figure = np.full((len(poses), len(readings)), np.nan)
     for i, m0 in enumerate(poses):
         shared = [j for j, n in enumerate(readings) if n % m0 == 0 and n >= 3]
         sized = {j: _sized(problem, m0, readings[j]) for j in shared}
-        plan = _best(sized[shared[-1]], seed, effort) if shared else None
+        if not shared:
+            continue
+        found = own if m0 == problem.poses else None
+        plan = found or _best(sized[shared[-1]], seed, effort)
         if plan is None:
             continue
         for j in shared:

@@ -14,7 +14,7 @@ import numpy as np
 from pipeline.base.arrays import Array, Locked
 from pipeline.design.scatter import Scatter, gram, weigh
 from pipeline.machine.robot import Configuration, Robot, configure
-from pipeline.machine.robot.configuration import cross, torque, velocity
+from pipeline.machine.robot.configuration import torque, velocity
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,4 +169,6 @@ def _turned(omega: Array, J: Array, g: Array) -> Array:
 
 def _cross(a: Array, b: Array) -> Array:
     """Vector product over the last axis but one."""
-    return np.moveaxis(cross(np.moveaxis(a, -1, 0), np.moveaxis(b, -1, 0)), 0, -1)
+    x, y, z = a[..., 0, :], a[..., 1, :], a[..., 2, :]
+    u, v, w = b[..., 0, :], b[..., 1, :], b[..., 2, :]
+    return np.stack([y * w - z * v, z * u - x * w, x * v - y * u], axis=-2)

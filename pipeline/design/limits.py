@@ -22,6 +22,8 @@ from pipeline.machine.room import Room
 
 _MARGIN_M = 1e-3
 """The search stays this far inside, so that its penalty cannot end on the wrong side."""
+_AMPLE = 2 * _MARGIN_M
+"""A slack of this is as good as any larger one."""
 
 
 @dataclass(frozen=True)
@@ -45,7 +47,7 @@ def slacks(limits: Limits, at: Station) -> Iterator[_Slack]:
     """Every limit that is set, at every pose."""
     yield from _chain_length(limits.chain_m, at)
     if limits.singular_margin:
-        value, by_q = dexterity(at.configuration)
+        value, by_q = dexterity(at.configuration, limits.singular_margin + _AMPLE)
         rule = "the arm clear of singular poses, where its wrist, elbow or shoulder is stretched"
         yield _Slack(rule, value - limits.singular_margin, by_q, np.zeros((3, 1)))
     if limits.flange_above_m is not None:

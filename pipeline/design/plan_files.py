@@ -22,6 +22,8 @@ _SIZES = (3, 4, 6, 12)
 """Numbers of poses and of readings of Table II."""
 _PLACES = 9
 """Places of the anchor along an axis that the sheet shows."""
+_FREE = 0.9
+"""Of the largest uncertainty allowed: a plan that stays below it is the best one without, too."""
 
 
 def plan_files(
@@ -58,8 +60,12 @@ def plan_files(
 
 def _sizes(proposal: Proposal, seed: int) -> BySize | None:
     """Only where one search is quick and readings are independent, as in the paper."""
-    plain = proposal.problem.experiment.scatter.zero == 0 and proposal.mixed is None
-    return by_size(proposal.problem, _SIZES, _SIZES, seed) if plain else None
+    problem, plan = proposal.problem, proposal.plan
+    if problem.experiment.scatter.zero or proposal.mixed is not None:
+        return None
+    held = plan.relative_std.max() > _FREE * problem.limits.max_relative_std
+    own = plan if len(problem.spec.pull.steps_n) == 1 and not held else None
+    return by_size(problem, _SIZES, _SIZES, seed, own=own)
 
 
 def _anchors(proposal: Proposal, seed: int) -> ByAnchor | None:

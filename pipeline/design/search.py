@@ -45,6 +45,7 @@ class Effort:
         exchanged: In how many of those single poses are exchanged.
         bounds: Searches of a worst direction, for the certificate.
         directions: Starts of each of them.
+        gain: What a step must gain of log figure, or it counts as none.
     """
 
     first: int = 192
@@ -54,6 +55,7 @@ class Effort:
     exchanged: int = 8
     bounds: int = 20
     directions: int = 128
+    gain: float = 1e-9
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,10 +125,10 @@ def search(
         x = np.vstack([x, near.x[np.argsort(near.value)[:settled]]])
         best, nearest = _best(evaluate(problem, *box.opened(x)), best)
         yield _Progress(done, len(looks), best, _single(box, x), nearest)
-        far = descend(hard, x, rounds=600)
+        far = descend(hard, x, rounds=600, gain=effort.gain)
         x = far.x[np.argsort(far.value)][:settled]
         changed = _exchange(box, x[:exchanged])
-        x = np.vstack([descend(hard, changed, rounds=600, gain=1e-11).x, x])
+        x = np.vstack([descend(hard, changed, rounds=600, gain=effort.gain / 100).x, x])
         best, nearest = _best(evaluate(problem, *box.opened(x)), best)
         yield _Progress(done, len(looks), best, _single(box, x), nearest)
 

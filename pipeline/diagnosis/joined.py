@@ -179,7 +179,7 @@ class _Places(NamedTuple):
             at[each.label, each.form] = end
             end += len(each.parameters)
         columns = [k for e in stance.held for k in _span(at[e.label, e.form], e)]
-        laws = laws_of_gears(effects)
+        laws = laws_of_gears(effects, stance.elements)
         joints = np.array([j for j in range(n) if j + 1 not in laws], dtype=np.int64)
         return cls(
             np.append(joints, n + np.arange(len(columns))),
@@ -207,7 +207,7 @@ def agreement(one: Hypothesis, beside: Joined, lighter: float) -> Agreement:
         lighter: Springs over those with an arm of usual weight.
     """
     stance, n = beside.stance, len(beside.stance.told)
-    laws = laws_of_gears(one.cell.effects)
+    laws = laws_of_gears(one.cell.effects, stance.elements)
     both = np.array([j not in laws for j in range(1, n + 1)])
     own = np.sqrt(np.diag(stance.cov)[:n])
     weight = np.column_stack([stance.compliance, np.where(stance.told & both, own, np.inf)])

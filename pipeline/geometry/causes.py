@@ -26,10 +26,9 @@ from pipeline.geometry.identify import Identified
 from pipeline.geometry.laws import JointLaw
 from pipeline.geometry.mechanism import Mechanism, layout
 from pipeline.geometry.worth import NO_GAIN, Judge, LeftOutGain
-from pipeline.geometry.yielding import carried_by
-from pipeline.machine.effects._anatomy import arm, rail, turning
+from pipeline.geometry.yielding import LOADED, balanced, carried_by
+from pipeline.machine.effects._anatomy import rail, turning
 from pipeline.machine.robot import Robot, configure
-from pipeline.machine.robot.rating import relative
 from pipeline.machine.robot.weight import by_moments
 from pipeline.system import alarms
 
@@ -77,10 +76,6 @@ _WAVES = (1.0, 2.0, 3.0)
 """Periods per turn of a joint: an eccentric wheel, an oval one, three bolts. Of less than a period
 a wave is any curve, and says nothing of angles beyond."""
 
-_BALANCED = 0.2
-"""Payload over that of a KR 500 from which on arms have a balancer: by data sheets of KUKA (KR 90
-and up), ABB (IRB 6600 and up) and FANUC (M-900), some 100 kg."""
-
 
 def listed(robot: Robot, q: Array, tau: Array) -> tuple[Listed, ...]:
     """Laws that are estimated in any case, each as large as the readings call for.
@@ -97,16 +92,8 @@ def _listed(robot: Robot, q: Array, tau: Array) -> Iterator[Listed]:
     if rail(robot) and np.ptp(q[:, 0]) > 0:
         middle, half = float(q[:, 0].max() + q[:, 0].min()) / 2, float(np.ptp(q[:, 0])) / 2
         yield Listed("rail_scale", JointLaw(1, "smooth", "angle", 1, 1.0, middle, half))
-    joints = arm(robot)
-    shoulder = joints[0] if joints and relative(robot) >= _BALANCED and tau.any() else None
-    most = np.abs(tau).max(axis=0)
+    shoulder = balanced(robot) if tau.any() else None
     for joint in turning(robot):
-        one, largest = tau[:, joint - 1], float(most[joint - 1])
-        if largest > _LOADED * most.max():
-            yield Listed("joint_lost_motion", JointLaw(joint, "step", "torque", joint, 0.0))
-            if min(one.max(), -one.min()) > _EACH_WAY * largest:
-                law = JointLaw(joint, "sides", "torque", joint, 1.0, 0.0, largest)
-                yield Listed("joint_asymmetry", law)
         yield from _waves(joint, joint == shoulder, np.ptp(q[:, joint - 1]))
 
 
@@ -116,14 +103,6 @@ def _waves(joint: int, shoulder: bool, span: float) -> Iterator[Listed]:
         name = "compensator" if shoulder and order < _WAVES[-1] else ""
         if name or order * span > np.pi:
             yield Listed(name, JointLaw(joint, "periodic", "angle", joint, order))
-
-
-_EACH_WAY = 0.1
-"""Part of the largest torque that a joint has to carry the other way, too, before two stiffnesses
-can be told from one [1]."""
-
-_LOADED = 1e-3
-"""Part of the largest torque of the weight below which a joint carries none."""
 
 
 # --- groups of parameters -------------------------------------------------------------------------
@@ -165,20 +144,13 @@ def _of_laws(
             parts.setdefault(key, []).extend(at)
             said.setdefault(key, []).extend(_amounts(name, law, x[at], std[at]))
     for (name, joint), at in parts.items():
-        where = joint if name.startswith("joint_") else None
         form = "two harmonics" if name == "compensator" else ""
-        yield _Group(TableLaw(name, where, form, tuple(said[name, joint])), np.array(at))
+        yield _Group(TableLaw(name, None, form, tuple(said[name, joint])), np.array(at))
 
 
 def _amounts(name: str, law: JointLaw, x: Array, std: Array) -> Iterator[Amount]:
     if name == "rail_scale":
         yield Amount("scale", "1", float(x[0]) / law.scale, float(std[0]) / law.scale)
-    elif name == "joint_lost_motion":
-        yield Amount(f"b_joint{law.joint}", "rad", 2 * float(x[0]), 2 * float(std[0]))
-    elif name == "joint_asymmetry":
-        yield Amount(
-            f"dc_{law.joint}", "rad/(N m)", float(x[0]) / law.scale, float(std[0]) / law.scale
-        )
     else:
         for part, a, s in zip(("cos", "sin"), x, std, strict=True):
             yield Amount(f"turn_{part}{law.order:g}", "rad", float(a), float(s))
@@ -232,7 +204,7 @@ def weight(found: Identified) -> TableLaw:
     most = np.ptp(tau, axis=0)
     for j, joint in enumerate(mechanism.table.joints):
         row = slopes[:, j]
-        if most[j] < _LOADED * most.max() or joint.prismatic:
+        if most[j] < LOADED * most.max() or joint.prismatic:
             continue
         low, high = int(tau[:, j].argmin()), int(tau[:, j].argmax())
         slope = np.zeros(len(at))

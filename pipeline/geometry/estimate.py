@@ -23,6 +23,7 @@ from pipeline.geometry.curves import Curve
 from pipeline.geometry.mechanism import Linear, Mechanism, Payloads, layout
 from pipeline.geometry.scatter import PoseScatter
 from pipeline.geometry.yielding import sizes, usual
+from pipeline.machine.stance import soften
 
 ROUGH = {False: 1e-3, True: 1e-3}
 """How far a length [m] and an angle [rad] of a table are off as delivered, where its file does not
@@ -302,6 +303,7 @@ def softened(mechanism: Mechanism, x: Array | None = None) -> Array:
     v = np.zeros(len(x))
     for part, sign in ((where.compliance, 1.0), (where.yields, 1.0), (where.moments, -1.0)):
         v[part] = sign * x[part]
+    v[where.yields] *= soften(mechanism.elements)
     return v
 
 

@@ -28,7 +28,8 @@ from pipeline.geometry.laws import JointLaw
 from pipeline.geometry.mechanism import ArmWeights, Linear, Mechanism, layout, linearised
 from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.scatter import PoseScatter
-from pipeline.geometry.yielding import sizes, usual, yielding
+from pipeline.geometry.yielding import sizes, usual
+from pipeline.machine.effect import Elastic
 from pipeline.machine.robot import Robot
 
 _FEWEST, _SETTLED, _MOST = 3, 8, 14
@@ -61,7 +62,7 @@ class Wanted:
         springs: Compliances under the arm's weight.
         laws: Laws of joints.
         curves: Joints with a curve of their own, from 0, and its length.
-        yields: What yields beside the joints under the arm's weight.
+        yields: What may yield beside springs of joints under the arm's weight.
         moments: Masses and first moments of the links, which no table states, or a wrong one.
         bed: Length of the curves by which the rail is not straight [m]; None where it is.
     """
@@ -70,7 +71,7 @@ class Wanted:
     springs: bool = True
     laws: tuple[JointLaw, ...] = ()
     curves: tuple[tuple[int, float], ...] = ()
-    yields: bool = False
+    yields: tuple[Elastic, ...] = ()
     moments: bool = False
     bed: float | None = None
 
@@ -212,10 +213,10 @@ def _equipped(begun: Mechanism, readings: PositionReadings, wanted: Wanted) -> M
         replace(one, size=size.get(one.screw, one.size))
         for one in _curves(begun.table, readings, wanted)
     )
-    elements = begun.elements
-    if wanted.yields != bool(elements):
-        elements = yielding(begun.table) if wanted.yields else ()
-    kept = len(elements) == len(begun.elements)
+    elements = wanted.yields
+    kept = [(one.label, one.form) for one in elements] == [
+        (one.label, one.form) for one in begun.elements
+    ]
     moments, compliance = begun.moments, begun.compliance
     if wanted.moments and not begun.unknown:
         moments, compliance = usual(begun.table)[0], begun.table.nominal_compliance

@@ -52,7 +52,7 @@ class JointLaw:
 
     Attributes:
         joint: Which it moves, from 1.
-        kind: `periodic`, `smooth`, `step`, `sides` (as much each way) or `coupling`.
+        kind: `periodic`, `smooth`, `step` or `coupling`.
         variable: `angle`, `torque`, `temperature` or `time`.
         source: The joint whose angle or torque it is of, from 1; None for temperature and time.
         order: Periods per turn (per metre of a sliding joint), or degree of a polynomial.
@@ -62,7 +62,7 @@ class JointLaw:
     """
 
     joint: int
-    kind: Kind | Literal["sides"]
+    kind: Kind
     variable: Variable
     source: int | None
     order: float
@@ -103,8 +103,6 @@ class JointLaw:
         if self.kind == "step":
             return np.sign(np.nan_to_num(v, nan=1.0))[:, None]
         v = np.nan_to_num(v)
-        if self.kind == "sides":
-            return np.abs(v)[:, None]
         if self.periodic:
             return np.stack([np.cos(self.order * v), np.sin(self.order * v)], axis=1)
         return np.asarray(v[:, None].clip(-1.0, 1.0) ** self.order)

@@ -166,7 +166,7 @@ class Mechanism(Locked):
         here = configure(robot, q)
         for _ in range(_TURNED):
             bent = here
-            held = carried(bent, weights.gravity, self.moments, mass, centre)
+            held = weight = carried(bent, weights.gravity, self.moments, mass, centre)
             inputs = Inputs(q, work(bent.twists, held), temperature, time, series)
             if force is not None and force.any():
                 at = bent.points(tip[None])[:, 0]
@@ -176,7 +176,8 @@ class Mechanism(Locked):
         yields = Virtual(self.elements, here)
         bed = bed_screws(here) if any(curve.screw >= robot.n for curve in self.curves) else None
         screws, carrier = yields.screws, yields.carrier
-        amounts = yields.under(held) * self.yields[yields.parameter]
+        borne = yields.torques(held, weight)
+        amounts = yields.answers(borne) * self.yields[yields.parameter]
         if bed is not None:
             screws = np.concatenate([screws, bed], axis=1)
             carrier = np.append(carrier, np.ones(6, dtype=np.int64))
@@ -184,7 +185,7 @@ class Mechanism(Locked):
         at = here.points(self.tool[:, :3, 3])
         turn = np.einsum("mij,tjk->mtik", here.flange_axes, self.tool[:, :3, :3])
         at, turn = carried_on(screws, carrier, amounts, at, turn)
-        return PlacedRobot(inputs, tau, held, bent, here, yields, bed, at, turn)
+        return PlacedRobot(inputs, tau, borne, bent, here, yields, bed, at, turn)
 
     def turned(self, loaded: Inputs, inputs: Inputs) -> Array:
         """How far each joint stands from its encoder [m] or [rad], shape (m, n).
@@ -361,7 +362,7 @@ class PlacedRobot(NamedTuple):
     Attributes:
         inputs: What laws are of.
         tau: Torque of weight and force on the joints, shape (m, n).
-        held: Wrench of all that each joint carries, shape (m, n, 6).
+        borne: Torque on each virtual joint, shape (m, v).
         bent: Frames where the weight is taken: turned by the joints as far as it does.
         here: Frames, without what yields beside the joints.
         yields: Virtual joints.
@@ -372,7 +373,7 @@ class PlacedRobot(NamedTuple):
 
     inputs: Inputs
     tau: Array
-    held: Array
+    borne: Array
     bent: Configuration
     here: Configuration
     yields: Virtual
@@ -438,13 +439,14 @@ def derivatives(
         torques = payload_torques(here, weights.gravity, mass, centre)
         hung = weights.by_payload(mechanism.compliance[:, None] * torques)
         D[..., where.payload] = Z @ hung
-    each = yielding * stand.yields.under(stand.held)[:, None]
+    each = yielding * stand.yields.answers(stand.borne)[:, None]
     D[..., where.yields] = each @ np.eye(len(mechanism.yields))[stand.yields.parameter]
     if mechanism.unknown:
         unit = by_moments(stand.bent, weights.gravity)
         joints = np.arange(1, mechanism.table.n + 1)
         own = mechanism.compliance[:, None] * carried_by(stand.bent.twists, joints, unit)
-        more = mechanism.yields[stand.yields.parameter][:, None] * stand.yields.by_moments(unit)
+        more = stand.yields.by_moments(unit, stand.borne)
+        more *= mechanism.yields[stand.yields.parameter][:, None]
         D[..., where.moments] = Z @ own + yielding @ more
     if mechanism.laws:
         waves = [

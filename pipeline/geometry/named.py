@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import cast
 
 import numpy as np
 
@@ -304,7 +303,7 @@ def _slices(found: Identified) -> Iterator[tuple[NamedLaw, _Key, slice]]:
         part = _of_law(mechanism, k)
         one = NamedLaw(
             law.joint,
-            cast("Kind", law.kind),  # `sides` is of the catalogue
+            law.kind,
             law.variable,
             law.source,
             law.order,

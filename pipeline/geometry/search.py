@@ -231,7 +231,6 @@ def _of_torque(inputs: Inputs, joint: int) -> Iterator[JointLaw]:
     if scale > 0:
         for degree in (2.0, 3.0):
             yield JointLaw(joint, "smooth", "torque", joint, degree, 0.0, scale)
-        yield JointLaw(joint, "step", "torque", joint, 0.0)
 
 
 def _of_surroundings(inputs: Inputs, joint: int) -> Iterator[JointLaw]:

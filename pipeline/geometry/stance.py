@@ -28,8 +28,9 @@ from pipeline.geometry.mechanism import (
     layout,
     linearised,
 )
+from pipeline.geometry.yielding import BY_WEIGHT
 from pipeline.machine.cell import Tool
-from pipeline.machine.stance import Stance
+from pipeline.machine.stance import Stance, soften
 from pipeline.reduction.bring import bring
 from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
@@ -94,7 +95,8 @@ def stance(found: Identified, targets: Collection[str], free: Collection[int] = 
     """What the positions say to pulls.
 
     An element that the weight does not call for is none, as causes are that pulls do not call for:
-    the positions are then what they would be if it were known to be zero.
+    the positions are then what they would be if it were known to be zero. Laws of gears, which are
+    part of how a joint turns, stay as uncertain as they are.
 
     Args:
         found: The whole model.
@@ -112,14 +114,17 @@ def stance(found: Identified, targets: Collection[str], free: Collection[int] = 
         more = tuple(k for k, _ in held)
         return replace(stance(opened(found, more), targets, more), reopened=reopened)
     there = [k for _, at in held for k in at]
-    none = [k for k in range(where.yields.start, where.yields.stop) if k not in there]
+    places = zip(mechanism.elements, _places(mechanism), strict=True)
+    none = [k for one, at in places if one.element != "gear" for k in at if k not in there]
     which = [k for k, name in enumerate(found.readings.targets) if name in targets]
     T = _chosen(found, there, which)
     gain = T @ apart[:, none] @ linear.inverse(apart[np.ix_(none, none)])
     z, C = T @ x - gain @ x[none], T @ apart @ T.T - gain @ apart[none] @ T.T
     n = mechanism.table.n
     s = n + len(there)
-    z[s:], along = 0.0, np.append(z[:s], np.zeros(len(z) - s))
+    z[s:] = 0.0
+    along = z.copy()
+    along[n:s] *= soften([mechanism.elements[k] for k, _ in held])
     prior = found.known.std[where.compliance]
     return Stance(
         robot=mechanism.robot,
@@ -198,6 +203,8 @@ def _held(
     """Elements that the weight or something else calls for, and where their parameters stand."""
     for k, at in enumerate(_places(mechanism)):
         said = linear.inverse(apart[np.ix_(at, at)])
+        if mechanism.elements[k].form == BY_WEIGHT:
+            continue
         if k in free or chi2_beyond(float(x[at] @ said @ x[at]), len(at)) < alarms.SUSPECT:
             yield k, at
 
@@ -230,12 +237,13 @@ def lighter(found: Identified, factor: float) -> Identified:
         return found
     there, where = found.mechanism, layout(found.mechanism)
     scale = np.ones(len(found.solution.x))
-    scale[where.compliance] = scale[where.yields] = factor
+    more = np.where(soften(there.elements), factor, 1.0)
+    scale[where.compliance], scale[where.yields] = factor, more
     scale[where.moments] = 1 / factor
     moved = replace(
         there,
         compliance=there.compliance * factor,
-        yields=there.yields * factor,
+        yields=there.yields * more,
         moments=there.moments / factor,
     )
     known, weight = found.known, scale[: len(found.known.std)].copy()

@@ -27,7 +27,7 @@ from pipeline.geometry.named import LawData, NamedLaw, with_laws
 from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.scatter import start
 from pipeline.geometry.worth import Judge, LeftOutGain, Parting, distances, partings
-from pipeline.geometry.yielding import usual
+from pipeline.geometry.yielding import usual, yielding
 from pipeline.machine.effects._anatomy import rail
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.weight import weighs
@@ -239,7 +239,7 @@ def _base(data: LawData, begun: Mechanism) -> tuple[Identified, tuple[Listed, ..
     tried = replace(begun, moments=usual(robot)[0]) if moments else begun
     tau = linearised(data.readings, tried, data.weights).inputs.tau
     names = listed(robot, data.readings.q, tau)
-    wanted = Wanted(springs=heavy, yields=heavy, moments=moments,
+    wanted = Wanted(springs=heavy, yields=yielding(robot, tau) if heavy else (), moments=moments,
                     laws=tuple(one.law for one in names))  # fmt: skip
     table = data.identify(begun, Wanted(springs=False))
     if not rail(robot):

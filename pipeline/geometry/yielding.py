@@ -1,13 +1,14 @@
-"""What gives way under the arm's own weight beside its joints: elastic effects of the catalogue.
+"""What gives way under the arm's own weight beside springs of joints: effects of the catalogue.
 
-Virtual joint v of an effect with the screw s_v moves by its compliance times the effect's response
+Virtual joint v of an effect with the screw s_v moves by its parameter times the effect's response
 to s_v . W, with W the wrench of all that it bears: as under a pull, with the weight in
-the place of the pull.
+the place of the pull, or beside it.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
+from dataclasses import replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -17,8 +18,9 @@ from scipy.spatial.transform import Rotation
 from pipeline.base.arrays import Array, Ints
 from pipeline.machine.effect import Elastic, Loaded, Pulls
 from pipeline.machine.effects import catalogue
-from pipeline.machine.effects._anatomy import turning
+from pipeline.machine.effects._anatomy import arm, turning
 from pipeline.machine.robot import Configuration, Robot
+from pipeline.machine.robot.rating import relative
 from pipeline.machine.robot.weight import link_moments, weighs, work
 
 _NAMES = {"rail_roll", "rail_pitch", "rail_yaw", "rail_lateral", "rail_vertical", "joint_tilt",
@@ -29,15 +31,68 @@ _BEARINGS = 3
 """The first turning joints carry the arm; moments across those of the wrist are smaller by tens."""
 
 
-def yielding(robot: Robot) -> tuple[Elastic, ...]:
-    """The effects that act on positions, in the first form of each."""
+def yielding(robot: Robot, tau: Array | None = None) -> tuple[Elastic, ...]:
+    """The effects that act on positions, in the first form of each that weight can show.
+
+    Args:
+        robot: The robot.
+        tau: Torque of its weight on each joint [N m], shape (m, n), by which its gears have laws of
+            their own; none where not given.
+    """
     carry, out = turning(robot)[:_BEARINGS], dict[str, Elastic]()
     for effect in catalogue(robot):
         if not isinstance(effect, Elastic) or effect.name not in _NAMES:
             continue
         if effect.name != "joint_tilt" or effect.where in carry:
             out.setdefault(effect.label, effect)
+    for effect in () if tau is None else _gears(robot, tau):
+        out.setdefault(effect.label, effect)
     return tuple(out.values())
+
+
+def called(robot: Robot, names: Sequence[Sequence[str]]) -> tuple[Elastic, ...]:
+    """Elements by label and form, as `yielding` has them."""
+    every = yielding(robot, np.array([[-1.0], [1.0]]) * np.ones(robot.n))
+    known = {(one.label, one.form): one for one in every}
+    return tuple(known[label, form] for label, form in names)
+
+
+BY_WEIGHT = "weight"
+"""Form of a law of a gear whose torque nobody knows, as masses or a balancer are not: no pull can
+be said to be beside it."""
+
+
+def balanced(robot: Robot) -> int | None:
+    """The joint that a balancer may hold, the shoulder of an arm for heavy loads."""
+    joints = arm(robot)
+    return joints[0] if joints and relative(robot) >= _BALANCED else None
+
+
+_BALANCED = 0.2
+"""Payload over that of a KR 500 from which on arms have a balancer: by data sheets of KUKA (KR 90
+and up), ABB (IRB 6600 and up) and FANUC (M-900), some 100 kg."""
+
+
+def _gears(robot: Robot, tau: Array) -> Iterator[Elastic]:
+    """Laws of gears by all the torque on them, of joints that the weight loads."""
+    most, known = np.abs(tau).max(axis=0), weighs(robot)
+    for effect in catalogue(robot):
+        if not isinstance(effect, Elastic) or effect.under_weight is None:
+            continue
+        mine, largest = tau[:, effect.carrier[0] - 1], most[effect.carrier[0] - 1]
+        if largest <= LOADED * most.max() or (known and "total" not in effect.form):
+            continue
+        if effect.side is None or min(mine.max(), -mine.min()) > _EACH_WAY * largest:
+            told = known and effect.where != balanced(robot)
+            yield effect if told else replace(effect, form=BY_WEIGHT)
+
+
+_EACH_WAY = 0.1
+"""Part of the largest torque that a joint has to carry the other way, too, before two stiffnesses
+can be told from one [1]."""
+
+LOADED = 1e-3
+"""Part of the largest torque of the weight below which a joint carries none."""
 
 
 def sizes(effects: Sequence[Elastic]) -> Array:
@@ -72,27 +127,41 @@ class Virtual:
     def answers(self, tau: Array) -> Array:
         """How far each moves per unit of its parameter under torques (m, v), shape (m, v)."""
         parts = [
-            effect.response(self._loaded, tau[:, a:b])
+            effect.under_weight(tau[:, a:b])
+            if effect.under_weight
+            else effect.response(self._loaded, tau[:, a:b])
             for effect, (a, b) in zip(self._effects, pairwise(self._ends), strict=True)
         ]
         return np.concatenate([tau[:, :0], *parts], axis=1)
 
-    def under(self, wrenches: Array) -> Array:
-        """The same under what each joint carries, (m, n, 6)."""
+    def torques(self, wrenches: Array, weight: Array) -> Array:
+        """Torque on each, by what each joint carries and its weight alone, (m, n, 6) -> (m, v)."""
         own = wrenches[..., 3:] - np.pad(wrenches[:, 1:, 3:], ((0, 0), (0, 1), (0, 0)))
         tau = work(self.screws, wrenches[:, self.bears - 1])
         for one, body, part in self._between:
             tau[:, one] += part * work(self.screws[:, one], self._hung(own[:, body], one))
-        return self.answers(tau)
+        for effect, (a, b) in zip(self._effects, pairwise(self._ends), strict=True):
+            if effect.form == BY_WEIGHT:
+                tau[:, a:b] = work(self.screws[:, a:b], weight[:, self.bears[a:b] - 1])
+        return np.asarray(tau)
 
-    def by_moments(self, unit: Array) -> Array:
-        """The same by mass and first moment of each link, (m, n, 4, 6) -> (m, v, 4 n)."""
+    def by_moments(self, unit: Array, tau: Array) -> Array:
+        """Derivatives of `answers` by mass and first moment of each link.
+
+        Args:
+            unit: Wrench of each, about the arm where it stands, shape (m, n, 4, 6).
+            tau: Where that is, as of `torques`.
+
+        Returns:
+            Shape (m, v, 4 n).
+        """
         torques = carried_by(self.screws, self.bears, unit)
         for one, body, part in self._between:
             weight = self._hung(unit[:, body, 0, 3:], one)
             torques[:, one, 4 * body] += part * work(self.screws[:, one], weight)
-        each = [self.answers(torques[:, :, k]) for k in range(torques.shape[2])]
-        return np.stack(each, axis=2)
+        step = _STEP * np.maximum(np.abs(tau), 1.0)
+        slope = (self.answers(tau + step) - self.answers(tau - step)) / (2 * step)
+        return slope[:, :, None] * torques
 
     @cached_property
     def _between(self) -> list[tuple[slice, int, float]]:
@@ -107,6 +176,10 @@ class Virtual:
         """Forces (m, 3) where the joint sits that an effect bears, as wrenches (m, 1, 6)."""
         at = self._loaded.configuration.frame(int(self.bears[one][0]))[1]
         return np.concatenate([np.cross(at, force), force], axis=1)[:, None]
+
+
+_STEP = 1e-4
+"""Of a torque over it, by which the slope of a law is taken."""
 
 
 def carried_by(screws: Array, carrier: Ints, unit: Array) -> Array:

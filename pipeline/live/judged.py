@@ -12,6 +12,7 @@ import pandas as pd
 from pipeline.answer.contract import Answer, Tip, Tolerance
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints
+from pipeline.faults.mistake import Mistake
 from pipeline.library.campaign import Campaign, Result
 from pipeline.machine.robot import axes
 from pipeline.readers import logs
@@ -98,6 +99,8 @@ class Update:
         next: The planned poses that are left, the most telling first, or one that is proposed.
         stop: Whether to stop.
         verdict: Of what is there.
+        searched: Causes were sought with it as `run` does; else its readings were held against the
+            last search, and the stiffnesses estimated from all.
         why: In place of all that, why nothing can be said yet.
     """
 
@@ -111,6 +114,7 @@ class Update:
     next: tuple[_Next, ...] = ()
     stop: _Stop = _Stop(now=False, text="")
     verdict: str | None = None
+    searched: bool = False
     why: str | None = None
 
     def as_json(self) -> str:
@@ -118,18 +122,24 @@ class Update:
         return json.dumps(asdict(self), ensure_ascii=False, allow_nan=False)
 
 
-def judged(campaign: Campaign, result: Result, pose: int | None = None) -> Update:
+def judged(
+    campaign: Campaign, result: Result, pose: int | None = None, doubted: Sequence[Mistake] = ()
+) -> Update:
     """What is known of a campaign as far as it is measured.
 
     Args:
         campaign: Its files.
         result: What they say.
         pose: That is measured and to be told; None: the one that is being measured.
+        doubted: What contradicts what was known before; told where nothing is found that explains
+            it.
     """
     answer, readings = result.answer, result.tables["readings"]
     poses = list(dict.fromkeys(measured(result)))
     last = pose if pose is not None else poses[-1] if poses else None
     suspects = tuple(_suspects(answer))
+    if not suspects and str(answer.diagnosis.verdict) in {"adequate", "unexplained"}:
+        suspects = tuple(_suspect(one.name, one.where, one.at, one.evidence) for one in doubted)
     mine = _Of(readings[readings["pose"] == last])
     left = _left(campaign, result, poses)
     return Update(
@@ -167,10 +177,13 @@ class _Of:
 def _suspects(answer: Answer) -> Iterator[_Suspect]:
     for one in answer.diagnosis.causes:
         if one.evidence is not None:
-            again = "Measure it again, or correct the file."
-            said = one.evidence.sentence
-            text = f"{said[:1].upper()}{said[1:]}. {again}"
-            yield _Suspect(str(one.name), str(one.where or ""), tuple(one.readings), text)
+            where = str(one.where or "")
+            yield _suspect(str(one.name), where, one.readings, one.evidence.sentence)
+
+
+def _suspect(name: str, where: str, readings: Sequence[str], said: str) -> _Suspect:
+    again = "Measure it again, or correct the file."
+    return _Suspect(name, where, tuple(readings), f"{said[:1].upper()}{said[1:]}. {again}")
 
 
 def _warnings(answer: Answer) -> Iterator[str]:

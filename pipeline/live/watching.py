@@ -5,11 +5,13 @@ from __future__ import annotations
 import time
 from collections import Counter
 from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 
 from pipeline.base.errors import InputError
-from pipeline.library.campaign import identify, load_campaign
+from pipeline.faults.mistake import Mistake
+from pipeline.library.campaign import Campaign, Result, identify, load_campaign
+from pipeline.live.beside import Standing
 from pipeline.live.growing import snapshot
 from pipeline.live.judged import Update, judged, measured
 
@@ -39,13 +41,16 @@ class Live:
     poses: set[int] = field(default_factory=set)
     _since: float = 0.0
     _owed: Update | None = None
+    _search: Standing | None = None
+    _unsearched: Campaign | None = None
 
     def look(self, files: Mapping[str, bytes], now: float) -> Update | None:
         """What is to be told of files as they are now; None where nothing is.
 
         A pose is told when the next one begins, or when it has as many readings as others had; as
         one that is still being measured when none has come for `QUIET_S`. Suspects are told at
-        once, a refusal when it stays.
+        once, a refusal when it stays. Causes are sought anew with what contradicts the last search,
+        before the end is proposed, when no planned pose is left, and when it gets quiet.
 
         Args:
             files: Content by name, whole lines.
@@ -54,28 +59,70 @@ class Live:
         if dict(files) == dict(self.files):
             return self._when_quiet(now - self._since)
         self.files, self._since = dict(files), now
+        return self._tried(lambda: self._looked(load_campaign(files, name=self.name)))
+
+    def _tried(self, look: Callable[[], Update | None]) -> Update | None:
+        """What a look tells; that it cannot tell anything is told when it stays so."""
         try:
-            campaign = load_campaign(files, name=self.name)
-            result = identify(campaign)
+            return look()
         except InputError as problem:
             pose, poses = (self.told.pose, self.told.poses) if self.told else (None, 0)
             self._owed = Update(pose, poses, accepted=False, why=str(problem))
             return None
-        ended = _ended(Counter(measured(result)))
-        new = [pose for pose in ended if pose not in self.poses]
-        update = judged(campaign, result, new[-1] if new else None)
-        self.poses |= {*new}
-        if new or self._differs(update):
+
+    def _looked(self, campaign: Campaign) -> Update | None:
+        """What is to be told, of the last search where that stands."""
+        found = self._search.beside(campaign) if self._search else ()
+        if isinstance(found, Result) and not (self.told and self.told.suspects):
+            update = self._judged(campaign, found)
+            if not (update.complete and self._may_end(update)):
+                self._unsearched = campaign
+                return self._heard(update, found)
+        return self._heard(*self._sought(campaign, () if isinstance(found, Result) else found))
+
+    def _may_end(self, update: Update) -> bool:
+        """Whether it may be the last: to stop is proposed anew, or no planned pose is left."""
+        said = self.told is not None and self.told.stop.now
+        return update.stop.now > said or not any(one.pose is not None for one in update.next)
+
+    def _sought(
+        self, campaign: Campaign, doubted: tuple[Mistake, ...] = ()
+    ) -> tuple[Update, Result]:
+        """Where causes are sought anew, from the usual starts, as `run` does.
+
+        Args:
+            campaign: As it is now.
+            doubted: What contradicts the last search.
+        """
+        result = identify(campaign)
+        self._search = Standing.of(campaign, result) or self._search
+        self._unsearched = None
+        return replace(self._judged(campaign, result, doubted), searched=True), result
+
+    def _judged(
+        self, campaign: Campaign, result: Result, doubted: tuple[Mistake, ...] = ()
+    ) -> Update:
+        """Of the newest pose that is measured and not told yet, or of the one being measured."""
+        new = [one for one in _ended(result) if one not in self.poses]
+        return judged(campaign, result, new[-1] if new else None, doubted)
+
+    def _heard(self, update: Update, result: Result) -> Update | None:
+        """It, where it is to be told."""
+        self.poses |= {*_ended(result)}
+        if update.complete or self._differs(update):
             return self._tell(update)
         self._owed = None if update.pose in self.poses else update
         return None
 
     def _when_quiet(self, quiet_s: float) -> Update | None:
         """What is owed and was held back, when nothing has changed for so long [s]."""
-        owed = self._owed
-        if owed is None or quiet_s < (QUIET_S if owed.why is None else _REFUSED_S):
+        owed, open_ = self._owed, self._unsearched
+        refused = owed is not None and owed.why is not None
+        if quiet_s < (_REFUSED_S if refused else QUIET_S):
             return None
-        return self._tell(owed)
+        if open_ is None or refused:
+            return None if owed is None else self._tell(owed)
+        return self._tried(lambda: self._tell(self._sought(open_)[0]))
 
     def _differs(self, update: Update) -> bool:
         """Whether others are suspected than before."""
@@ -88,11 +135,12 @@ class Live:
         return update
 
 
-def _ended(readings: Mapping[int, int]) -> list[int]:
-    """Poses that are measured, of the number of readings of each in the order of measuring.
+def _ended(result: Result) -> list[int]:
+    """Poses that are measured, in the order of measuring.
 
-    All but the last, and that one where it has as many as any other.
+    All but the last, and that one where it has as many readings as any other.
     """
+    readings = Counter(measured(result))
     *before, last = readings or {0: 0}
     whole = before and readings[last] >= max(readings[pose] for pose in before)
     return [*before, last] if whole else before

@@ -275,6 +275,8 @@ class Elastic(Effect):
         response: loaded, tau (m, v) -> deflection per unit parameter, shape (m, v); that of a
             linear spring where nothing else is said.
         shared: Parameter of each virtual joint where several have one; empty for one each.
+        under_weight: tau (m, v) -> the same under whatever torque they bear, weight and pull alike;
+            None where that is `response`.
         bears: The joint from which on the arm's own weight loads them; that which carries each
             where 0.
         between: Of each body from the carrier to before that joint, the part of its weight that
@@ -289,6 +291,7 @@ class Elastic(Effect):
     response: Callable[[Loaded, Array], Array] = linear
     shared: tuple[int, ...] = ()
     side: Callable[[Loaded, Array], Array] | None = None
+    under_weight: Callable[[Array], Array] | None = None
     bears: int = 0
     between: tuple[float, ...] = ()
 

@@ -51,9 +51,19 @@ def called_for(elements: Sequence[Elastic], by: Sequence[Effect]) -> tuple[int, 
     return tuple(k for k, one in enumerate(elements) if (one.label, one.form) in keys)
 
 
-def laws_of_gears(effects: Sequence[Effect]) -> set[int]:
-    """Joints with a law in their gear beside the spring, of which weight shows something else."""
-    return {one.where for one in effects if one.element == "gear" and isinstance(one.where, int)}
+def laws_of_gears(effects: Sequence[Effect], elements: Sequence[Elastic] = ()) -> set[int]:
+    """Joints with a law in their gear beside the spring, of which weight shows something else.
+
+    That is none of some elements, which are the same law under weight and pull.
+    """
+    told = {(one.label, one.form) for one in elements}
+    laws = [one for one in effects if one.element == "gear" and (one.label, one.form) not in told]
+    return {one.where for one in laws if isinstance(one.where, int)}
+
+
+def soften(effects: Sequence[Effect]) -> Bools:
+    """Parameters that are compliances, larger as all springs are under a lighter arm, (e,)."""
+    return np.array(["N" in one.unit for e in effects for one in e.parameters], dtype=bool)
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,9 +126,14 @@ class Stance(Locked):
         return tuple(zip(self.held, np.split(self.yields, ends), strict=True)) if self.held else ()
 
     @property
+    def _soft(self) -> Bools:
+        """Which of springs and elements are compliances, (n + e,)."""
+        return np.append(np.ones(len(self.compliance), dtype=bool), soften(self.held))
+
+    @property
     def apart(self) -> Array:
         """Covariance of springs and elements but for that factor, (n + e, n + e)."""
-        both = np.append(self.compliance, self.yields)
+        both = np.append(self.compliance, self.yields) * self._soft
         return self.cov[: self.springs, : self.springs] - self.factor * np.outer(both, both)
 
     def lighter(self, value: Array, cov: Array, known: Bools) -> float:
@@ -154,11 +169,11 @@ class Stance(Locked):
     def softer(self, factor: float) -> Stance:
         """The same of an arm that is lighter by a factor, which the positions cannot tell."""
         scale = np.ones(len(self.cov))
-        scale[: self.springs] = factor
+        scale[: self.springs] = np.where(self._soft, factor, 1.0)
         return replace(
             self,
             compliance=self.compliance * factor,
-            yields=self.yields * factor,
+            yields=self.yields * scale[len(self.compliance) : self.springs],
             moments=self.moments / factor,
             cov=self.cov * scale * scale[:, None],
             scaled=self.scaled * factor,

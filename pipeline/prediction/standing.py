@@ -24,7 +24,7 @@ from pipeline.geometry.mechanism import (
     frame_of,
     layout,
 )
-from pipeline.geometry.yielding import yielding
+from pipeline.geometry.yielding import called
 from pipeline.machine.robot.mdh import parse
 from pipeline.machine.robot.weight import link_moments
 from pipeline.prediction.model import dumps as model_text
@@ -274,7 +274,7 @@ def dumps(model: Standing) -> bytes:
         "curves": [vars(curve) for curve in there.curves],
         "unknown": there.unknown,
         "series": model.series,
-        "yields": bool(there.elements),
+        "yields": [[one.label, one.form] for one in there.elements],
         "tip": None if model.tip is None else model.tip.tolist(),
         "pulls": model.by_pulls and model_text(model.by_pulls.model),
         "joined": bool(model.by_pulls and model.by_pulls.joined),
@@ -320,7 +320,7 @@ def _loaded(kept: dict[str, Any]) -> Standing:
     mechanism = Mechanism(
         table=table,
         unknown=said["unknown"],
-        elements=yielding(table) if said["yields"] else (),
+        elements=called(table, said["yields"]),
         laws=tuple(JointLaw(**one) for one in said["laws"]),
         curves=tuple(Curve(**one) for one in said["curves"]),
         **{name: kept[name] for name in _ARRAYS},

@@ -14,6 +14,7 @@ of p_h follows it,
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -22,9 +23,10 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.geometry.mechanism import Mechanism, layout
+from pipeline.geometry.yielding import BY_WEIGHT
 from pipeline.machine.cell import Cell, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
-from pipeline.machine.effect import Pulls
+from pipeline.machine.effect import Effect, Pulls
 from pipeline.machine.stance import called_for, laws_of_gears
 from pipeline.prediction.model import NOTHING_M, IdentifiedModel, ModelHypothesis
 
@@ -100,12 +102,26 @@ def _one(
 
 def _of_positions(mine: Cell, there: Mechanism) -> tuple[Cell, Array]:
     """Springs, and elements that pulls hold or find, as positions have them; their values."""
-    which = called_for(there.elements, mine.effects)
+    which = _acting(there, mine.effects)
     held = [k for one in which for k in _span(there, one)]
     cell = paper_cell(mine.robot, mine.tool).with_effects(*(there.elements[k] for k in which))
     return replace(cell, equilibrium=mine.equilibrium), np.append(
         there.compliance, there.yields[held]
     )
+
+
+def _acting(there: Mechanism, effects: Sequence[Effect]) -> list[int]:
+    """Elements of the positions in whose place effects of the pulls act, by number.
+
+    Those that both have, and laws of gears of which pulls show another one.
+    """
+    gears = laws_of_gears(effects, there.elements)
+    other = [
+        k
+        for k, e in enumerate(there.elements)
+        if e.element == "gear" and e.where in gears and e.form != BY_WEIGHT
+    ]
+    return sorted({*called_for(there.elements, effects), *other})
 
 
 def _span(there: Mechanism, element: int) -> range:
@@ -136,12 +152,13 @@ class _Columns(Locked):
         """Those of a hypothesis."""
         pairs = np.array(_pairs(h, there), dtype=np.int64)
         known, mine = np.isfinite(h.std), pairs[:, 0]
-        laws = np.array(sorted(laws_of_gears(h.cell.effects)), dtype=np.int64) - 1
-        both = known[mine] & joined & ~np.isin(mine, laws)
-        every = np.setdiff1d(np.arange(len(known)), mine[both | ~known[mine]])
+        laws = np.array(sorted(laws_of_gears(h.cell.effects, there.elements)), dtype=np.int64) - 1
+        told = (mine < 0) | known[mine]
+        both = (mine >= 0) & told & joined & ~np.isin(mine, laws)
+        every = np.setdiff1d(np.arange(len(known)), mine[both | ~told])
         return cls(
             pairs[both][:, [0, 2]],
-            pairs[known[mine] & ~both][:, 1:],
+            pairs[told & ~both][:, 1:],
             every[known[every]],
             every[~known[every]],
         )
@@ -155,13 +172,17 @@ class _Columns(Locked):
 
 
 def _pairs(h: ModelHypothesis, there: Mechanism) -> list[tuple[int, int, int]]:
-    """Springs and elements that both have: column of a hypothesis, among these, of positions."""
+    """Springs and elements of `_acting`: column of a hypothesis, among these, of positions.
+
+    The first is -1 where it has none.
+    """
     where, effects = layout(there), h.cell.effects
     first = np.cumsum([0, *(len(one.parameters) for one in effects)]).tolist()
     at = {(one.label, one.form): k for one, k in zip(effects, first, strict=False)}
     pairs = [(j, j, where.compliance.start + j) for j in range(there.table.n)]
-    for k in called_for(there.elements, effects):
-        mine = at[there.elements[k].label, there.elements[k].form]
+    for k in _acting(there, effects):
+        mine = at.get((there.elements[k].label, there.elements[k].form))
         for i, column in enumerate(_span(there, k)):
-            pairs.append((mine + i, len(pairs), where.yields.start + column))
+            own = -1 if mine is None else mine + i
+            pairs.append((own, len(pairs), where.yields.start + column))
     return pairs

@@ -18,10 +18,18 @@ from pipeline.readers.logs import BEYOND
 
 def places(column: pd.Series[str], words: Sequence[str]) -> Ints:
     """Place of every cell among some different words, -1 where it is none of them, shape (n,)."""
-    known = column.astype("category").cat
-    codes = known.codes.to_numpy()
-    of_code = np.append(pd.Index(list(words)).get_indexer(known.categories.astype(object)), -1)
+    codes, different = coded(column)
+    place = {word: n for n, word in enumerate(words)}
+    of_code = np.array([*(place.get(word, -1) for word in different), -1])
     return np.asarray(of_code[codes], dtype=np.int64)  # -1, an empty cell, takes the last
+
+
+def coded(column: pd.Series[str]) -> tuple[Ints, Sequence[str]]:
+    """Number of every cell among the different words in order, -1 where it is empty, and these."""
+    if isinstance(column.dtype, pd.CategoricalDtype):
+        return np.asarray(column.cat.codes, dtype=np.int64), list(column.cat.categories)
+    codes, different = pd.factorize(column, sort=True)
+    return np.asarray(codes, dtype=np.int64), list(different)
 
 
 def pull_numbers(table: pd.DataFrame) -> Ints:

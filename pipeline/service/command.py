@@ -33,13 +33,12 @@ def serve(
 
         typer.echo(of_systemd(root), nl=False)
         return
-    from pipeline.base.shown import say
-    from pipeline.service import supervisor
+    from pipeline.service import processes, supervisor
 
     wanted = _preferred(root, interval_s=interval, cron=cron, port=port)
     every = f"at {wanted.service.cron}" if wanted.service.cron else _every(wanted)
     typer.secho(f"Looking at {root / 'data' / 'raw'} {every}; Ctrl-C stops.", err=True)
-    supervisor.serve(root, wanted, say)
+    supervisor.serve(root, wanted, processes.log)
 
 
 def watch(

@@ -141,9 +141,8 @@ def _service(root: Path) -> Iterator[Finding]:
         yield Finding("service", True, "not running; `pipeline serve` starts it", needed=False)
         return
     yield Finding("service", True, f"runs as process {running.process}")
-    wanted = _wanted(root)
-    yield _looks(root, running, wanted.service.limit_s + wanted.service.quiet_s)
-    yield from _waiting(root, wanted.notify.webhook)
+    yield looks(root, running)
+    yield from _waiting(root, _wanted(root).notify.webhook)
 
 
 def _wanted(root: Path) -> Preferences:
@@ -154,8 +153,9 @@ def _wanted(root: Path) -> Preferences:
         return Preferences()
 
 
-def _looks(root: Path, running: service.Running, limit_s: float) -> Finding:
-    look, now = service.Looked.of(root), time.time()
+def looks(root: Path, running: service.Running) -> Finding:
+    """When data/raw was last looked at, and whether that is as it should be."""
+    wanted, look, now = _wanted(root).service, service.Looked.of(root), time.time()
     if look is None:
         return Finding("looks", True, "none yet", needed=False)
     log = root / service.HOME / "schedule.log"
@@ -164,7 +164,7 @@ def _looks(root: Path, running: service.Running, limit_s: float) -> Finding:
     if last > now + service.SLOW_S:
         return Finding("looks", False, f"the last was at {at}: this machine's clock was set back")
     if look.ended is None:
-        ok = not look.hangs(now, limit_s)
+        ok = not look.hangs(now, wanted.limit_s + wanted.quiet_s)
         return Finding("looks", ok, f"one is at work since {at}", needed=not ok)
     if look.overdue(now, running.every_s):
         said = f"none since {at}; is the schedule paused on Prefect's page? {log} may say why"

@@ -2,26 +2,33 @@
 
 `python -m pipeline.service.gate REPORTS PORT` serves Prefect's page and API at PORT and the folder
 REPORTS one port further. A page of another origin is turned away at the door, and so is a request
-for a host of another name, which is how a foreign page gets around the rule of origins.
+for a host of another name, which is how a foreign page gets around the rule of origins. The first
+page of the reports says how every campaign stands. A link that is printed where the service was
+started lets its browser into Prefect's page, once.
 """
 
 from __future__ import annotations
 
 import asyncio
+import base64
+import json
 import os
+import secrets
 import sys
 from collections.abc import Iterable
+from pathlib import Path
 from typing import Any
 
 import uvicorn
 from starlette.applications import Starlette
-from starlette.responses import PlainTextResponse
-from starlette.routing import Mount
+from starlette.requests import Request
+from starlette.responses import HTMLResponse, PlainTextResponse, Response
+from starlette.routing import Mount, Route
 from starlette.staticfiles import StaticFiles
 from starlette.types import ASGIApp, Message, Receive, Scope, Send
 
 from pipeline.service.processes import PARENT, follow
-from pipeline.service.server import HERE
+from pipeline.service.server import ENTER, HERE, HOME, KEY, PASSWORD, known_password
 
 _OWN_SITE = (b"same-origin", b"none")
 """What a browser says of a request from our own page, or from its address bar."""
@@ -87,9 +94,64 @@ def _hardened(send: Send) -> Send:
     return sent
 
 
+class Door:
+    """Prefect's application, and a link by which its owner's browser learns the password, once.
+
+    The key lies in a file that its owner alone can read, and goes with the first who shows it.
+    """
+
+    def __init__(self, app: ASGIApp, root: Path) -> None:
+        """Of a project."""
+        self._app, self._root = app, root
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Answer the link, or let the application answer."""
+        asked = scope["type"] == "http" and scope["path"].startswith(ENTER)
+        await (self._entered(scope) if asked else self._app)(scope, receive, send)
+
+    def _entered(self, scope: Scope) -> Response:
+        given, password = scope["path"].removeprefix(ENTER), known_password(self._root)
+        if scope["method"] != "GET" or password is None or not self._taken(given):
+            why = f"this link is used up; Prefect's page asks for the line in {self._password}\n"
+            return PlainTextResponse(why, 403, _UNKEPT)
+        mark = secrets.token_urlsafe(16)
+        known = base64.b64encode(password.encode()).decode()  # as Prefect's page keeps it
+        words = f"localStorage.setItem('prefect-password', {json.dumps(known)})"
+        script = f"<script nonce='{mark}'>{words}; location.replace('/')</script>"
+        policy = f"default-src 'none'; script-src 'nonce-{mark}'"
+        kept = {**_UNKEPT, "content-security-policy": policy}
+        return HTMLResponse(f"<!doctype html><title>Prefect</title>{script}", headers=kept)
+
+    @property
+    def _password(self) -> Path:
+        return self._root / HOME / PASSWORD
+
+    def _taken(self, given: str) -> bool:
+        """Whether this is the key; whoever removes it has it, and nobody after."""
+        path = self._root / HOME / KEY
+        try:
+            right = secrets.compare_digest(path.read_bytes(), given.encode("utf-8", "replace"))
+            if right:
+                path.unlink()
+        except OSError:
+            return False
+        return right
+
+
+_UNKEPT = {"cache-control": "no-store"}
+
+
 def reports(folder: str) -> ASGIApp:
     """The reports of a project; what lies elsewhere stays there, whatever links to it."""
-    return Starlette(routes=[Mount("/", StaticFiles(directory=folder, html=True))])
+
+    def first(_: Request) -> Response:
+        from pipeline.service.standing import now  # pandas, which takes a second
+
+        return HTMLResponse(now(Path(folder).parent), headers={**_UNKEPT, "refresh": "10"})
+
+    return Starlette(
+        routes=[Route("/", first), Mount("/", StaticFiles(directory=folder, html=True))]
+    )
 
 
 def main(folder: str, port: str) -> None:
@@ -97,7 +159,8 @@ def main(folder: str, port: str) -> None:
     follow(int(os.environ[PARENT]))
     from prefect.server.api.server import create_app
 
-    asyncio.run(_served({int(port): create_app(final=True), int(port) + 1: reports(folder)}))
+    prefect = Door(create_app(final=True), Path(folder).parent)
+    asyncio.run(_served({int(port): prefect, int(port) + 1: reports(folder)}))
 
 
 async def _served(apps: dict[int, Any]) -> None:

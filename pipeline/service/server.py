@@ -34,8 +34,11 @@ HERE = "127.0.0.1"
 HOME = ".prefect"
 """Prefect's own files, under the project's root."""
 _DATABASE = "prefect.db"
-PASSWORD, SERVING = "password", "serving.json"
-"""Files in HOME: Prefect's runs; what the API asks for, as user:password; where we are served."""
+PASSWORD, KEY, SERVING = "password", "key", "serving.json"
+"""Files in HOME: Prefect's runs; what the API asks for, as user:password; what lets a browser in
+without it, once; where we are served."""
+ENTER = "/enter/"
+"""Where that key is shown to the server of Prefect's page."""
 
 PATIENCE_S = 120.0
 """How long Prefect's server may take to start [s]; on a busy machine it can need a minute."""
@@ -84,12 +87,14 @@ class Looked(Strict):
         began: The beginning of the look.
         alive: The beginning of the last step in it, a campaign or less.
         ended: Its end; None while it is at work, or when it was killed.
+        campaign: The one that is at work in that step, as it is shown; empty where none is.
         drawn: The page over all campaigns is of what there was at its end.
     """
 
     began: float
     alive: float = 0.0
     ended: float | None = None
+    campaign: str = ""
     drawn: bool = False
 
     def hangs(self, now: float, limit_s: float) -> bool:

@@ -13,6 +13,7 @@ import secrets
 import signal
 import socket
 import subprocess
+import sys
 import threading
 import time
 from collections.abc import Callable, Iterator, Sequence
@@ -167,7 +168,9 @@ def serve(root: Path, preferences: Preferences, tell: _Tell) -> None:
             with _recorded(root, urls):
                 tell(f"{urls['page']}  Prefect's page: runs, results, logs")
                 tell(f"{root / service.HOME / service.PASSWORD}  what it asks for")
-                tell(f"{urls['reports']}  the reports")
+                if sys.stdout.isatty():  # a journal is read by others
+                    tell(f"{urls['page']}{service.ENTER}{key(root)}  or, once, this link to it")
+                tell(f"{urls['reports']}  the reports, and how every campaign stands")
                 notify.systemd("READY=1")
                 ahead = _ahead_s()
                 while not asked.wait(_LOOK_S):
@@ -308,10 +311,19 @@ def _password(root: Path) -> str:
         if known and re.fullmatch(r"[!-~]+:[!-~]+", known):
             path.chmod(0o600)
             return known
-        path.unlink(missing_ok=True)  # half a password, of a full disk
-        with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
-            file.write(new)
-    return new
+        return _secret(path, new)  # in place of half a password, of a full disk
+
+
+def key(root: Path) -> str:
+    """A new key to Prefect's page, for the owner's eyes only, which is good for one visit."""
+    return _secret(root / service.HOME / service.KEY, secrets.token_urlsafe(32))
+
+
+def _secret(path: Path, words: str) -> str:
+    path.unlink(missing_ok=True)
+    with open(os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o600), "w") as file:
+        file.write(words)
+    return words
 
 
 def _free(port: int, patience_s: float = 20.0) -> None:

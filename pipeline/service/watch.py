@@ -23,6 +23,7 @@ from pipeline.app.outcome import Outcome, failed
 from pipeline.base import files
 from pipeline.base.errors import CannotWrite, InputError
 from pipeline.base.preferences import Notify, Preferences
+from pipeline.base.shown import printable
 from pipeline.base.strict import Strict
 from pipeline.service import notify, sync
 from pipeline.service import server as service
@@ -177,11 +178,16 @@ def scan(
     look = service.Looked(began=clock.now())
     trouble = _noted(root, look)
     drawn = last is not None and last.drawn  # else it was killed, or could not
+
+    def at(name: str = "") -> None:
+        nonlocal look
+        look = look.model_copy(update={"alive": clock.now(), "campaign": printable(name, 80)})
+        trouble.extend(_noted(root, look))
+
     try:
         elsewhere = False
-        for made in _scan(root, preferences, work, clock, trouble):
-            look = look.model_copy(update={"alive": clock.now()})
-            trouble += _noted(root, look)
+        for made in _scan(root, preferences, work, clock, trouble, at):
+            at()
             drawn = False
             if made is None:
                 elsewhere = True
@@ -213,8 +219,12 @@ def _scan(
     work: Work,
     clock: Clock,
     trouble: list[Outcome],
+    at: Callable[[str], None],
 ) -> Iterator[Outcome | None]:
-    """As `scan`; what went wrong beside the campaigns themselves is left in `trouble`."""
+    """As `scan`; what went wrong beside the campaigns themselves is left in `trouble`.
+
+    `at` hears of each campaign before it is begun.
+    """
     storage = preferences.storage
     refused = sync.fetch(root, storage)
     before = _waiting(root, clock.now())
@@ -225,6 +235,7 @@ def _scan(
     for campaign, seen in before.items():
         if fingerprint(campaign.folder) != seen:  # still being copied: the next look will take it
             continue
+        at(campaign.name)
         made = work.campaign(campaign)
         if made is not None:
             trouble += _wrong(campaign.name, partial(_learn, campaign, seen, made, clock.now()))

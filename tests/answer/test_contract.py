@@ -30,8 +30,8 @@ def answer():
 
 
 def test_the_schema_and_the_table_of_keys_are_those_of_the_types():
-    """docs/result.schema.json and docs/campaign.md say what the code holds answers to."""
-    page = (DOCS / "campaign.md").read_text("utf-8")
+    """docs/result.schema.json and docs/answer.md say what the code holds answers to."""
+    page = (DOCS / "answer.md").read_text("utf-8")
 
     assert (DOCS / "result.schema.json").read_text("utf-8") == schema.schema()
     assert page == schema.page(page)

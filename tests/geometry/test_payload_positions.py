@@ -37,36 +37,36 @@ TOOL, PLACE, TURN = np.array([0.05, -0.02, 0.12]), np.array([1.5, 0.3, 0.2]), 0.
 
 
 def flange(q):
-    T = np.eye(4)
-    for theta, (d, a, alpha) in zip(q, TABLE, strict=True):
+    """Frames of the flange, (..., 4, 4) of joint values (..., 6)."""
+    T = np.broadcast_to(np.eye(4), (*q.shape[:-1], 4, 4))
+    for theta, (d, a, alpha) in zip(np.moveaxis(q, -1, 0), TABLE, strict=True):
         c, s, ca, sa = np.cos(theta), np.sin(theta), np.cos(alpha), np.sin(alpha)
-        T = T @ np.array([[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s],
-                          [0, sa, ca, d], [0, 0, 0, 1]])  # fmt: skip
+        o, one = np.zeros_like(c), np.ones_like(c)
+        rows = [[c, -s * ca, s * sa, a * c], [s, c * ca, -c * sa, a * s],
+                [o, sa * one, ca * one, d * one], [o, o, o, one]]  # fmt: skip
+        T = T @ np.moveaxis(np.array(rows), (0, 1), (-2, -1))
     return T
 
 
 def at_flange(q, point):
     T = flange(q)
-    return T[:3, :3] @ point + T[:3, 3]
+    return T[..., :3, :3] @ point + T[..., :3, 3]
 
 
 def torque(q, mass, centre):
     """How the work of the weight changes with each joint, by differences."""
     step = 1e-6 * np.eye(6)
-    return np.array(
-        [
-            mass * GRAVITY @ (at_flange(q + e, centre) - at_flange(q - e, centre)) / 2e-6
-            for e in step
-        ]
-    )
+    ahead, behind = (at_flange(q[..., None, :] + e, centre) for e in (step, -step))
+    return mass * (ahead - behind) @ GRAVITY / 2e-6
 
 
 def target(q, carried, x):
-    """Place of the target in F_b: x has compliances, tool point, mass and centre's errors."""
+    """Places of the target in F_b: x has compliances, tool point, mass and centre's errors."""
     c, tool, off = x[:6], x[6:9], x[9:13]
-    turned = np.zeros(6)
-    for _ in range(3 * carried):  # the payload hangs where the arm has given way
-        turned = c * torque(q + turned, MASS + off[0], CENTRE + off[1:])
+    turned = np.zeros_like(q)
+    for _ in range(3):  # the payload hangs where the arm has given way
+        hangs = c * torque(q + turned, MASS + off[0], CENTRE + off[1:])
+        turned = np.where(np.asarray(carried)[..., None] != 0, hangs, 0.0)
     return at_flange(q + turned, tool)
 
 
@@ -104,7 +104,7 @@ class Machine:
 
     def places(self, q, carried):
         """Where the target is [m], F_b."""
-        return np.array([target(one, k, self.x) for one, k in zip(q, carried, strict=True)])
+        return target(q, carried, self.x)
 
     @property
     def readings(self):
@@ -156,9 +156,7 @@ def dense(machine, found):
 
     def residual(y):
         R = Rotation.from_rotvec(y[13:16]).as_matrix()
-        places = np.array(
-            [target(q, k, y[:13]) for q, k in zip(machine.q, machine.carried, strict=True)]
-        )
+        places = target(machine.q, machine.carried, y[:13])
         own = (machine.at - y[16:19]) @ R
         rows = np.einsum("mij,mj->mi", W, own - places).ravel()
         return np.concatenate([rows, (y[:6] - nominal) / nominal, y[9:13] / STATED])

@@ -10,9 +10,9 @@ from mixed_campaign import HIGH, LOAD_POINT, LOW
 
 from pipeline.geometry.begin import begin
 from pipeline.geometry.identify import Wanted, identify
-from pipeline.geometry.mechanism import ArmWeights, Mechanism, Payloads, layout
+from pipeline.geometry.mechanism import ArmWeights, Mechanism, Payloads, layout, linearised
 from pipeline.geometry.scatter import start
-from pipeline.geometry.stance import by_masses
+from pipeline.geometry.stance import by_masses, stance
 from pipeline.geometry.yielding import Virtual, carried_on, yielding
 from pipeline.machine.cell import Cell, Tool, baseline, predict
 from pipeline.machine.effect import Pulls
@@ -176,11 +176,57 @@ def test_a_link_is_bent_by_the_weights_beyond(arm, where):
     element = next(e for e in yielding(robot) if e.label == f"link_bending:{where}")
     virtual, size = Virtual([element], here), 3e-7
     weight = carried(here, GRAVITY, link_moments(robot), np.zeros(len(q)), np.zeros((len(q), 3)))
+    tau = virtual.torques(weight, weight)
     at, _ = carried_on(
-        virtual.screws, virtual.carrier, size * virtual.under(weight), points(stiff, q), never
+        virtual.screws,
+        virtual.carrier,
+        size * virtual.answers(tau),
+        points(stiff, q),
+        never,
     )
     sag = np.array([bent(robot, stiff, one, where, size) for one in q])
 
     assert np.abs(at - points(stiff, q) - sag).max() < 0.1 * np.abs(sag).max()
-    by = virtual.by_moments(by_moments(here, GRAVITY)) @ link_moments(robot).ravel()
-    np.testing.assert_allclose(by, virtual.under(weight), rtol=1e-9, atol=1e-9)
+    by = virtual.by_moments(by_moments(here, GRAVITY), tau) @ link_moments(robot).ravel()
+    np.testing.assert_allclose(by, virtual.answers(tau), rtol=1e-9, atol=1e-9)
+
+
+def test_laws_of_gears_follow_another_weight_as_differences_do(arm):
+    """To a thousandth, wherever the torque stands on the law; each way of it."""
+    robot, q = arm[0], arm[3]
+    here, none = configure(robot, q), np.zeros(len(q))
+    laws = [e for e in yielding(robot, np.array([[-1.0], [1.0]]) * np.ones(6)) if e.side is None]
+    laws = [e for e in laws if e.element == "gear"]
+    virtual, moments = Virtual(laws, here), link_moments(robot)
+
+    def answers(at):
+        weight = carried(here, GRAVITY, at, none, np.zeros((len(q), 3)))
+        return virtual.answers(virtual.torques(weight, weight))
+
+    weight = carried(here, GRAVITY, moments, none, np.zeros((len(q), 3)))
+    slope = virtual.by_moments(by_moments(here, GRAVITY), virtual.torques(weight, weight))
+    for k, one in enumerate(np.eye(24).reshape(24, 6, 4)):
+        by = (answers(moments + 1e-3 * one) - answers(moments - 1e-3 * one)) / 2e-3
+        np.testing.assert_allclose(slope[..., k], by, rtol=2e-3, atol=1e-9)
+    assert np.abs(slope).max() > 1e-3
+
+
+def test_lost_motion_that_the_weight_shows_is_handed_to_pulls(arm):
+    """Flanks of joint 3 part by Pinocchio's torque; half of it in place, of weight and pull."""
+    robot, _, still, _ = arm
+    b, full = 1.5e-4, 0.03 * 1e-3 / robot.nominal_compliance[2]
+    rng, third = np.random.default_rng(8), np.eye(6)[2]
+    truth = replace(still.truth, turned=lambda q, tau: third * b * np.tanh(tau / full))
+    machine = HeavyRobot(robot, 0 * errors_of_table(robot.n + 1, rng), truth)
+    readings = read(machine, rng.uniform(LOW, HIGH, (60, robot.n)), rng)
+    weights = ArmWeights(GRAVITY, NOTHING, np.zeros(60, dtype=np.int64))
+    begun = begin(robot, readings, {f"P{k}": at for k, at in enumerate(TOOL, 1)})
+    tau = linearised(readings, begun, weights).inputs.tau
+    wanted = Wanted(yields=yielding(robot, tau))
+    found = identify(begun, readings, weights, wanted, start(robot, None))
+    said = stance(found, [])
+
+    ((law, (value,)),) = said.effects
+    assert (law.label, law.form) == ("joint_lost_motion:3", "narrow, total")
+    at = len(said.compliance)
+    assert abs(value - b) < 3 * np.sqrt(said.cov[at, at]) < 0.3 * b

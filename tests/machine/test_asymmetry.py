@@ -119,14 +119,45 @@ def test_two_links_turn_as_far_as_springs_with_two_sides(form):
     assert across > 5 or form == "pull"
 
 
-def test_of_the_total_torque_only_where_masses_are_known():
-    """A robot file without masses has the torque of the pull alone."""
-    forms = {
-        key: {e.form for e in catalogue(planar(masses)) if e.name == "joint_asymmetry"}
-        for key, masses in (("heavy", MASSES), ("light", ()))
-    }
+@pytest.mark.parametrize("form", ["narrow", "narrow, total"])
+def test_two_links_turn_as_far_as_flanks_that_part(form):
+    """The same of lost motion, whose flanks the weight may hold together."""
+    rng = np.random.default_rng(5)
+    robot = planar(MASSES)
+    c, b, full = np.array([8e-7, 1.1e-6]), 9e-5, 0.03 * 1e-3 / robot.nominal_compliance[1]
+    tool = Tool.of({"load_point": (LENGTHS[1] + REACH, 0, 0), "P": (LENGTHS[1] + REACH, 0, 0)})
+    effect = next(e for e in catalogue(robot) if (e.label, e.form) == ("joint_lost_motion:2", form))
+    cell = paper_cell(robot, tool).with_effects(effect)
+    parted = 0
+    for _ in range(40):
+        q, force = rng.uniform(-1.5, 1.5, 2), rng.uniform(-900, 900, 2)
+        pull, weight, tip, elbow = planar_torques(q, force)
+        before = weight[1] if "total" in form else 0.0
+        play = b * (np.tanh((pull[1] + before) / full) - np.tanh(before / full))
+        parted += abs(play) > b
+        by_first, by_second = ((v[1], -v[0]) for v in (tip, tip - elbow))
+        true = c[0] * pull[0] * np.array(by_first) + (c[1] * pull[1] + play) * np.array(by_second)
 
-    assert forms == {"heavy": {"total", "pull"}, "light": {"pull"}}
+        moved = predict(cell, Pulls.at(q, [force[0], 0.0, force[1]]), np.append(c, b))
+
+        np.testing.assert_allclose(moved.displacement[0, 0, [0, 2]], true, atol=1e-12)
+    assert parted > 3 or form == "narrow"
+
+
+@pytest.mark.parametrize(
+    ("name", "pull", "total"),
+    [
+        ("joint_asymmetry", {"pull"}, {"total"}),
+        ("joint_lost_motion", {"narrow", "wide"}, {"narrow, total", "wide, total"}),
+    ],
+)
+def test_of_the_total_torque_only_where_masses_are_known(name, pull, total):
+    """A robot file without masses has the torque of the pull alone."""
+    heavy, light = (
+        {e.form for e in catalogue(planar(masses)) if e.name == name} for masses in (MASSES, ())
+    )
+
+    assert (heavy, light) == (pull | total, pull)
 
 
 def two_sided(joint, softer, way):

@@ -155,3 +155,72 @@ def test_the_file_holds_what_pulls_say():
     np.testing.assert_allclose(at(again).at, at(one).at, atol=1e-9)
     np.testing.assert_allclose(at(again).std, at(one).std, rtol=1e-5, atol=1e-12)
     assert again.nominal().by_pulls is None
+
+
+def played(force):
+    """Lost motion of joint 3 under weight and a force, and of joint 2, which a balancer may hold.
+
+    How far they turn each target [m] if both have the same, (m, t, 3), by torques of weight and
+    force from screws alone.
+    """
+    never = np.full(len(Q), np.nan)
+    weights = ArmWeights(GRAVITY, NOBODY, np.zeros(len(Q), dtype=np.int64))
+    stand = standing().mechanism.stand(Q, weights, never, never, never)
+    lever = np.einsum("mij,j->mi", stand.here.flange_axes, TIP) + stand.here.flange_origin
+    turn, shift = stand.here.twists[..., :3], stand.here.twists[..., 3:]
+    pull = np.einsum("mkj,mj->mk", turn, np.cross(lever, force))
+    pull += np.einsum("mkj,mj->mk", shift, force)
+    full = 0.03 * 1e-3 / ROBOT.nominal_compliance
+    pull[:, 1] = 0.0
+    angle = PLAY * np.tanh((stand.tau + pull) / full)[:, [1, 2]]
+    moves = shift[:, :, None] + np.cross(turn[:, :, None], stand.at[:, None])
+    return np.einsum("mk,mkti->mti", angle, moves[:, [1, 2]])
+
+
+PLAY = 3e-4  # [rad]
+
+
+def with_play(by_pulls=None):
+    """`standing` with lost motion of joints 2 and 3."""
+    one = standing(by_pulls)
+    elements = yielding(ROBOT, np.array([[-1.0], [1.0]]) * np.ones(6))
+    yields = [
+        PLAY * (e.label in {"joint_lost_motion:2", "joint_lost_motion:3"})
+        for e in elements for _ in e.parameters
+    ]  # fmt: skip
+    there = replace(one.mechanism, elements=elements, yields=np.array(yields, dtype=float))
+    where, old = layout(there), layout(one.mechanism)
+    cov = np.zeros((where.size, where.size))
+    cov[where.compliance, where.compliance] = one.cov[old.compliance, old.compliance]
+    return replace(one, mechanism=there, cov=cov)
+
+
+def test_a_force_parts_flanks_that_the_weight_holds():
+    """The law of a gear is of all its torque; of the weight's where a balancer may be beside it.
+
+    To a hundredth: springs turn by 4 mrad.
+    """
+    for force in (FORCE, np.array([[0.0, 0.0, 6000.0]] * 2)):
+        gap = at(with_play(), force).at - at(standing(), force).at
+        play = played(force)
+
+        np.testing.assert_allclose(gap, play, atol=1e-2 * np.abs(play).max())
+
+
+def test_pulls_that_show_another_law_of_a_gear_stand_in_its_place():
+    """What a force moves is theirs, and what the weight moves stays."""
+    law = next(e for e in catalogue(ROBOT) if (e.label, e.form) == ("joint_asymmetry:3", "pull"))
+    force = np.array([[0.0, 0.0, 6000.0]] * 2)
+    with_, without = (one(pulled([law], [HALF], False)) for one in (with_play, standing))
+    gap = at(with_, force).at - at(without, force).at
+    play = played(np.zeros_like(force))
+
+    assert np.abs(played(force) - play).max() > 0.2 * np.abs(play).max()
+    np.testing.assert_allclose(gap, play, atol=1e-2 * np.abs(play).max())
+
+
+def test_the_file_holds_laws_of_gears():
+    """Label and form of each element."""
+    one = with_play()
+
+    np.testing.assert_allclose(at(loads(dumps(one), "positions.npz")).at, at(one).at, atol=1e-9)

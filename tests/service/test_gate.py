@@ -1,11 +1,14 @@
 """Who is answered by the pages of `serve`: the own browser and programs, and nobody else."""
 
 import asyncio
+import base64
 
 import httpx
 import pytest
+from starlette.responses import PlainTextResponse
 
-from pipeline.service.gate import Gate, reports
+from pipeline.service import server, supervisor
+from pipeline.service.gate import Door, Gate, reports
 
 PORT = 4200
 OWN = {"host": f"127.0.0.1:{PORT}"}
@@ -110,3 +113,75 @@ def test_a_websocket_of_a_foreign_page_is_closed(tmp_path):
     asyncio.run(Gate(reports(str(tmp_path)), PORT)(scope, None, send))
 
     assert [message["type"] for message in sent] == ["websocket.close"]
+
+
+async def prefect(scope, receive, send):
+    """An application that says where it was asked."""
+    await PlainTextResponse(f"asked at {scope['path']}")(scope, receive, send)
+
+
+def visited(root, *paths, method="GET"):
+    """What a browser gets at these addresses of Prefect's page."""
+    transport = httpx.ASGITransport(Gate(Door(prefect, root), PORT))
+
+    async def visit():
+        async with httpx.AsyncClient(transport=transport, base_url="http://x") as client:
+            return [await client.request(method, path, headers=OWN) for path in paths]
+
+    return asyncio.run(visit())
+
+
+@pytest.fixture
+def home(tmp_path):
+    """A project with a password."""
+    (tmp_path / server.HOME).mkdir()
+    (tmp_path / server.HOME / server.PASSWORD).write_text("pipeline:secret word")
+    return tmp_path
+
+
+def test_a_key_opens_once(home):
+    """Its browser learns the password, in base64 as the page keeps it; the next one nothing."""
+    key = supervisor.key(home)
+    path = home / server.HOME / server.KEY
+    assert path.stat().st_mode & 0o077 == 0
+    first, second, page = visited(home, f"/enter/{key}", f"/enter/{key}", "/runs")
+
+    assert first.status_code == 200
+    assert base64.b64encode(b"pipeline:secret word").decode() in first.text
+    assert first.headers["cache-control"] == "no-store"
+    assert "script-src 'nonce-" in first.headers["content-security-policy"]
+    assert second.status_code == 403
+    assert (home / server.HOME / server.PASSWORD).as_posix() in second.text
+    assert page.text == "asked at /runs"
+    assert not path.exists()
+
+
+@pytest.mark.parametrize("given", ["", "x", "%00", "%ff", "%2e%2e/password", "a" * 10_000])
+def test_another_key_opens_nothing(home, given):
+    """And leaves the right one as it is."""
+    key = supervisor.key(home)
+    (answer,) = visited(home, f"/enter/{given}")
+    (posted,) = visited(home, f"/enter/{key}", method="POST")
+
+    assert (answer.status_code, posted.status_code) == (403, 403)
+    assert "c2VjcmV0" not in answer.text + posted.text
+    assert (home / server.HOME / server.KEY).read_text() == key
+
+
+def test_without_a_key_nothing_opens(home):
+    """Where nobody watched the start, as under systemd, no key lies there."""
+    (answer,) = visited(home, "/enter/")
+
+    assert answer.status_code == 403
+
+
+def test_the_first_page_says_how_campaigns_stand(tmp_path):
+    """Also before any report is there; it is asked for again, and kept by nobody."""
+    (tmp_path / "data" / "raw" / "half").mkdir(parents=True)
+    (tmp_path / "reports").mkdir()
+    answer = asked(tmp_path / "reports", "/")
+
+    assert answer.status_code == 200
+    assert "half" in answer.text
+    assert answer.headers["refresh"] == "10"
+    assert asked(tmp_path / "reports").text == "the report"

@@ -216,6 +216,31 @@ def test_a_foreign_page_drives_nothing(tmp_path):
     assert raw.is_dir()
 
 
+def test_a_printed_link_lets_its_browser_in(tmp_path):
+    """Prefect's page asks for no password there; a second browser it asks. No link in a journal."""
+    project(tmp_path, "a")
+    port = free_port()
+    with serving(tmp_path, port):
+        until(lambda: reported(tmp_path, "a"), 90)
+        link = f"http://127.0.0.1:{port}/enter/{supervisor.key(tmp_path)}"
+        with evil(tmp_path) as (_, browser):
+            shown = browser.new_page()
+            shown.goto(link)
+            shown.get_by_text("Logout").first.wait_for(timeout=60_000)
+            first = browser.new_page()
+            first.goto(f"http://127.0.0.1:{port + 1}/")
+            standing = first.inner_text("body")
+            other = browser.new_context().new_page()
+            used = other.goto(link).status
+            other.goto(f"http://127.0.0.1:{port}/")
+            other.get_by_text("Login").first.wait_for(timeout=60_000)
+            refused = other.get_by_text("Logout").count()
+
+    assert (used, refused) == (403, 0)
+    assert "Looks at data/raw: the last was at" in standing
+    assert "/enter/" not in (tmp_path / "said.txt").read_text()
+
+
 @contextlib.contextmanager
 def evil(folder):
     """A page of another origin, and a browser."""

@@ -8,8 +8,10 @@ from functools import lru_cache
 import numpy as np
 
 from pipeline.base.arrays import Array
+from pipeline.base.strict import STANDARD_GRAVITY
 from pipeline.machine.effect import Loaded
-from pipeline.machine.robot import Robot
+from pipeline.machine.robot import Configuration, Robot
+from pipeline.machine.robot.weight import gravity_torque
 
 _RATED_TWIST_RAD = 1e-3
 """Twist of a gear at its rated torque: 1 mrad (3.4 arcmin), catalogue values of RV reducers."""
@@ -42,6 +44,17 @@ def compliance(robot: Robot, joint: int) -> float:
 def rated_torque(robot: Robot, joint: int) -> float:
     """Torque that twists a gear of this stiffness by `_RATED_TWIST_RAD` [N m]."""
     return _RATED_TWIST_RAD / compliance(robot, joint)
+
+
+@lru_cache(maxsize=1)  # all joints ask of the same pulls
+def by_weight(robot: Robot, here: Configuration) -> Array:
+    """What the links' weight does to each joint, before the pull [N m], shape (m, n)."""
+    m = len(here.q)
+    return gravity_torque(robot, here, _GRAVITY, np.zeros(m), np.zeros((m, 3)))
+
+
+_GRAVITY = np.array([0.0, 0.0, -STANDARD_GRAVITY])
+"""Acceleration in F_b, whose z points up [m/s^2]."""
 
 
 @lru_cache(maxsize=8)  # every effect of the carriage asks for those of the same poses

@@ -10,19 +10,13 @@ that of neither. The pull may carry the torque of `total` across zero, whose dis
 difference of two states.
 """
 
-from functools import lru_cache
-
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.base.strict import STANDARD_GRAVITY
 from pipeline.machine.effect import Elastic, Loaded
-from pipeline.machine.effects._anatomy import compliance, turning
-from pipeline.machine.robot import Configuration, Robot
-from pipeline.machine.robot.weight import gravity_torque, weighs
-
-_GRAVITY = np.array([0.0, 0.0, -STANDARD_GRAVITY])
-"""Acceleration in F_b, whose z points up [m/s^2]."""
+from pipeline.machine.effects._anatomy import by_weight, compliance, turning
+from pipeline.machine.robot import Robot
+from pipeline.machine.robot.weight import weighs
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
@@ -38,7 +32,7 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         """Torque on the joint before the pull [N m], shape (m, 1)."""
         if form == "pull":
             return np.zeros((len(loaded.pulls), 1))
-        return _by_weight(robot, loaded.configuration)[:, joint - 1 : joint]
+        return by_weight(robot, loaded.configuration)[:, joint - 1 : joint]
 
     def response(loaded: Loaded, torque: Array) -> Array:
         own = before(loaded)
@@ -60,12 +54,6 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         "either side, at most that of a gear twice as soft as its nominal one, are estimates",
         carrier=(joint,),
         response=response,
+        under_weight=np.abs,
         side=lambda loaded, torque: np.where(torque + before(loaded) < 0, -1.0, 1.0),
     )
-
-
-@lru_cache(maxsize=1)
-def _by_weight(robot: Robot, here: Configuration) -> Array:
-    """What the links' weight does to each joint [N m], (m, n); all joints ask of the same pulls."""
-    m = len(here.q)
-    return gravity_torque(robot, here, _GRAVITY, np.zeros(m), np.zeros((m, 3)))

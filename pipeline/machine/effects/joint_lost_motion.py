@@ -1,11 +1,20 @@
-"""A gear has lost motion: it turns by b as soon as its torque leaves zero, b tanh(tau / tau_b)."""
+"""A gear has lost motion: it turns by b as soon as its torque leaves zero.
+
+The joint turns, beside c tau, by
+
+- pull: b tanh(tau / tau_b)
+- total: b (tanh((tau + tau_w) / tau_b) - tanh(tau_w / tau_b)), tau_w what the arm's own weight
+  does before the pull: flanks that the weight holds together stay so until the pull takes the
+  torque across zero
+"""
 
 import numpy as np
 
-from pipeline.base.arrays import Parameter
-from pipeline.machine.effect import Elastic
-from pipeline.machine.effects._anatomy import clamp, rated_torque, turning
+from pipeline.base.arrays import Array, Parameter
+from pipeline.machine.effect import Elastic, Loaded
+from pipeline.machine.effects._anatomy import by_weight, clamp, rated_torque, turning
 from pipeline.machine.robot import Robot
+from pipeline.machine.robot.weight import weighs
 
 _WIDTH = {"narrow": 0.03, "wide": 0.08}
 """tau_b over the rated torque; lost motion is specified at 3 % of the rated torque."""
@@ -15,12 +24,27 @@ _MOST_RAD = 2.2e-3
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
-    """One effect for each revolute joint, in each form."""
-    return tuple(_effect(robot, joint, form) for joint in turning(robot) for form in _WIDTH)
+    """One effect for each revolute joint, in each form; of the total torque where masses are."""
+    totals = (False, True) if weighs(robot) else (False,)
+    return tuple(
+        _effect(robot, joint, width, total)
+        for joint in turning(robot)
+        for total in totals
+        for width in _WIDTH
+    )
 
 
-def _effect(robot: Robot, joint: int, form: str) -> Elastic:
-    full = _WIDTH[form] * rated_torque(robot, joint)
+def _effect(robot: Robot, joint: int, width: str, total: bool) -> Elastic:
+    full = _WIDTH[width] * rated_torque(robot, joint)
+
+    def law(torque: Array) -> Array:
+        return np.asarray(np.tanh(torque / full))
+
+    def response(loaded: Loaded, torque: Array) -> Array:
+        if not total:
+            return law(torque)
+        own = by_weight(robot, loaded.configuration)[:, joint - 1 : joint]
+        return law(torque + own) - law(own)
 
     return Elastic(
         name="joint_lost_motion",
@@ -28,7 +52,7 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         place="joint",
         element="gear",
         where=joint,
-        form=form,
+        form=f"{width}, total" if total else width,
         tolerance=0.15,
         parameters=(Parameter(f"b_{joint}", "rad", 6e-5, 0.0, _MOST_RAD),),
         signature=f"joint {joint} turns by the same angle at every load, in the sense of its "
@@ -37,5 +61,6 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         + clamp(robot, joint),
         source="RV reducers: lost motion within 1 arcmin (290 urad) at +-3 % of rated torque",
         carrier=(joint,),
-        response=lambda loaded, torque: np.tanh(torque / full),
+        response=response,
+        under_weight=law,
     )

@@ -1,0 +1,33 @@
+"""A program of its own that writes as a tracker and a scale do; started by bench/live.py.
+
+    python -m bench.instrument FOLDER
+
+Each line on its input is a JSON object: `file`, `text` to come, and `how`: `append` or `rewrite`,
+which writes the whole file anew. It stops in the middle of the last line, says `half`, goes on when
+it gets an empty line, and says `whole`.
+"""
+
+import json
+import sys
+from pathlib import Path
+
+
+def main(folder: Path) -> None:
+    """Write what is asked for until the input ends."""
+    for line in sys.stdin:
+        asked = json.loads(line)
+        path, text = folder / asked["file"], asked["text"]
+        whole = asked["how"] == "rewrite"
+        old = path.read_text() if whole else ""
+        with path.open("w" if whole else "a") as export:
+            cut = len(text) - 9 if not whole else len(old + text) // 2
+            export.write((old + text)[:cut])
+            export.flush()
+            print("half", flush=True)  # the answer on stdout
+            sys.stdin.readline()
+            export.write((old + text)[cut:])
+        print("whole", flush=True)  # the answer on stdout
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]))

@@ -1,0 +1,172 @@
+"""How every campaign stands with a service: the first page of the reports, made as it is asked for.
+
+The page over all campaigns (`fleet`) has what is finished. Here is what is not: at work, waiting,
+tried again later, rejected, without campaign.toml; and when data/raw was last looked at.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from collections import Counter
+from collections.abc import Iterator, Sequence
+from contextlib import suppress
+from dataclasses import dataclass
+from datetime import datetime
+from enum import StrEnum
+from pathlib import Path
+from urllib.parse import quote
+
+from pipeline.base.shown import printable
+from pipeline.report.columns import Cells, said, table_of
+from pipeline.report.record import Column, Report, ReportTable, TableEntry, section_of, unlabelled
+from pipeline.report.render import page
+from pipeline.report.words import VERDICTS
+from pipeline.service import doctor, watch
+from pipeline.service import server as service
+from pipeline.store import campaign as campaigns
+from pipeline.store.campaign import CampaignFolder
+
+
+class State(StrEnum):
+    """What a service does with a campaign, what calls for somebody first."""
+
+    REJECTED = "rejected"
+    FAILED = "tried again"
+    INCOMPLETE = "no campaign.toml"
+    RUNNING = "running"
+    WAITING = "waiting"
+    DONE = "done"
+
+
+_TONES = {State.REJECTED: "bad", State.FAILED: "bad", State.INCOMPLETE: "attention"}
+
+
+@dataclass(frozen=True)
+class Standing:
+    """One folder of data/raw.
+
+    Attributes:
+        name: Of the folder.
+        state: What the service does with it.
+        at: Since when, or when it was tried last [s]; None where nobody knows.
+        said: Its verdict, or why there is none.
+        reported: Its folder in reports/, as an address; empty where there is no report.
+    """
+
+    name: str
+    state: State
+    at: float | None
+    said: str
+    reported: str = ""
+
+
+def standings(root: Path) -> list[Standing]:
+    """Every folder of data/raw, what calls for somebody first."""
+    look, every = service.Looked.of(root), campaigns.every(root)
+    found = [_of(campaign, look) for campaign in every]
+    found += _incomplete(root, {campaign.folder.name for campaign in every})
+    order = list(State)
+    return sorted(found, key=lambda one: (order.index(one.state), one.name))
+
+
+def _of(campaign: CampaignFolder, look: service.Looked | None) -> Standing:
+    seen = watch.recall(campaign)
+    there = (campaign.reports / "index.html").is_file()
+    address = f"{quote(os.fsencode(campaign.name))}/index.html" if there else ""
+    name = printable(campaign.name, 80)
+    if look is not None and look.ended is None and look.campaign == name:
+        return Standing(name, State.RUNNING, look.alive, "at work", address)
+    if watch.attended(campaign):
+        return Standing(name, State.RUNNING, None, "at work", address)
+    if seen.print != watch.fingerprint(campaign.folder):
+        new = "new" if seen.verdict is None else "changed since it was last run"
+        return Standing(name, State.WAITING, None, f"{new}: the next look takes it", address)
+    if seen.verdict == "failed":
+        again = f"tried {seen.attempts} times, again at {_clock(seen.tried + seen.pause_s)}"
+        return Standing(name, State.FAILED, seen.tried, f"{again}: {seen.said}", address)
+    if seen.verdict == "rejected":
+        return Standing(name, State.REJECTED, seen.tried, seen.said, address)
+    told = VERDICTS.get(seen.verdict or "", (seen.said, ""))[0]
+    return Standing(name, State.DONE, seen.tried, told, address)
+
+
+def _incomplete(root: Path, known: set[str]) -> Iterator[Standing]:
+    """Folders that nobody takes, because nothing says what is in them."""
+    with suppress(OSError):
+        for entry in os.scandir(root / "data" / "raw"):
+            if entry.name not in known and entry.name[0] != "." and entry.is_dir():
+                name = printable(entry.name, 80)
+                said = "not taken before it has one: `pipeline init` writes it"
+                yield Standing(name, State.INCOMPLETE, None, said)
+
+
+def _clock(at: float | None) -> str:
+    """A time of this machine, to the second; the day where it is another one."""
+    if at is None:
+        return ""
+    when = datetime.fromtimestamp(at)
+    today = when.date() == datetime.now().date()
+    return when.strftime("%H:%M:%S" if today else "%Y-%m-%d %H:%M")
+
+
+def now(root: Path) -> bytes:
+    """The page, as HTML that needs no other file."""
+    found = standings(root)
+    verdict, tone = _verdict(found)
+    parts = [section_of("campaigns", "Campaigns", [_table(found)])]
+    more = section_of("pages", "Results", [_pages(root)])
+    report = Report(
+        kicker="Joint stiffness",
+        heading="Campaigns now",
+        title="Joint stiffness: campaigns now",
+        verdict=verdict,
+        tone=tone,
+        first=unlabelled(*_looked(root)),
+        sections=tuple(part for part in (*parts, more) if part),
+        elsewhere="This page is made anew every ten seconds.",
+    )
+    return page(report, {}).encode()
+
+
+def _verdict(found: Sequence[Standing]) -> tuple[str, str]:
+    """How many of each state, and the tone of the first of them."""
+    if not found:
+        return "No campaign yet", "neutral"
+    counts = Counter(one.state for one in found)
+    words = ", ".join(f"{counts[state]} {state}" for state in State if counts[state])
+    return words[0].upper() + words[1:], _TONES.get(found[0].state, "neutral")
+
+
+def _looked(root: Path) -> Iterator[str]:
+    """When data/raw was looked at, and when it will be again."""
+    running = service.Running.of(root)
+    if running is not None:
+        yield f"Looks at data/raw: {doctor.looks(root, running).said}."
+        if running.every_s:
+            yield f"One every {running.every_s:g} s. It is {_clock(time.time())} now."
+
+
+def _linked(one: Standing) -> TableEntry:
+    return TableEntry(one.name, one.name, one.reported)
+
+
+def _table(found: Sequence[Standing]) -> ReportTable | None:
+    columns: list[Cells[Standing]] = [
+        (Column("Campaign"), _linked),
+        said("State", lambda one: str(one.state)),
+        said("Since", lambda one: _clock(one.at)),
+        said("What is known of it", lambda one: one.said),
+    ]
+    return table_of("campaigns", "Every folder of data/raw", columns, found)
+
+
+def _pages(root: Path) -> ReportTable | None:
+    if not (root / "reports" / "index.html").is_file():
+        return None
+    over = "verdicts, stiffnesses over time, wear"
+    columns: list[Cells[str]] = [
+        (Column("Page"), lambda name: TableEntry(name, name, "index.html")),
+        said("What it has", lambda _: over),
+    ]
+    return table_of("pages", "All finished campaigns", columns, ["All campaigns"])

@@ -1,0 +1,97 @@
+"""The first page of the reports: every folder of data/raw, and what the service does with it."""
+
+import os
+import re
+import time
+from datetime import datetime
+
+import pytest
+from test_watch import Runs, arrive, look
+
+from pipeline.base import files
+from pipeline.base.errors import InputError
+from pipeline.base.preferences import Preferences
+from pipeline.service import server, supervisor, watch
+from pipeline.service.standing import State, now, standings
+from pipeline.store.campaign import dump
+
+
+def states(root):
+    return {one.name: one.state for one in standings(root)}
+
+
+@pytest.fixture
+def hall(tmp_path):
+    """One of each: done, rejected, tried again, without campaign.toml, changed since, new."""
+    arrive(tmp_path, "done", "wrong", "broken", "changed")
+    runs = Runs()
+    runs.problem["wrong"] = InputError("is empty", "export it again", file="tracker.csv")
+    runs.problem["broken"] = RuntimeError("a server is down")
+    look(tmp_path, runs, now=time.time())
+    (tmp_path / "data/raw/changed/forces.csv").write_bytes(b"new")
+    (tmp_path / "data/raw/half <b>").mkdir()
+    (tmp_path / "data/raw/.qqq").mkdir()
+    arrive(tmp_path, "new")
+    return tmp_path
+
+
+def test_every_folder_is_told(hall):
+    """What calls for somebody comes first."""
+    assert states(hall) == {
+        "wrong": State.REJECTED,
+        "broken": State.FAILED,
+        "half <b>": State.INCOMPLETE,
+        "changed": State.WAITING,
+        "new": State.WAITING,
+        "done": State.DONE,
+    }
+    assert next(one.name for one in standings(hall)) == "wrong"
+
+
+def test_the_page_says_why_and_when(hall):
+    """The reason of a rejection, the time of the look, when what failed is tried again; escaped."""
+    with supervisor.alone(hall, Preferences().service):
+        shown = now(hall).decode()
+    began = datetime.fromtimestamp(server.Looked.of(hall).began)
+
+    assert "tracker.csv: is empty; export it again" in shown
+    assert f"the last was at {began.isoformat(' ', 'seconds')}" in shown
+    assert re.search(r"tried 1 times, again at \d\d:\d\d:\d\d", shown)
+    assert "1 rejected, 1 tried again" in shown
+    assert "half &lt;b&gt;" in shown
+    assert "half <b>" not in shown
+    assert "qqq" not in shown
+
+
+def test_the_one_at_work_is_told_while_it_is(tmp_path):
+    """From before it is begun to its end, and no other."""
+    arrive(tmp_path, "a", "b")
+    seen = []
+
+    class Looking(Runs):
+        def campaign(self, campaign):
+            seen.append(states(tmp_path))
+            return super().campaign(campaign)
+
+    look(tmp_path, Looking(), now=time.time())
+
+    assert seen[0] == {"a": State.RUNNING, "b": State.WAITING}
+    assert seen[1] == {"a": State.DONE, "b": State.RUNNING}
+    assert set(states(tmp_path).values()) == {State.DONE}
+
+
+def test_one_that_was_handed_out_runs(tmp_path):
+    """Whoever works at it."""
+    (campaign,) = watch.campaigns.every(arrive(tmp_path, "a"))
+    with watch._attending(campaign):
+        assert states(tmp_path) == {"a": State.RUNNING}
+
+
+def test_a_page_of_nothing_and_of_odd_names(tmp_path):
+    """No project, a name that is no text, a look that was noted by an earlier version."""
+    assert b"No campaign yet" in now(tmp_path)
+    (tmp_path / "data/raw").mkdir(parents=True)
+    os.mkdir(os.fsencode(tmp_path / "data" / "raw") + b"/odd\xff")
+    files.write(tmp_path / "data/processed" / server.LOOKED, dump({"began": 1.0, "ended": 2.0}))
+
+    assert b"odd" in now(tmp_path)
