@@ -328,12 +328,12 @@ def doubt_findings(doubted: Sequence[str]) -> list[str]:
     if not doubted:
         return []
     one = len(doubted) == 1
-    who = "A reading is" if one else f"{len(doubted)} readings are"
+    who, it = ("A reading is", "it") if one else (f"{len(doubted)} readings are", "them")
     return [
-        f"{who} more than {AWAY:.0f} standard uncertainties from where all others put "
-        f"{'it' if one else 'them'} ({listed(list(doubted))}): tails of the noise explain as "
-        f"many, and mistakes of that size look the same. {'It stays' if one else 'They stay'} in use with less weight; measure "
-        f"{'it' if one else 'them'} again where you rely on the values."
+        f"{who} more than {AWAY:.0f} standard uncertainties from where all others put {it} "
+        f"({listed(list(doubted))}): tails of the noise explain as many, and mistakes of that size "
+        f"look the same. {'It stays' if one else 'They stay'} in use with less weight; measure "
+        f"{it} again where you rely on the values."
     ]
 
 
