@@ -30,6 +30,7 @@ if TYPE_CHECKING:
     from pipeline.design.library import Design, design_poses
     from pipeline.library.campaign import (
         Campaign,
+        Picture,
         Result,
         identify,
         load_campaign,
@@ -58,6 +59,7 @@ __all__ = [
     "Design",
     "InputError",
     "Model",
+    "Picture",
     "PipelineError",
     "PositionModel",
     "Positions",
@@ -77,7 +79,14 @@ __all__ = [
 
 _FROM = {
     "base.errors": ("CannotWrite", "InputError", "PipelineError", "UsageError"),
-    "library.campaign": ("Campaign", "Result", "identify", "load_campaign", "run_campaign"),
+    "library.campaign": (
+        "Campaign",
+        "Picture",
+        "Result",
+        "identify",
+        "load_campaign",
+        "run_campaign",
+    ),
     "library.model": (
         "Deflection",
         "Model",

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
@@ -13,6 +14,7 @@ from pipeline.answer.posture import standing_posture
 from pipeline.answer.scene import MOST
 from pipeline.machine.cell import Tool
 from pipeline.machine.robot import load
+from pipeline.report.render import render
 
 REPEATS, TARGETS = 3, ("P1", "P2", "P3")
 ROLL = {"name": "rail_roll", "where": None, "form": None, "in_catalogue": True}
@@ -22,6 +24,12 @@ NOMINAL = (8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5)
 def answer() -> Answer:
     """That to a campaign whose carriage rolls, with joint 7 left undetermined."""
     return Answer.model_validate(_content(), strict=False)
+
+
+@cache
+def rendered() -> dict[str, bytes]:
+    """All files of its report, drawn once for whoever only reads them."""
+    return render(answer(), tables(), run_time_s=1.234)
 
 
 def revised(old: Answer, change: Callable[[dict[str, Any]], object]) -> Answer:

@@ -254,6 +254,7 @@ OUTBUILDINGS = {
         "answer.archive": "or takes the answer that is there",
         "store.campaign": _PLACES,
         "prediction": "and predicts from the model of the answer",
+        "report": "its figures are those of the report",
     },
     "house": {},
     "intake": {

@@ -165,6 +165,10 @@ class Fact(BaseModel):
         serialize_by_alias=True,
     )
 
+    def __setattr__(self, name: str, value: Any) -> None:
+        """Refuse it: what is to be changed is `answer.as_json()`, a copy as plain data."""
+        raise AttributeError(f"an answer is not changed, and {name} stays; change a copy of it")
+
 
 class BudgetPart(Fact):
     """Contribution of one source of error to the uncertainty of a stiffness."""

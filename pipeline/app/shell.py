@@ -150,7 +150,7 @@ def report(root: Path, name: str | None, form: str, language: str | None = None)
     run(campaign)
     archive.refresh(root)
     names = {"html": "index.html", "pdf": "report.pdf", "json": "result.json"}
-    if language is None or form == "json":
+    if language is None:
         return campaign.reports / names[form]
     return _beside(root, campaign, names[form], language)
 

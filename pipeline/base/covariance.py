@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from functools import reduce
+from functools import lru_cache, reduce
 from typing import Any, TypeVar
 
 import numpy as np
@@ -120,7 +120,21 @@ def singular(six: Sequence[Array]) -> Bools:
 
 def factors(matrices: Array) -> Array:
     """L with L L' = C for positive semidefinite C, shape (m, 3, 3); rank may be less than 3."""
-    return linear.factor(matrices)
+    if len(matrices) > _FEW:
+        return linear.factor(matrices)
+    return _factors(np.asarray(matrices, float).tobytes())
+
+
+_FEW = 4096
+"""Matrices up to which factors are kept, in 5 MB at most [1]."""
+
+
+@lru_cache(maxsize=16)
+def _factors(matrices: bytes) -> Array:
+    """The same, kept: a diagnosis asks for those of the same readings 30 times."""
+    out = linear.factor(np.frombuffer(matrices).reshape(-1, 3, 3))
+    out.flags.writeable = False
+    return out
 
 
 def known(six: Sequence[Array]) -> Bools:

@@ -180,7 +180,15 @@ def _wrong_value(value: object, said: str) -> str:
     return f"{shown} should be {bound}"
 
 
-_BOUNDS = {"greater than or equal to": "at least", "less than or equal to": "at most"}
+_BOUNDS = {
+    "greater than or equal to": "at least",
+    "less than or equal to": "at most",
+    "valid integer": "whole number",
+    "valid number": "number",
+    ", unable to parse string as an integer": "",
+    ", unable to parse string as a number": "",
+    ", got a number with a fractional part": "",
+}
 
 
 _FORMS = {

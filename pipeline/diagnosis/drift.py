@@ -140,7 +140,8 @@ def _stated_at(unloaded: Array, registration: Registration) -> Array:
 def _moved(base: Base, motions: Array, amounts: Sequence[Array]) -> Beside:
     """Whitened rigid motions in proportion to some amount of each reading, by amounts."""
     columns = np.array(amounts).reshape(-1, len(motions), 1, 1) * motions
-    return base.beside(np.moveaxis(columns, 0, 2).reshape(1, -1, len(amounts), 6)).of_block(0)
+    shape = 1, 3 * len(motions), len(amounts), 6
+    return base.beside(np.moveaxis(columns, 0, 2).reshape(shape)).of_block(0)
 
 
 def _stated(

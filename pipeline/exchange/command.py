@@ -42,8 +42,17 @@ def robot(
         str | None,
         Option("--show", metavar="NAME", help="Print the robot file of one, to start from."),
     ] = None,
+    draw: Annotated[
+        Path | None,
+        Option(metavar="FILE.svg", help="With --list or --show: draw them, from the side."),
+    ] = None,
 ) -> None:
     """List the robots that ship, show one, or make a robot file from a URDF and verify it."""
+    if draw is not None:
+        if not every and shown is None:
+            raise UsageError("--draw draws robots that ship: add --list, or --show NAME")
+        typer.echo(_drawn(draw, str(file or "") if every else shown or "", every))
+        return
     if every or shown is not None:
         typer.echo("\n".join(_listing(str(file or ""))) if every else _shipped(shown or ""))
         return
@@ -79,6 +88,36 @@ def _refuse(output: Path) -> None:
         raise UsageError(f"{output} is there already: choose another --output")
 
 
+def _drawn(path: Path, part: str, every: bool) -> Path:
+    """Draw the robots whose name has this part, or the one of this name, into a new file."""
+    from pipeline.exchange.drawn import drawing
+    from pipeline.machine.robot import load
+
+    if path.suffix != ".svg":
+        raise UsageError(f"{path} does not end in .svg, as a drawing does")
+    if path.exists():
+        raise UsageError(f"{path} is there already: choose another name")
+    if not every:
+        _shipped(part)
+    names = _like(part) if every else [part]
+    files.write(path, drawing([load(name) for name in names]).encode())
+    return path
+
+
+def _like(part: str) -> list[str]:
+    """Names of the robots that ship and have this part of a name.
+
+    Raises:
+        UsageError: None has.
+    """
+    from pipeline.machine.robot.mdh import meant
+
+    names = meant(part)
+    if not names:
+        raise UsageError(f'no robot that ships is like "{part}": `pipeline robot --list` has all')
+    return names
+
+
 def _listing(part: str = "") -> list[str]:
     """The robots that ship: name, maker and variant, axes of the controller, rated payload.
 
@@ -86,15 +125,12 @@ def _listing(part: str = "") -> list[str]:
         UsageError: None has this part of a name.
     """
     from pipeline.machine.robot import axes, load
-    from pipeline.machine.robot.mdh import meant
 
     rows = []
-    for name in meant(part):
+    for name in _like(part):
         one = load(name)
         payload = "" if one.payload_kg is None else f"{one.payload_kg:g} kg"
         rows.append((name, one.description, " ".join(axes.of(one).names), payload))
-    if not rows:
-        raise UsageError(f'no robot that ships is like "{part}": `pipeline robot --list` has all')
     wide = [max(map(len, column)) for column in zip(*rows, strict=True)]
     return ["  ".join(f"{c:{w}}" for c, w in zip(row, wide, strict=True)).rstrip() for row in rows]
 

@@ -41,7 +41,7 @@ HELD = 1e-12
 
 _WAVE = 3e-4
 """Amplitude of a law before any data [m] or [rad]: an arc minute, as data sheets of reducers state
-their transmission error."""
+their transmission error and their lost motion."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -86,7 +86,9 @@ def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads)
     if mechanism.unknown:
         mean[where.moments], std[where.moments] = (one.ravel() for one in usual(robot))
     free = np.zeros(len(turns), dtype=bool)
-    return Prior(mean, std, turns, free, std.copy(), tuple(_groups(mechanism)), stated)
+    most = std.copy()
+    most[where.yields] = np.where(soften(mechanism.elements), std[where.yields], _WAVE)
+    return Prior(mean, std, turns, free, most, tuple(_groups(mechanism)), stated)
 
 
 def _groups(mechanism: Mechanism) -> Iterator[slice]:

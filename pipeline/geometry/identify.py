@@ -28,7 +28,7 @@ from pipeline.geometry.laws import JointLaw
 from pipeline.geometry.mechanism import ArmWeights, Linear, Mechanism, layout, linearised
 from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.scatter import PoseScatter
-from pipeline.geometry.yielding import sizes, usual
+from pipeline.geometry.yielding import usual
 from pipeline.machine.effect import Elastic
 from pipeline.machine.robot import Robot
 
@@ -214,16 +214,17 @@ def _equipped(begun: Mechanism, readings: PositionReadings, wanted: Wanted) -> M
         for one in _curves(begun.table, readings, wanted)
     )
     elements = wanted.yields
-    kept = [(one.label, one.form) for one in elements] == [
-        (one.label, one.form) for one in begun.elements
-    ]
+    sizes_of = np.split(begun.yields, np.cumsum([len(e.parameters) for e in begun.elements])[:-1])
+    size_of = dict(zip([e.label for e in begun.elements], sizes_of, strict=False))
+    none = [np.zeros(len(e.parameters)) for e in elements]
+    yields = [size_of.get(e.label, zero) for e, zero in zip(elements, none, strict=True)]
     moments, compliance = begun.moments, begun.compliance
     if wanted.moments and not begun.unknown:
         moments, compliance = usual(begun.table)[0], begun.table.nominal_compliance
     return replace(
         begun,
         elements=elements,
-        yields=begun.yields if kept else np.zeros(len(sizes(elements))),
+        yields=np.concatenate([np.zeros(0), *yields]),
         moments=moments,
         compliance=compliance,
         unknown=wanted.moments,
@@ -254,7 +255,8 @@ def likeliest(found: Identified, choices: Sequence[Wanted]) -> Wanted:
     for wanted in choices:
         mechanism, scatter = _equipped(found.mechanism, found.readings, wanted), found.scatter
         here = found.linear
-        if found.mechanism.curves or wanted.bed is not None or wanted.moments:
+        anew = wanted.bed is not None or wanted.moments or wanted.yields != found.wanted.yields
+        if found.mechanism.curves or anew:
             here = linearised(found.readings, mechanism, found.weights)
         known = found.known
         if len(known.std) != layout(mechanism).dense:

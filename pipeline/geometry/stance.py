@@ -28,7 +28,7 @@ from pipeline.geometry.mechanism import (
     layout,
     linearised,
 )
-from pipeline.geometry.yielding import BY_WEIGHT
+from pipeline.geometry.yielding import by_weight_alone
 from pipeline.machine.cell import Tool
 from pipeline.machine.stance import Stance, soften
 from pipeline.reduction.bring import bring
@@ -113,18 +113,11 @@ def stance(found: Identified, targets: Collection[str], free: Collection[int] = 
     if len(held) > len(free):
         more = tuple(k for k, _ in held)
         return replace(stance(opened(found, more), targets, more), reopened=reopened)
-    there = [k for _, at in held for k in at]
-    places = zip(mechanism.elements, _places(mechanism), strict=True)
-    none = [k for one, at in places if one.element != "gear" for k in at if k not in there]
     which = [k for k, name in enumerate(found.readings.targets) if name in targets]
-    T = _chosen(found, there, which)
-    gain = T @ apart[:, none] @ linear.inverse(apart[np.ix_(none, none)])
-    z, C = T @ x - gain @ x[none], T @ apart @ T.T - gain @ apart[none] @ T.T
-    n = mechanism.table.n
-    s = n + len(there)
-    z[s:] = 0.0
-    along = z.copy()
-    along[n:s] *= soften([mechanism.elements[k] for k, _ in held])
+    z, C = _with_none(found, apart, [k for _, at in held for k in at], which)
+    n, effects = mechanism.table.n, tuple(mechanism.elements[k] for k, _ in held)
+    soft: Array = np.append(np.ones(n), soften(effects).astype(float))
+    s, along = len(soft), z * padded(soft, len(z))
     prior = found.known.std[where.compliance]
     return Stance(
         robot=mechanism.robot,
@@ -132,7 +125,7 @@ def stance(found: Identified, targets: Collection[str], free: Collection[int] = 
         points={str(found.readings.targets[k]): mechanism.tool[k, :3, 3] for k in which},
         compliance=z[:n],
         told=np.diag(C)[:n] < _KNOWN * prior**2,
-        held=tuple(mechanism.elements[k] for k, _ in held),
+        held=effects,
         yields=z[n:s],
         cov=C + factor * np.outer(along, along),
         unloaded=_Unloaded(
@@ -144,6 +137,30 @@ def stance(found: Identified, targets: Collection[str], free: Collection[int] = 
         elements=mechanism.elements,
         reopened=reopened,
     )
+
+
+def _with_none(
+    found: Identified, apart: Array, held: Sequence[int], which: Sequence[int]
+) -> tuple[Array, Array]:
+    """Springs, held elements, errors of letters and points, if all else that could yield is none.
+
+    Args:
+        found: The whole model.
+        apart: Covariance of all parameters, but for a factor that nobody knows.
+        held: Parameters of the elements that are held.
+        which: Points.
+
+    Returns:
+        Values (s,) and covariance (s, s).
+    """
+    there, x = found.mechanism, found.mechanism.at(layout(found.mechanism))
+    bearing = zip(there.elements, _places(there), strict=True)
+    none = [k for one, at in bearing if one.element != "gear" for k in at if k not in held]
+    T = _chosen(found, held, which)
+    gain = T @ apart[:, none] @ linear.inverse(apart[np.ix_(none, none)])
+    z, C = T @ x - gain @ x[none], T @ apart @ T.T - gain @ apart[none] @ T.T
+    z[there.table.n + len(held) :] = 0.0
+    return z, C
 
 
 def standing(case: Case, found: Identified) -> tuple[Case, float]:
@@ -203,7 +220,7 @@ def _held(
     """Elements that the weight or something else calls for, and where their parameters stand."""
     for k, at in enumerate(_places(mechanism)):
         said = linear.inverse(apart[np.ix_(at, at)])
-        if mechanism.elements[k].form == BY_WEIGHT:
+        if by_weight_alone(mechanism.elements[k]):
             continue
         if k in free or chi2_beyond(float(x[at] @ said @ x[at]), len(at)) < alarms.SUSPECT:
             yield k, at

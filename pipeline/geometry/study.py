@@ -21,13 +21,13 @@ from pipeline.geometry import blunders, curves, leftout, search
 from pipeline.geometry.begin import begin
 from pipeline.geometry.causes import OTHER_MASSES, Listed, TableLaw, listed, renewed, weight
 from pipeline.geometry.identify import Identified, Wanted, likeliest
-from pipeline.geometry.mechanism import ArmWeights, Mechanism, linearised
+from pipeline.geometry.mechanism import ArmWeights, Mechanism, layout, linearised
 from pipeline.geometry.mistaken import TableMistake, corrected
 from pipeline.geometry.named import LawData, NamedLaw, with_laws
 from pipeline.geometry.readings import PositionReadings
 from pipeline.geometry.scatter import start
 from pipeline.geometry.worth import Judge, LeftOutGain, Parting, distances, partings
-from pipeline.geometry.yielding import usual, yielding
+from pipeline.geometry.yielding import other_forms, usual, yielding
 from pipeline.machine.effects._anatomy import rail
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.weight import weighs
@@ -243,11 +243,34 @@ def _base(data: LawData, begun: Mechanism) -> tuple[Identified, tuple[Listed, ..
                     laws=tuple(one.law for one in names))  # fmt: skip
     table = data.identify(begun, Wanted(springs=False))
     if not rail(robot):
-        return data.identify(table.mechanism, wanted, table), names
-    middle = replace(wanted, bed=curves.BED[1])
-    found = data.identify(table.mechanism, middle, table)
-    best = likeliest(found, [replace(wanted, bed=length) for length in curves.BED])
-    return (found if best == middle else data.identify(found.mechanism, best, found)), names
+        found = data.identify(table.mechanism, wanted, table)
+        best = _formed(found, found.wanted)
+    else:
+        found = data.identify(table.mechanism, replace(wanted, bed=curves.BED[1]), table)
+        beds = [replace(wanted, bed=length) for length in curves.BED]
+        best = _formed(found, likeliest(found, beds))
+    now = found if best == found.wanted else data.identify(found.mechanism, best, found)
+    return now, names
+
+
+def _formed(found: Identified, wanted: Wanted) -> Wanted:
+    """The same with the laws of gears that the readings show in the likelier of their forms."""
+    there, tau = found.mechanism, found.linear.inputs.tau
+    x, std = found.solution.x, np.sqrt(np.diag(found.solution.cov))
+    at = layout(there).yields.start
+    for k, one in enumerate(there.elements):
+        if np.abs(x[at] / std[at]) > _SHOWN:
+            others = [
+                replace(wanted, yields=(*wanted.yields[:k], other, *wanted.yields[k + 1 :]))
+                for other in other_forms(there.table, tau, one)
+            ]
+            wanted = likeliest(found, [wanted, *others])
+        at += len(one.parameters)
+    return wanted
+
+
+_SHOWN = 2.0
+"""Standard uncertainties from which on readings say of what form a law is."""
 
 
 def _otherwise(data: LawData, found: Identified, rng: np.random.Generator) -> _Weighed | None:

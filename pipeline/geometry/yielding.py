@@ -16,7 +16,7 @@ import numpy as np
 from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Ints
-from pipeline.machine.effect import Elastic, Loaded, Pulls
+from pipeline.machine.effect import Effect, Elastic, Loaded, Pulls
 from pipeline.machine.effects import catalogue
 from pipeline.machine.effects._anatomy import arm, turning
 from pipeline.machine.robot import Configuration, Robot
@@ -52,14 +52,26 @@ def yielding(robot: Robot, tau: Array | None = None) -> tuple[Elastic, ...]:
 
 def called(robot: Robot, names: Sequence[Sequence[str]]) -> tuple[Elastic, ...]:
     """Elements by label and form, as `yielding` has them."""
-    every = yielding(robot, np.array([[-1.0], [1.0]]) * np.ones(robot.n))
+    each_way = np.array([[-1.0], [1.0]]) * np.ones(robot.n)
+    every = (*yielding(robot), *_gears(robot, each_way))
     known = {(one.label, one.form): one for one in every}
     return tuple(known[label, form] for label, form in names)
 
 
 BY_WEIGHT = "weight"
-"""Form of a law of a gear whose torque nobody knows, as masses or a balancer are not: no pull can
-be said to be beside it."""
+"""In the form of a law of a gear whose torque nobody knows, as masses or a balancer are not: no
+pull can be said to be beside it."""
+
+
+def by_weight_alone(effect: Effect) -> bool:
+    """Whether a law of a gear is one that only the weight is known to show."""
+    return effect.element == "gear" and BY_WEIGHT in effect.form
+
+
+def other_forms(robot: Robot, tau: Array, one: Elastic) -> tuple[Elastic, ...]:
+    """The same law of a gear in its other forms. Args as of `yielding`."""
+    every = _gears(robot, tau) if one.element == "gear" else ()
+    return tuple(e for e in every if e.label == one.label and e.form != one.form)
 
 
 def balanced(robot: Robot) -> int | None:
@@ -75,16 +87,23 @@ and up), ABB (IRB 6600 and up) and FANUC (M-900), some 100 kg."""
 
 def _gears(robot: Robot, tau: Array) -> Iterator[Elastic]:
     """Laws of gears by all the torque on them, of joints that the weight loads."""
-    most, known = np.abs(tau).max(axis=0), weighs(robot)
+    known, shoulder = weighs(robot), balanced(robot)
     for effect in catalogue(robot):
-        if not isinstance(effect, Elastic) or effect.under_weight is None:
+        if not isinstance(effect, Elastic) or not effect.under_weight or not _shown(effect, tau):
             continue
-        mine, largest = tau[:, effect.carrier[0] - 1], most[effect.carrier[0] - 1]
-        if largest <= LOADED * most.max() or (known and "total" not in effect.form):
-            continue
-        if effect.side is None or min(mine.max(), -mine.min()) > _EACH_WAY * largest:
-            told = known and effect.where != balanced(robot)
-            yield effect if told else replace(effect, form=BY_WEIGHT)
+        if "total" in effect.form and known and effect.where != shoulder:
+            yield effect
+        elif "total" not in effect.form and not (known and effect.where != shoulder):
+            form = effect.form.replace("pull", "")
+            yield replace(effect, form=f"{form}, {BY_WEIGHT}" if form else BY_WEIGHT)
+
+
+def _shown(effect: Elastic, tau: Array) -> bool:
+    """Whether a law of a gear moves anything under torques of the weight (m, n)."""
+    mine = tau[:, effect.carrier[0] - 1]
+    largest = float(np.abs(mine).max())
+    each_way = effect.side is None or min(mine.max(), -mine.min()) > _EACH_WAY * largest
+    return each_way and largest > LOADED * float(np.abs(tau).max())
 
 
 _EACH_WAY = 0.1
@@ -141,7 +160,7 @@ class Virtual:
         for one, body, part in self._between:
             tau[:, one] += part * work(self.screws[:, one], self._hung(own[:, body], one))
         for effect, (a, b) in zip(self._effects, pairwise(self._ends), strict=True):
-            if effect.form == BY_WEIGHT:
+            if by_weight_alone(effect):
                 tau[:, a:b] = work(self.screws[:, a:b], weight[:, self.bears[a:b] - 1])
         return np.asarray(tau)
 

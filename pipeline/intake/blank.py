@@ -214,7 +214,8 @@ def described(folder: Path, found: Sequence[str]) -> list[str]:
     """What each of some robots is, or where all that ship are listed."""
     few = found if len(found) <= _MANY else ()
     shown = [f"{name}: {load(name, folder).description}" for name in few]
-    return shown or ["`pipeline robot --list` lists the robots that ship, with maker and type."]
+    listing = "`pipeline robot --list` lists the robots that ship, with maker and type"
+    return shown or [f"{listing}; `--draw robots.svg` with it draws them."]
 
 
 def log_columns(said: Proposal, robot: str | None) -> dict[str, str]:

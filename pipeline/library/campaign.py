@@ -114,6 +114,36 @@ class Campaign:
         return folder
 
 
+@dataclass(frozen=True, repr=False)
+class Picture:
+    """A figure of a report.
+
+    Attributes:
+        svg: The file.
+        caption: What to see in it.
+    """
+
+    svg: str
+    caption: str
+
+    def _repr_svg_(self) -> str:
+        """What a notebook shows."""
+        return self.svg
+
+    def __repr__(self) -> str:
+        """Its caption."""
+        return f"Picture: {self.caption}"
+
+    def save(self, path: Path | str) -> Path:
+        """Write it.
+
+        Raises:
+            CannotWrite: The disk refuses.
+        """
+        files.write(Path(path), self.svg.encode())
+        return Path(path)
+
+
 @dataclass(frozen=True, eq=False, repr=False)
 class Result:
     """The answer to a campaign.
@@ -139,6 +169,23 @@ class Result:
     def stiffness(self) -> _Stiffnesses:
         """Each joint's stiffness with its standard uncertainty and unit, by place or by name."""
         return _Stiffnesses(self.answer.stiffness)
+
+    def plot(self, name: str = "stiffness") -> Picture:
+        """A figure of the report, which a notebook shows; `save` writes it as SVG.
+
+        Args:
+            name: As its file in reports/NAME/figures, without the ending.
+
+        Raises:
+            InputError: The report of this campaign has no such figure.
+        """
+        from pipeline.report.figures.catalogue import CATALOGUE, draw, figures
+
+        drawn = figures([one.name for one in CATALOGUE], self.answer, self.tables)
+        if name not in (known := [one.name for one in drawn]):
+            raise InputError(f'there is no figure "{name}"', f"use one of {listed(known, 40)}")
+        words = {one.name: f"{one.title}. {one.caption}" for one in drawn}
+        return Picture(draw(name, self.answer, self.tables).svg, words[name])
 
     def to_frame(self) -> pd.DataFrame:
         """The stiffnesses as a table, a row for each joint."""
@@ -182,7 +229,10 @@ def identify(campaign: Campaign) -> Result:
 
     Raises:
         InputError: The data cannot be trusted; says file, line and way out.
+        UsageError: It is something else than a campaign.
     """
+    if not isinstance(campaign, Campaign):
+        raise UsageError("identify takes a campaign: give it what load_campaign(...) returns")
     made = stages.answered(campaign.name, campaign.raw)
     kept = made.files.get(_POSITIONS)
     places = None if kept is None else position_model(kept)

@@ -21,7 +21,7 @@ _STEP = 1e-3
 
 @dataclass(frozen=True, eq=False)
 class CartesianStiffness(Locked):
-    """How a tool resists forces and moments at a point of it.
+    """How a tool resists forces and moments at a point; without the axis m of one pose asked for.
 
     Small motions d = (translation of the point [m], rotation [rad]) under a wrench
     w = (force [N], moment about the point [N m]), all in F_b: d = C w, w = K d.

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+from dataclasses import fields, replace
+from typing import TYPE_CHECKING, TypeVar
+
 import numpy as np
 import numpy.typing as npt
 
@@ -9,6 +12,11 @@ from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, listed
 from pipeline.machine.robot import Joint, Robot, rating
 from pipeline.machine.robot.axes import LIMIT_SLACK
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+    _Found = TypeVar("_Found", bound=DataclassInstance)
 
 _TURN = 2 * np.pi
 """[rad]: what is beyond its limits by more than a turn from its zero is in degrees."""
@@ -88,6 +96,14 @@ def loaded(robot: Robot, q: npt.ArrayLike, force_n: npt.ArrayLike) -> tuple[Arra
     hardest = float(np.linalg.norm(forces, axis=1).max())
     rating.refuse_absurd(robot, hardest, "forces are in N")
     return np.broadcast_to(rows, (m, robot.n)), np.broadcast_to(forces, (m, 3))
+
+
+def as_asked(found: _Found, *given: npt.ArrayLike) -> _Found:
+    """What is found of one pose without the axis of the poses, where one was asked for as a row."""
+    if any(np.ndim(one) != 1 for one in given):
+        return found
+    own = {one.name: getattr(found, one.name) for one in fields(found)}
+    return replace(found, **{k: v[0] for k, v in own.items() if isinstance(v, np.ndarray)})
 
 
 def point(name: str, values: npt.ArrayLike | None) -> Array | None:

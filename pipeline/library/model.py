@@ -15,7 +15,7 @@ from pipeline.library import compensate as offsets
 from pipeline.library import compliance
 from pipeline.library.compensate import Compensation
 from pipeline.library.compliance import CartesianStiffness
-from pipeline.library.joints import loaded, point
+from pipeline.library.joints import as_asked, loaded, point
 from pipeline.machine.robot import Robot
 from pipeline.prediction import standing
 from pipeline.prediction.model import IdentifiedModel as Identified
@@ -25,7 +25,7 @@ from pipeline.prediction.standing import Standing
 
 @dataclass(frozen=True, eq=False)
 class Deflection(Locked):
-    """How the loaded point of the tool moves, in F_b.
+    """How the loaded point of the tool moves, in F_b; without the axis m where one pose was asked.
 
     Attributes:
         displacement_m: Loaded minus unloaded [m], shape (m, 3).
@@ -42,7 +42,7 @@ class Deflection(Locked):
     @property
     def std_m(self) -> Array:
         """Standard uncertainty per axis, k = 1 [m], shape (m, 3)."""
-        return np.sqrt(np.einsum("mii->mi", self.cov_m2))
+        return np.sqrt(np.einsum("...ii->...i", self.cov_m2))
 
     @property
     def expanded_m(self) -> Array:
@@ -52,7 +52,7 @@ class Deflection(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Positions(Locked):
-    """Where the targets of a campaign of positions are, in F_b.
+    """Where the targets of a campaign are, in F_b; without the axis m where one pose was asked.
 
     Attributes:
         targets: Their names, t of them.
@@ -114,7 +114,8 @@ class Model:
         """
         rows, force = loaded(self.robot, q, force_n)
         found = self.identified.predict(rows, force, point("point_m", point_m))
-        return Deflection(found.displacement, found.cov, self.identified.held_out_m)
+        made = Deflection(found.displacement, found.cov, self.identified.held_out_m)
+        return as_asked(made, q, force_n)
 
     def cartesian_stiffness(
         self,
@@ -136,7 +137,8 @@ class Model:
         """
         rows, force = loaded(self.robot, q, force_n)
         at = point("point_m", point_m)
-        return compliance.cartesian_stiffness(self.identified, rows, force, at)
+        found = compliance.cartesian_stiffness(self.identified, rows, force, at)
+        return as_asked(found, q, force_n)
 
     def compensate(
         self, q: npt.ArrayLike, force_n: npt.ArrayLike, tip_m: npt.ArrayLike | None = None
@@ -197,7 +199,8 @@ class PositionModel:
         found = standing.predict(self.standing, rows, force, carried, warm)
         names = tuple(str(name) for name in self.standing.targets)
         std = found.std
-        return Positions(names, found.at, found.turn, std[..., :3], std[..., 3:])
+        made = Positions(names, found.at, found.turn, std[..., :3], std[..., 3:])
+        return as_asked(made, q, force_n)
 
     def _number(self, payload: str | None) -> int:
         if payload is None:

@@ -186,11 +186,30 @@ def _suspect(name: str, where: str, readings: Sequence[str], said: str) -> _Susp
     return _Suspect(name, where, tuple(readings), f"{said[:1].upper()}{said[1:]}. {again}")
 
 
+_ADVICE = {
+    "tracker_knocked": "see that tracker and base stand firm, and read the base reflectors again",
+    "tracker_drift": "let the tracker warm up, read the base reflectors again, and each zero anew",
+    "tracker_wander": "read each zero shortly before its pulls, and again behind them",
+    "tracker_noise": "look for vibration, draught, sun on the beam and dirty reflectors",
+    "joint_offset": "read the base reflectors again, as the tracker may have moved",
+    "base_rotation": "read the base reflectors again, as the tracker may have moved",
+    "scale_zero": "unload the scale and read it empty before the next pull",
+    "scale_gain": "have the scale calibrated",
+    "scale_curvature": "have the scale calibrated over its range",
+    "scale_hysteresis": "pull up only, or have the scale checked: unloading it reads otherwise",
+    "force_noise": "read the scale when the chain hangs still",
+}
+"""What to do beside the robot, by cause; what is of the robot itself stays as it is."""
+
+
 def _warnings(answer: Answer) -> Iterator[str]:
     for one in answer.diagnosis.causes:
         if one.evidence is None and (one.probability or 0.0) >= _LIKELY:
             at = f" ({one.where})" if one.where is not None else ""
-            yield f"{str(one.name).replace('_', ' ')}{at}: probability {one.probability:.2f}"
+            what = str(one.name).replace("_", " ")
+            done = _ADVICE.get(str(one.name))
+            then = f": {done}" if done else ", of the robot itself"
+            yield f"{what[:1].upper()}{what[1:]}{at}, probability {one.probability:.2f}{then}."
 
 
 def _stiffness(answer: Answer) -> Iterator[_Open]:

@@ -285,6 +285,31 @@ def carried_over(old: str, new: str) -> str:
     return f"{new.rstrip()}\n\n{_set_aside(old, lost)}" if lost else new
 
 
+def with_table(text: str, new: str, name: str) -> str:
+    """A campaign.toml with one of its tables as another one has it: changed, gone, or come.
+
+    One that comes stands behind the table that it is a part of.
+    """
+    lines, (first, last), (begin, end) = text.splitlines(), _span(text, name), _span(new, name)
+    block = new.splitlines()[begin:end]
+    if first == last and block:
+        first = last = _span(text, name.rpartition(".")[0])[1] or len(lines)
+        block = ["", *block]
+    return "\n".join([*lines[:first], *block, *lines[last:], ""])
+
+
+def _span(text: str, name: str) -> tuple[int, int]:
+    """Lines of a table with its head, up to what stands before the next one; none: two alike."""
+    lines = text.splitlines()
+    heads = [k for k, line in enumerate(lines) if _TABLE.match(line)]
+    for k, after in zip(heads, [*heads[1:], len(lines)], strict=True):
+        head = _TABLE.match(lines[k])
+        if head and _called(head) == name:
+            said = [i for i in range(k, after) if lines[i].strip() and lines[i][0] != "#"]
+            return k, said[-1] + 1
+    return 0, 0
+
+
 def _set_aside(old: str, lost: Sequence[Entry]) -> str:
     """Lines of an old text as comments, each below its table."""
     lines, out = old.splitlines(), ["# from the campaign.toml before, which have no place above:"]

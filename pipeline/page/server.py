@@ -72,6 +72,9 @@ _HEADERS = {
 _MOST_ROWS = 500
 """Lines of a corrected program that are shown beside the old ones."""
 
+_OF_ROBOT = ("joints.columns",)
+"""Tables of campaign.toml that another robot makes others: joints have their names by it."""
+
 _MOST_TYPED = 2**20
 """Bytes of what a page sends that is no file."""
 
@@ -175,7 +178,7 @@ class _State:
         text, run, done = desk.text(), self.runs.of.get(desk.name), self.done(desk)
         setup = _left(text) if text else "files"
         return {
-            "files": "" if text else "drop the files of the campaign",
+            "files": "" if text else "go on below" if desk.names() else "drop what was measured",
             "setup": setup,
             "check": "" if self.passed(desk) else "setup" if setup else "check",
             "run": "running" if run and run.said is None else "" if done else "check",
@@ -296,15 +299,28 @@ async def set_up(state: _State, request: Request) -> Response:
     """Have campaign.toml written for the files; what an old one says is kept."""
     desk = state.desk(request)
     old, seen = desk.text(), desk.digest(TOML)
+    new, words = await _proposed(state, desk, _robot(old or ""))
+    if new is None:
+        return _told(words or "campaign.toml could not be written")
+    desk.written(new if old is None else entries.carried_over(old, new), seen)
+    return _told(go=f"/c/{quote(desk.name, safe='')}/setup")
+
+
+async def _proposed(state: _State, desk: Desk, robot: str) -> tuple[str | None, str]:
+    """campaign.toml as `init` writes it for the files, or what it says instead."""
     with tempfile.TemporaryDirectory(dir=state.root) as folder:
         beside = Desk(Path(folder), desk.name)
         await asyncio.to_thread(desk.copied, beside)
-        said = await state.look("init", "--root", beside.root, "--", desk.name)
-        new = beside.text()
-    if new is None:
-        return _told(" ".join(said.words[-1:]) or "campaign.toml could not be written")
-    desk.written(new if old is None else entries.carried_over(old, new), seen)
-    return _told(go=f"/c/{quote(desk.name, safe='')}/setup")
+        chosen = [f"--robot={robot}"] if robot else []
+        said = await state.look("init", "--root", beside.root, *chosen, "--", desk.name)
+        return beside.text(), " ".join(said.words[-1:])
+
+
+def _robot(text: str) -> str:
+    """The robot that a campaign.toml names; empty where it names none."""
+    with contextlib.suppress(ValueError):
+        return str(tomllib.loads(text).get("robot", ""))
+    return ""
 
 
 async def setup_page(state: _State, request: Request) -> Response:
@@ -361,8 +377,14 @@ async def fill(state: _State, request: Request) -> Response:
         value = entries.point([str(part) for part in said], str(typed.get("unit", "m")))
     else:
         value = entries.value(str(said), one.words if one else (), one.key if one else "")
-    desk.written(entries.filled(text, line, value), str(typed.get("seen", "")))
-    return _told(seen=desk.digest(TOML))
+    new = entries.filled(text, line, value)
+    of_robot = one is not None and (one.table, one.key) == ("", "robot")
+    proposed = (await _proposed(state, desk, _robot(new)))[0] if of_robot else None
+    if proposed is not None:
+        for table in _OF_ROBOT:
+            new = entries.with_table(new, proposed, table)
+    desk.written(new, str(typed.get("seen", "")))
+    return _told(seen=desk.digest(TOML), reload=of_robot)
 
 
 async def rewrite(state: _State, request: Request) -> Response:
@@ -500,10 +522,17 @@ async def report(state: _State, request: Request) -> Response:
 
 
 async def correct(state: _State, request: Request) -> Response:
-    """A program that was dropped, corrected: both, line by line, and what was not."""
+    """A program that was dropped, corrected: both, line by line, and what was not.
+
+    Behind its bytes those of `beside` may follow, the file of the same program that is read with
+    it: the .dat of a .src.
+    """
     desk = state.desk(request)
-    name = named(request.path_params["file"])
+    name, other = named(request.path_params["file"]), request.query_params.get("beside", "")
     data = await _body(request, 8 * 2**20)
+    first = request.query_params.get("first", "")
+    size = int(first) if first.isdecimal() else len(data)
+    data, rest = data[:size], data[size:]
     options: list[str] = []
     for key in ("force", "tool", "base", "world", "flange", "start"):
         if typed := request.query_params.get(key, "").strip():
@@ -513,6 +542,8 @@ async def correct(state: _State, request: Request) -> Response:
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / name
         path.write_bytes(data)
+        if other and named(other) != name:
+            path.with_name(other).write_bytes(rest)
         said = await state.look("compensate", "--root", state.root, *options, "--", desk.name, path)
     if said.code:
         return _told("\n".join(said.words[-12:]) or f"it ended with {said.code}")

@@ -33,9 +33,9 @@ def beside_pulls(force_n: Array, pulled: tuple[float, float] | None) -> list[str
     """A sentence where forces [N], shape (m,), are all gentler or some harder than any pull.
 
     A model is known where it was pulled: beyond the hardest pull its error grows with the force,
-    and a path without a force as large as the gentlest pull may be in another unit.
+    and a path whose forces are that much gentler than any pull may be in another unit.
     """
-    if pulled is None or pulled[0] <= (hardest := float(force_n.max())) <= pulled[1]:
+    if pulled is None or pulled[0] / _LBF_N < (hardest := float(force_n.max())) <= pulled[1]:
         return []
     least, most = (plain(one) for one in pulled)
     told = f"The forces reach {plain(hardest)} N; the campaign pulled with {least} to {most} N"
@@ -43,6 +43,9 @@ def beside_pulls(force_n: Array, pulled: tuple[float, float] | None) -> list[str
         return [f"{told}: check their unit."]
     return [f"{told}: beyond that its model was not tested, and its error grows with the force."]
 
+
+_LBF_N = 4.4482
+"""A pound-force [N] (NIST SP 811): no two units of force are nearer each other."""
 
 ARM_M = 0.3
 """Turning the tool by an angle counts as moving a point this far from it [m]."""

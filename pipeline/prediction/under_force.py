@@ -23,7 +23,7 @@ import numpy as np
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.geometry.mechanism import Mechanism, layout
-from pipeline.geometry.yielding import BY_WEIGHT
+from pipeline.geometry.yielding import by_weight_alone
 from pipeline.machine.cell import Cell, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
 from pipeline.machine.effect import Effect, Pulls
@@ -119,7 +119,7 @@ def _acting(there: Mechanism, effects: Sequence[Effect]) -> list[int]:
     other = [
         k
         for k, e in enumerate(there.elements)
-        if e.element == "gear" and e.where in gears and e.form != BY_WEIGHT
+        if e.element == "gear" and e.where in gears and not by_weight_alone(e)
     ]
     return sorted({*called_for(there.elements, effects), *other})
 

@@ -327,8 +327,10 @@ class AskedPose(Strict):
             return
         joint, value = robot.joints[out[0]], values[out[0]]
         unit, one = ("m", 1.0) if joint.prismatic else ("deg", np.rad2deg(1.0))
+        axis = None if self.axes is None else axes.alone(robot)[out[0]]
+        of = joint.name if axis in (None, joint.name) else f"{axis}, which is {joint.name}"
         raise InputError(
-            f"test_pose.{self.key} has {joint.name} = {one * value:.7g} {unit}, outside its limits "
+            f"test_pose.{self.key} has {of} = {one * value:.7g} {unit}, outside its limits "
             f"{one * joint.lower:g} to {one * joint.upper:g} {unit}",
             self._hint(robot) or "give a pose that the robot can take",
             file="campaign.toml",

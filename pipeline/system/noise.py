@@ -88,7 +88,8 @@ def _force(view: Whitened, system: System, tracker: float) -> tuple[float, float
         return _AS_SAID
     own = np.where(errors.common, 1.0, tracker)
     wide = replace(errors, G=scipy.sparse.csr_array(errors.G @ scipy.sparse.diags_array(own)))
-    loss = PaddedRows.of(replace(system, errors=wide), X, [("force_reading",)]).whole
+    Q, scale = beyond.blocks.rows(beyond.Q), [("force_reading",)]
+    loss = PaddedRows.beside(replace(system, errors=wide), Q, scale).whole
     losses = [loss(np.array([t])) for t in np.log(_TRIED)]
     p = float(chi2_beyond(losses[0] - min(losses), 1) / 2)
     if p >= alarms.SCATTER:

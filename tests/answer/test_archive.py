@@ -390,6 +390,8 @@ def test_compare_says_how_two_campaigns_differ(project, capsys):
         (["report", "--format", "pdf"], "no form pdf: name a campaign"),
         (["report", "--format", "pdf"], "name a campaign"),
         (["report", "--format", "text"], "name the campaign"),
+        (["report", "spring", "--format", "text", "--language", "de"], "text is in English alone"),
+        (["report", "spring", "--format", "json", "--language", "fr"], "or ask for pdf"),
     ],
 )
 @pytest.mark.xdist_group("archive")

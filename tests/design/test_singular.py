@@ -42,6 +42,23 @@ def test_it_is_the_smallest_singular_value(name):
     assert dexterity(configure(robot, q))[0] == pytest.approx(wanted, abs=1e-9)
 
 
+@pytest.mark.parametrize("name", ["kr500_rail", "ur10e", "irb6640"])
+def test_where_there_is_ample_room_nobody_looks_closer(name):
+    """Below it, value and slope are as ever; above, the value lies between it and the true one."""
+    robot, ample = load(name), 0.05
+    at = configure(robot, drawn(robot, 400))
+    value, slope = dexterity(at)
+    quick, quick_slope = dexterity(at, ample)
+    near, wide = value <= ample, value > 3 * ample
+
+    assert near.sum() > 20
+    assert quick[near] == pytest.approx(value[near], rel=1e-12)
+    assert quick_slope[:, near] == pytest.approx(slope[:, near], rel=1e-9, abs=1e-12)
+    assert (quick[~near] > ample).all()
+    assert (quick <= value * (1 + 1e-9)).all()
+    assert not quick_slope[:, wide].any()
+
+
 @pytest.mark.parametrize("name", SHIPPED)
 def test_its_slope_is_the_finite_difference(name):
     """By every joint, rails included, which do not change it."""

@@ -404,3 +404,15 @@ def test_a_rehearsal_is_no_campaign_of_the_robot():
     assert "1 of them simulated" in kept_apart.first[0].text
     assert virtual.machine != second.machine
     assert counted.verdict == "A stiffness has changed"
+
+
+def test_rehearsals_that_differ_are_no_change_of_the_robot():
+    """Two of them with another stiffness each; alone they are compared with each other."""
+    real = [campaign(f"real{k}", [2e-7] * 3, measured=f"2026-0{k}-01") for k in (1, 2)]
+    virtual = [
+        campaign(name, size, measured=f"2026-0{k}-01").model_copy(update={"simulated": True})
+        for k, (name, size) in enumerate((("one", [2e-7] * 3), ("two", SOFTER)), 1)
+    ]
+
+    assert overview([*real, *virtual], told_by(real)).verdict == "No stiffness has changed"
+    assert overview(virtual, ()).verdict == "A stiffness has changed"

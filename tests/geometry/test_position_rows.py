@@ -136,7 +136,7 @@ def test_columns_that_stand_for_each_other_are_named(right):
 def test_a_wrong_name_of_a_target_is_named_with_its_line(right, toml, true):
     """Two that are exchanged, one written twice, and one that nobody knows."""
     rows = three(right)
-    names = rows["target"].to_numpy(object)
+    names = rows["target"].to_numpy(object, copy=True)
     names[[30 + k for k in true]] = list(true.values())
 
     rows = rows.assign(was=rows["target"], target=names)

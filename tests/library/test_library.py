@@ -22,6 +22,7 @@ from pipeline.library.joints import joint_values
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot.mdh import parse as parse_robot
 from pipeline.prediction.model import IdentifiedModel, dumps
+from pipeline.report.render import render
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import dump
 
@@ -156,6 +157,58 @@ def test_the_prediction_is_that_of_the_answer(result, q):
     assert found.left_out_rms_m * 1e3 == pytest.approx(result.answer.validation.held_out_rms_mm)
 
 
+def test_one_pose_has_no_axis_of_poses(result, q):
+    """What is asked as rows comes as rows, m of them; each is what the pose gives alone."""
+    one = result.model.predict(q, FORCE_N)
+    two = result.model.predict([q, q + 0.1], FORCE_N)
+    alone, rows = result.model.cartesian_stiffness(q), result.model.cartesian_stiffness([q])
+
+    assert (one.displacement_m.shape, one.std_m.shape, one.cov_m2.shape) == ((3,), (3,), (3, 3))
+    assert (two.displacement_m.shape, two.expanded_m.shape) == ((2, 3), (2, 3))
+    assert one.displacement_m == pytest.approx(two.displacement_m[0], rel=1e-9)
+    assert one.std_m == pytest.approx(two.std_m[0], rel=1e-9)
+    assert (alone.stiffness.shape, rows.stiffness.shape) == ((6, 6), (1, 6, 6))
+    assert result.model.predict(q, [FORCE_N]).displacement_m.shape == (1, 3)
+
+
+def test_a_result_draws_the_figures_of_its_report(result, tmp_path):
+    """Byte by byte; a notebook shows them, and another name is refused with those there are."""
+    pages = render(result.answer, result.tables)
+    for name in ("stiffness", "prediction"):
+        picture = result.plot(name)
+        assert picture._repr_svg_().encode() == pages[f"figures/{name}.svg"]
+        assert picture.save(tmp_path / "one.svg").read_bytes() == pages[f"figures/{name}.svg"]
+        assert len(repr(picture)) < 600
+    with pytest.raises(pipeline.InputError, match=r'no figure "nothing"; use one of .*stiffness'):
+        result.plot("nothing")
+
+
+def test_an_answer_is_not_written_to(result):
+    """In our words: what to change instead."""
+    with pytest.raises(AttributeError, match="value stays; change a copy"):
+        result.stiffness[0].value = 1.0
+    with pytest.raises(AttributeError):
+        result.verdict = "adequate"
+    with pytest.raises(pipeline.UsageError, match="load_campaign"):
+        pipeline.identify("small")
+
+
+@pytest.mark.parametrize("given", [[1.0, 2.0], "home", [[["a"]]], np.zeros((2, 2, 7)), 3.0])
+def test_what_is_no_row_of_axes_is_refused(given):
+    """By the names that are asked for."""
+    robot = pipeline.load_robot("kr500_rail")
+    with pytest.raises(pipeline.InputError, match=r"give a number for each of r1, theta2"):
+        robot.from_degrees(given)
+    with pytest.raises(pipeline.InputError, match=r"give a number for each of .*A1, A2"):
+        robot.from_controller(given)
+
+
+def test_a_wrong_word_is_refused_in_our_words():
+    """Not in those of the library that checks it."""
+    with pytest.raises(pipeline.InputError, match='"three" should be a whole number; correct'):
+        pipeline.simulate_campaign(poses="three")
+
+
 def pin_jacobian(robot, q, point):
     """Motions of a point of the flange per unit of each joint, by Pinocchio, shape (6, n)."""
     made = pin_model(robot, {"tip": point})
@@ -185,9 +238,9 @@ def test_the_uncertainty_of_the_stiffness_is_that_of_draws(result, q):
     draws = np.random.default_rng(20261123).multivariate_normal(x, cov, 4000)
     C = (J * draws[:, None, :]) @ J.T
 
-    assert np.linalg.inv(C).std(axis=0) == pytest.approx(found.stiffness_std[0], rel=0.06)
+    assert np.linalg.inv(C).std(axis=0) == pytest.approx(found.stiffness_std, rel=0.06)
     translational = np.linalg.inv(C[:, :3, :3]).std(axis=0)
-    assert translational == pytest.approx(found.translational_std[0], rel=0.06)
+    assert translational == pytest.approx(found.translational_std, rel=0.06)
 
 
 @pytest.fixture(scope="module")
@@ -220,7 +273,7 @@ def test_the_stiffness_of_a_model_with_causes_is_its_slope(doubtful, q):
     )
     slope = (ahead - behind) / 2  # by the force, of the point, along the axis
     at = model.positions(q[None], force[None], points).unloaded[0]
-    C = doubtful.cartesian_stiffness(q, points[0], force).compliance[0]
+    C = doubtful.cartesian_stiffness(q, points[0], force).compliance
 
     assert C[:3, :3] == pytest.approx(slope[:, 0].T, rel=1e-5, abs=1e-14)
     for k in range(3):
@@ -232,13 +285,11 @@ def test_stiffness_and_prediction_are_equally_uncertain(doubtful, q):
     """Of small forces, the covariance of C f is that of the predicted deflection."""
     force = np.array([0.3, -0.8, 0.5])
     found, said = doubtful.cartesian_stiffness(q), doubtful.predict(q, force)
-    cov = found.compliance_cov[0].reshape(6, 6, 6, 6)[:3, :3, :3, :3]
+    cov = found.compliance_cov.reshape(6, 6, 6, 6)[:3, :3, :3, :3]
 
-    assert found.compliance[0, :3, :3] @ force == pytest.approx(
-        said.displacement_m[0], rel=1e-5, abs=0
-    )
+    assert found.compliance[:3, :3] @ force == pytest.approx(said.displacement_m, rel=1e-5, abs=0)
     spread = np.einsum("iajb,a,b->ij", cov, force, force)
-    assert spread == pytest.approx(said.cov_m2[0], rel=1e-4, abs=1e-6 * said.cov_m2.max())
+    assert spread == pytest.approx(said.cov_m2, rel=1e-4, abs=1e-6 * said.cov_m2.max())
 
 
 def test_what_is_not_determined_has_no_stiffness(result, q):
@@ -359,7 +410,7 @@ def test_the_offsets_are_those_of_a_path(result, q):
     before, after = (placed(robot, at, tip) for at in (q, q + found.joints[0]))
 
     assert np.linalg.norm(found.shift[0]) > 5e-4
-    assert after + moved.displacement_m[0] == pytest.approx(before, abs=1e-6)
+    assert after + moved.displacement_m == pytest.approx(before, abs=1e-6)
 
 
 def placed(robot, q, point):
@@ -401,7 +452,7 @@ def test_positions_are_those_of_the_command(tmp_path, capsys):
     made = found.positions.predict(np.radians([10, -70, 80, -100, -90, 20]))
 
     for k, axis in enumerate("xyz"):
-        assert made.position_m[0, 0, k] == pytest.approx(float(said[f"{axis}_m"]), abs=1e-9)
-        assert made.std_m[0, 0, k] == pytest.approx(float(said[f"std_{axis}_m"]), abs=1e-9)
+        assert made.position_m[0, k] == pytest.approx(float(said[f"{axis}_m"]), abs=1e-9)
+        assert made.std_m[0, k] == pytest.approx(float(said[f"std_{axis}_m"]), abs=1e-9)
     with pytest.raises(pipeline.InputError, match='payload "anvil" is not known'):
         found.positions.predict(np.zeros(6), payload="anvil")

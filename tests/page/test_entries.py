@@ -190,3 +190,23 @@ def test_a_question_is_confirmed_by_taking_it_away():
     assert entries.confirmed(text, line) == TEXT
     with pytest.raises(UsageError, match="no question"):
         entries.confirmed(text, of("unit", text).line)
+
+
+JOINTS = '[joints]\nfile = "a.csv"   # mine\n'
+COLUMNS = '\n[joints.columns]\n"A1" = "J1_deg"\n'
+REST = "\n# next\n[tool]\n"
+
+
+def test_a_table_is_taken_from_another_text_and_all_else_stays():
+    """With its head; comments of the next one stay where they are; it may come or go."""
+    other = '[joints.columns]\n"A1" = "A1_deg"\n"A2" = "A2_deg"\n'
+    new = other + "[tool]\nP1 = [1, 2, 3]\n"
+
+    assert entries.with_table(JOINTS + COLUMNS + REST, new, "joints.columns") == (
+        f"{JOINTS}\n{other}{REST}"
+    )
+    assert entries.with_table(JOINTS + COLUMNS + REST, "[tool]\n", "joints.columns") == (
+        f"{JOINTS}\n{REST}"
+    )
+    assert entries.with_table(JOINTS + REST, new, "joints.columns") == f"{JOINTS}\n{other}{REST}"
+    assert entries.with_table(JOINTS + REST, "[tool]\n", "joints.columns") == JOINTS + REST

@@ -286,3 +286,28 @@ def test_what_cannot_be_taken_is_a_sentence(demo, method, way, body):
     assert answer.status_code == 400
     assert "internal error" not in answer.text
     assert answer.json()["problem"]
+
+
+SRC = "DEF part()\n$BASE=$NULLFRAME\n$TOOL=$NULLFRAME\nLIN XP1\nEND\n"
+AT = "X 3240.228,Y 7819.707,Z 1368.394,A -117.033,B -23.82,C -102.579,E1 8500.0"
+DAT = f"DEFDAT part\nDECL E6POS XP1={{{AT}}}\nENDDAT\n"
+
+
+def test_the_points_of_a_program_are_read_beside_it(demo):
+    """A .src says which are driven and how, its .dat where they are: one is corrected, by both."""
+    demo.post("/c/hall/check")
+    demo.post("/c/hall/run")
+    until(demo, "done")
+
+    def corrected(name, text, other="", more=""):
+        ask = {"force": "0,0,-800", "start": "8500,10,-35,51,-81,-22,10"}
+        ask |= {"beside": other, "first": str(len(text))} if other else {}
+        sent = (text + more).encode()
+        return demo.post(f"/c/hall/correct/{name}", params=ask, content=sent).json()
+
+    both = corrected("part.dat", DAT, "part.src", SRC)
+    assert both["problem"] == ""
+    assert any("XP1" in row["old"] and row["old"] != row["new"] for row in both["rows"])
+    assert "LIN" not in both["corrected"]
+    assert "XP1" in corrected("part.src", SRC)["problem"]
+    assert "plain" in corrected("part.src", SRC, "../part.dat", DAT)["problem"]

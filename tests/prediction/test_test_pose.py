@@ -58,6 +58,13 @@ def test_axes_under_the_key_of_the_joints_are_offered_as_axes():
     assert "axes = [8500, 20, -100, 120, 10, 40, 0]" in said
 
 
+def test_an_axis_beyond_its_limit_is_called_as_the_controller_does():
+    """With the joint of the robot file beside it, whose limits are told."""
+    robot = load("kr210_r2700_2")
+    with pytest.raises(InputError, match=r"axes has A3, which is theta3 = 200 deg, outside"):
+        AskedPose(axes=[5, -70, 200, 0, 30, 0], force_n=[0, 0, -800]).within_limits(robot)
+
+
 def test_too_few_axes_are_counted():
     """With the names of those that are wanted."""
     assert "one value for each of A1, A2, A3, A4, A5, A6" in refused(KR210, axes=[1.0, 2.0])

@@ -40,7 +40,7 @@ def browser() -> Iterator[object]:
 def address(tmp_path_factory: pytest.TempPathFactory) -> str:
     """A report on disk, as a user opens it."""
     folder = tmp_path_factory.mktemp("report")
-    made = render(report_sample.answer(), report_sample.tables(), run_time_s=1.2)
+    made = report_sample.rendered()
     (folder / "index.html").write_bytes(made["index.html"])
     return (folder / "index.html").as_uri()
 

@@ -22,8 +22,10 @@ from pipeline.report.certificate import certificate, digest, found, to_do
 from pipeline.report.figures.catalogue import draw
 from pipeline.report.figures.certificate import arm_of
 from pipeline.report.model import compose
-from pipeline.report.render import page, render
+from pipeline.report.render import page
 from pipeline.store.campaign import dump
+
+pytestmark = pytest.mark.xdist_group("report")  # the sample is drawn once for all
 
 
 @pytest.fixture(scope="module")
@@ -33,9 +35,9 @@ def sample():
 
 
 @pytest.fixture(scope="module")
-def first_page(sample):
+def first_page():
     """The text of the first page of its PDF."""
-    return pages_of(render(*sample)["report.pdf"])[0]
+    return pages_of(report_sample.rendered()["report.pdf"])[0]
 
 
 def plainly(text):

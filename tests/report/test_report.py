@@ -42,6 +42,8 @@ from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
 
+pytestmark = pytest.mark.xdist_group("report")  # the sample is drawn once for all
+
 HOSTILE = (
     "<script>alert(1)</script> #panic(\"x\") $x$ *b* _i_ `c` @ref ]] \\u{41} 'q' &amp; {{ 7*7 }}"
 )
@@ -54,9 +56,9 @@ def sample():
 
 
 @pytest.fixture(scope="module")
-def files(sample):
+def files():
     """All files of its report."""
-    return render(*sample, run_time_s=1.234)
+    return report_sample.rendered()
 
 
 @pytest.fixture(scope="module")

@@ -47,7 +47,7 @@ def made() -> str:
 @pytest.fixture(scope="module")
 def whole() -> str:
     """The same page with all its figures."""
-    return render(report_sample.answer(), report_sample.tables())["index.html"].decode()
+    return report_sample.rendered()["index.html"].decode()
 
 
 @pytest.fixture

@@ -102,6 +102,8 @@ def report(
 
     if form not in ("html", "pdf", "json", "text"):
         raise UsageError(f'there is no format "{form}": use html, pdf, json or text')
+    if language and form in ("json", "text"):
+        raise UsageError(f"{form} is in English alone: leave --language out, or ask for pdf")
     if form == "text":
         if campaign is None:
             raise UsageError("name the campaign whose report you want as text")

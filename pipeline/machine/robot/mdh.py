@@ -7,7 +7,7 @@ everything behind this file (numpy kinematics, Pinocchio, B) knows one form only
 from __future__ import annotations
 
 import math
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from difflib import get_close_matches
 from functools import cache, cached_property
@@ -307,8 +307,11 @@ class Robot(Locked):
 
         Args:
             q: Prismatic joints in m, revolute joints in degrees.
+
+        Raises:
+            InputError: They are not a number for each joint.
         """
-        values = np.asarray(q, dtype=float)
+        values = _row("q", q, [joint.name for joint in self.joints])
         return np.where(self.prismatic, values, np.deg2rad(values))
 
     def from_controller(self, axes: ArrayLike) -> Array:
@@ -316,8 +319,12 @@ class Robot(Locked):
 
         Args:
             axes: In mm and degrees, in the order of `controller`; (k,) or (m, k).
+
+        Raises:
+            InputError: They are not a number for each axis.
         """
-        values = np.asarray(axes, dtype=float)
+        names = self.controller or tuple(joint.name for joint in self.joints)
+        values = _row("axes", axes, names)
         if not self.controller:
             return np.where(self.prismatic, 1e-3 * values, np.deg2rad(values))
         slides = self.prismatic.astype(float) @ np.abs(self.controller_matrix) > 0
@@ -328,6 +335,18 @@ class Robot(Locked):
     def nominal_compliance(self) -> Array:
         """1 / nominal (or typical) stiffness [m/N] or [rad/(N m)], shape (n,)."""
         return np.array([1.0 / joint.typical_stiffness for joint in self.joints])
+
+
+def _row(what: str, given: ArrayLike, names: Sequence[str]) -> Array:
+    """Numbers as somebody gives them, one for each of these names, (n,) or (m, n)."""
+    way_out = f"give a number for each of {listed(names)}"
+    try:
+        values = np.asarray(given, dtype=float)
+    except (TypeError, ValueError) as problem:
+        raise InputError(f"{what} is no array of numbers", way_out) from problem
+    if values.ndim not in (1, 2) or values.shape[-1] != len(names):
+        raise InputError(f"{what} has shape {values.shape}", way_out)
+    return values
 
 
 def _letters(row: Joint, convention: str) -> tuple[float, float]:

@@ -99,7 +99,11 @@ const fields = document.getElementById("fields");
 let waiting = Promise.resolve();
 
 async function fill(line, said, unit, inputs) {
+  const all = fields.querySelectorAll("input, select, button"), whole = inputs[0].tagName === "SELECT";
+  if (whole) for (const one of all) one.disabled = true;  // another robot is another drawing, and other names
   const answer = await ask("POST", fields.dataset.fill, JSON.stringify({ line, said, unit, seen: fields.dataset.seen }));
+  if (answer.reload) return location.reload();
+  if (whole) for (const one of all) one.disabled = false;
   if (answer.seen) {
     fields.dataset.seen = answer.seen;
     for (const one of document.querySelectorAll("input[name=seen]")) one.value = answer.seen;
@@ -216,19 +220,31 @@ if (live && live.dataset.running === "yes") follow();
 const correct = document.getElementById("correct");
 if (correct) correct.addEventListener("submit", async (event) => {
   event.preventDefault();
-  const file = document.getElementById("program").files[0];
-  const options = new URLSearchParams([...new FormData(correct)].filter(([, value]) => typeof value === "string" && value));
-  const said = await ask("POST", `${correct.dataset.correct}${encodeURIComponent(file.name)}?${options}`, file);
-  const table = correct.querySelector(".diff"), save = document.getElementById("corrected");
-  correct.querySelector(".words").textContent = (said.words || []).join("\n");
-  table.hidden = save.hidden = !said.rows;
-  if (!said.rows) return;
-  table.tBodies[0].replaceChildren(...said.rows.map((one) => {
-    const row = document.createElement("tr");
-    for (const cell of [one.line, one.old, one.new]) row.insertCell().textContent = cell;
-    return row;
-  }));
-  const bytes = Uint8Array.from(said.corrected, (letter) => letter.charCodeAt(0));
-  save.href = URL.createObjectURL(new Blob([bytes]));
-  save.download = file.name.replace(/(\.[^.]*)?$/, "-corrected$1");
+  const files = [...document.getElementById("program").files];
+  const done = correct.querySelector("#done");
+  done.replaceChildren();
+  for (const file of files) {
+    const stem = (one) => one.name.replace(/\.[^.]*$/, "").toLowerCase();
+    const other = files.find((one) => one !== file && stem(one) === stem(file));  // the .dat of a .src
+    const options = new URLSearchParams([...new FormData(correct)].filter(([, value]) => typeof value === "string" && value));
+    if (other) { options.set("first", file.size); options.set("beside", other.name); }
+    const said = await ask("POST", `${correct.dataset.correct}${encodeURIComponent(file.name)}?${options}`, other ? new Blob([file, other]) : file);
+    const part = document.getElementById("part").content.cloneNode(true);
+    part.querySelector("h3").textContent = file.name;
+    part.querySelector(".words").textContent = (said.words || [said.problem]).join("\n");
+    const table = part.querySelector(".diff"), save = part.querySelector("a");
+    table.hidden = save.hidden = !said.rows;
+    table.tBodies[0].replaceChildren(...(said.rows || []).map((one) => {
+      const row = document.createElement("tr");
+      for (const cell of [one.line, one.old, one.new]) row.insertCell().textContent = cell;
+      return row;
+    }));
+    if (said.rows) {
+      const bytes = Uint8Array.from(said.corrected, (letter) => letter.charCodeAt(0));
+      save.href = URL.createObjectURL(new Blob([bytes]));
+      save.download = file.name.replace(/(\.[^.]*)?$/, "-corrected$1");
+    }
+    done.append(part);
+    if (said.problem) break;
+  }
 });

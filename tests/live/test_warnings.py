@@ -1,0 +1,50 @@
+"""What is told while it still helps: the scale's zero, a tracker that scatters, a knock."""
+
+import pytest
+from test_live import BASE, of_pose, table
+
+from pipeline import identify, load_campaign, simulate_campaign
+from pipeline.live.judged import judged
+
+
+def warned(campaign):
+    return judged(campaign, identify(campaign)).warnings
+
+
+@pytest.mark.parametrize(
+    ("effect", "poses", "done"),
+    [("scale_zero=2x", 8, "read it empty"), ("scale_hysteresis=2x", 4, "pull up only"),
+     ("tracker_noise=2x", 4, "look for vibration")],
+)  # fmt: skip
+def test_a_cause_of_the_measurement_is_told_with_what_to_do(effect, poses, done):
+    """With a quarter or half of the poses measured."""
+    made = simulate_campaign(seed=11, name="hall", effects=[effect])
+    files = dict(made.campaign.files)
+    titles, *lines = files["tracker.csv"].decode().splitlines(keepends=True)
+    some = [one for one in lines if one[:4] == "pose" and int(one[4:6]) <= poses]
+    base = [one for one in lines if one.startswith("base_start")]
+    files["tracker.csv"] = "".join([titles, *base, *some]).encode()
+
+    (said,) = warned(load_campaign(files, name="hall"))
+
+    assert said.startswith(effect.partition("=")[0].replace("_", " ").capitalize())
+    assert done in said
+
+
+def moved(line, at=None):
+    """A reading after the tracker was knocked."""
+    group, target, x, y, z, time = line.split(",")
+    there = [group, target, f"{float(x) + 1.5:.4f}", f"{float(y) - 0.8:.4f}", z, at or time]
+    return ",".join(there)
+
+
+def test_a_tracker_that_was_knocked_sends_one_to_the_base_reflectors():
+    """Before the base is read again, also where its times say nothing, and after that."""
+    poses = [one for k in range(1, 6) for one in of_pose(k)]
+    poses += [moved(one) for k in range(6, 9) for one in of_pose(k)]
+    again = [one.replace("base_start", "base_end") for one in BASE]
+    timed = [moved(one, f"2026-11-03T10:0{k}:00\n") for k, one in enumerate(again)]
+
+    for rounds in ((), [moved(one) for one in again], timed):
+        said = warned(load_campaign(table(*poses, *rounds), name="demo"))
+        assert any("read the base reflectors again" in one for one in said)
