@@ -38,6 +38,7 @@ from pipeline.base.look import looks
 from pipeline.diagnosis.settle import settle
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
+from pipeline.faults.joint_row import contradicted
 from pipeline.machine.robot import Robot
 from pipeline.prediction.model import IdentifiedModel, dumps
 from pipeline.prediction.tolerance import Shown, asked, judge
@@ -90,12 +91,13 @@ def ingested(raw: Raw, keep: Keep, step: Step, plausible: bool = True) -> Case:
     Raises:
         InputError: A file cannot be trusted; with `plausible` also when only a wrong unit or
             convention explains its values, else when not even that does. Poses beyond the robot's
-            limits are left out where no wrong unit or convention explains them.
+            limits are left out where no wrong unit or convention explains them, nor readings that
+            contradict their rows.
     """
     case, doubt = as_read(raw, keep, step, plausible)
     if doubt is None:
         return case
-    if not conventions(case):
+    if not (contradicted(case) or conventions(case)):
         return as_read(raw, keep, step)[0]
     doubted = pd.concat([case.rejected, _doubt_row(doubt)], ignore_index=True)
     return replace(case, rejected=keep("13_rejected", doubted, tables.REJECTED))

@@ -20,6 +20,7 @@ from pipeline.answer.geometry import (
 from pipeline.answer.inputs import (
     assumptions,
     division_findings,
+    doubt_findings,
     growth_findings,
     identity_entry,
     input_entries,
@@ -126,6 +127,7 @@ def answer(found: Findings) -> Answer:
             *limit_findings(given.case),
             *rounding_findings(given.case),
             *division_findings(given.case),
+            *doubt_findings(found.facts.bounds.doubted),
             *shot_findings(given.case, given.data.pulls),
             *treated_findings(given.case),
             *pose_findings(found.one_pose),

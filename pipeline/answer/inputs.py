@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
 from datetime import date
 
 import numpy as np
@@ -32,6 +33,7 @@ from pipeline.reduction.settings import Instrument, Scale, Settings, UnitSetting
 from pipeline.reduction.torques import WeighedPayload, weighed
 from pipeline.store.campaign import Raw
 from pipeline.system.estimate import MISFIT_P
+from pipeline.system.family import AWAY
 from pipeline.system.one_pose import OnePose
 
 _APART = 3.0
@@ -306,7 +308,7 @@ _COARSE = 0.1
 def division_findings(case: Case) -> list[str]:
     """A sentence where the divisions of the scale are as coarse as its readings scatter."""
     read = case.loads["force_n"].to_numpy(float)
-    h, scale = division(read), case.settings.scale
+    h, scale = division(read, case.loads["pose"].to_numpy()), case.settings.scale
     stated = reading_std(scale, np.abs(read[np.isfinite(read)])) if scale else np.zeros(1)
     if h == 0 or not h**2 / 12 > _COARSE * float(np.mean(stated**2)):
         return []
@@ -314,6 +316,24 @@ def division_findings(case: Case) -> list[str]:
         f"All forces are multiples of {h:.4g} N: each was anywhere within half of that, an "
         f"uncertainty of {plain(h / np.sqrt(12), 2)} N by a uniform law, which is included; equal "
         "readings are no copies. A scale of finer divisions tells more."
+    ]
+
+
+def doubt_findings(doubted: Sequence[str]) -> list[str]:
+    """A sentence where readings are far off and stay in use, which tails of the noise allow.
+
+    Args:
+        doubted: Where they stand, as of `Bounds`.
+    """
+    if not doubted:
+        return []
+    one = len(doubted) == 1
+    who, it = ("A reading is", "it") if one else (f"{len(doubted)} readings are", "them")
+    return [
+        f"{who} more than {AWAY:.0f} standard uncertainties from where all others put {it} "
+        f"({listed(list(doubted))}): tails of the noise explain as many, and mistakes of that size "
+        f"look the same. {'It stays' if one else 'They stay'} in use with less weight; measure "
+        f"{it} again where you rely on the values."
     ]
 
 

@@ -54,6 +54,8 @@ class Bounds:
         worst_target: Its target.
         worst_m: What it leaves there, rms [m].
         turn_rad: The same of the rotation of a pose that is read as one [rad]; None of a position.
+        doubted: Where readings stand that are `AWAY` of what all others say of them and stay in
+            use, as tails of the noise explain as many: `file:line`.
         unit_m: What stands for the noise where none is stated, or where what no model of a machine
             holds belongs to it, too [m].
     """
@@ -68,6 +70,7 @@ class Bounds:
     worst_target: str = ""
     worst_m: float = 0.0
     turn_rad: float | None = None
+    doubted: tuple[str, ...] = ()
     unit_m: float = UNSTATED_M
 
     @property

@@ -27,6 +27,7 @@ from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, outlying
 from pipeline.machine.robot import configure
 from pipeline.reduction.case import Case
+from pipeline.reduction.limits import beyond
 from pipeline.reduction.register import XYZ, register
 from pipeline.system import alarms
 from pipeline.system.beside import Base
@@ -118,6 +119,15 @@ def wrong_rows(case: Case) -> list[Mistake]:
                 else [_finding(case, read, laid, k) for k in wrong]
             )
     return []
+
+
+def contradicted(case: Case) -> bool:
+    """Whether readings contradict every row of the joint log that no robot can take.
+
+    Where they agree with it, the limits of the robot file are what is wrong.
+    """
+    out = {f"{one.file}:{one.line}" for one in beyond(case) if one.out}
+    return bool(out) and out <= {at for one in wrong_rows(case) for at in one.at}
 
 
 def _read(case: Case) -> _TableStand:

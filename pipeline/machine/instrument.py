@@ -135,3 +135,45 @@ def beam_covariance(position: Array, noise: InstrumentNoise) -> Array:
     for k, (i, j) in enumerate(zip(ROW, COLUMN, strict=True)):
         out[:, k] = share * position[:, i] * position[:, j] + (across if i == j else 0.0)
     return out
+
+
+_BEAM = 0.05
+"""Part of three variances that the digits of a file may move [1]: one of 5 um to 0.1 um."""
+
+
+def correlated(position: Array, variance: Array) -> Array | None:
+    """Covariances whose variances along the axes are stated and whose correlations are not.
+
+    C = b I + (a - b) d d' has v_i = b + (a - b) d_i^2, least squares of each reading: a and b along
+    the beam and across it, whose correlations a tracker's software leaves out where it states
+    three standard uncertainties.
+
+    Args:
+        position: Readings in a frame whose origin is the instrument [m], shape (n, 3).
+        variance: Along its axes [m^2], shape (n, 3).
+
+    Returns:
+        Shape (n, 6), uncorrelated where a reading has no beam; None where the variances are those
+        of no beam, or alike along all axes.
+    """
+    reach = np.linalg.norm(position, axis=1, keepdims=True)
+    away = (position / np.where(reach > 0, reach, 1.0)) ** 2 - (reach > 0) / 3
+    mean = variance.mean(axis=1, keepdims=True)
+    lever = np.sum(away**2, axis=1, keepdims=True)
+    slope = np.sum(away * variance, axis=1, keepdims=True) / np.where(lever > 0, lever, 1.0)
+    left = np.linalg.norm(variance - mean - slope * away, axis=1) / mean[:, 0]
+    if (
+        not len(mean)
+        or np.median(left) > _BEAM
+        or np.median(np.ptp(variance, axis=1) / mean[:, 0]) < _BEAM
+    ):
+        return None
+    d, b = position / np.where(reach > 0, reach, 1.0), mean - slope / 3
+    sound = (left <= _BEAM) & (np.minimum(b, b + slope)[:, 0] > 0)
+    cross = np.where(sound, slope[:, 0], 0.0)
+    return np.column_stack(
+        [
+            variance[:, i] if i == j else cross * d[:, i] * d[:, j]
+            for i, j in zip(ROW, COLUMN, strict=True)
+        ]
+    )

@@ -22,13 +22,16 @@ _DIFFERENT = 6
 """So many different readings, all of them multiples of it, show a division [1]: of one of half its
 width they would be so in 1 of 64 cases."""
 _FEWEST = 20
-"""Divisions in the largest reading [1]: fewer are steps to which somebody pulled, as crane scales
-have 100 (OIML R 76-1, class IIII) and are used in more than a fifth of their range."""
+"""Divisions in the largest reading [1]: fewer may be steps to which somebody pulled, as a
+crane scale has 100 (OIML R 76-1, class IIII) and is used in more than a fifth of its range."""
+_LADDERS = 2
+"""Sets of steps to which somebody pulls in one campaign [1]: one for most poses, and one for those
+that bear less. More different readings than these hold are no steps, however few divisions."""
 _MOST = 100_000
 """Divisions of a scale at most (OIML R 76-1, class II): more are digits of a file."""
 
 
-def division(forces: Array) -> float:
+def division(forces: Array, pose: Array) -> float:
     """The division h of a scale [N]: the widest that all of its readings are multiples of.
 
     What is read is anywhere within half a division, uniformly: standard uncertainty h / sqrt(12).
@@ -36,13 +39,16 @@ def division(forces: Array) -> float:
 
     Args:
         forces: Readings [N], shape (n,).
+        pose: Pose of each, shape (n,).
     """
     x = np.unique(forces[np.isfinite(forces) & (forces != 0)])
     if len(x) < _DIFFERENT:
         return 0.0
+    steps = _LADDERS * int(np.unique(pose, return_counts=True)[1].max())
+    fewest = 1 if len(x) > steps else _FEWEST
     every = sorted((d * unit for d in _DIVISIONS for unit in _UNITS_N), reverse=True)
     h = next((h for h in every if np.abs(x / h - np.round(x / h)).max() < 1e-3), 0.0)
-    return h if _FEWEST * h <= np.abs(x).max() <= _MOST * h else 0.0
+    return h if fewest * h <= np.abs(x).max() <= _MOST * h else 0.0
 
 
 def rounding(positions: Array) -> float:

@@ -55,7 +55,7 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
     weight = hung.force(settings.gravity.vector)
     force = [np.where(chain, reading * part, weight[:, k]) for k, part in enumerate(u)]
     stated = reading_std(settings.scale or Scale(), reading)
-    variance = division(reading[chain]) ** 2 / 12
+    variance = division(reading[chain], loads["pose"].to_numpy()[chain]) ** 2 / 12
     rounded = np.where(variance > _COUNTS * stated**2, variance, 0.0)
     measured = np.flatnonzero(loaded & (target >= 2))
     return pd.DataFrame(

@@ -339,7 +339,12 @@ def _covariance(shots: Shots, settings: Settings) -> tuple[list[Array], pa.Dicti
     if shots.covariance is None:
         return _rounded(shots, stated), _chosen(np.zeros(len(shots)), [source])
     own: Bools = np.asarray(np.isfinite(shots.covariance).all(axis=1))
-    columns = [np.where(own, shots.covariance[:, k], stated[k]) for k in range(6)]
+    six = shots.covariance
+    if not six[own][:, _CROSSED].any():
+        beams = instrument.correlated(shots.position[own], six[own][:, _DIAGONAL])
+        six = six.copy()
+        six[own] = six[own] if beams is None else beams
+    columns = [np.where(own, six[:, k], stated[k]) for k in range(6)]
     return _rounded(shots, columns), _chosen(own, [source, "file"])
 
 
@@ -352,7 +357,7 @@ def _rounded(shots: Shots, columns: list[Array]) -> list[Array]:
     return out
 
 
-_DIAGONAL = (0, 3, 5)
+_DIAGONAL, _CROSSED = (0, 3, 5), (1, 2, 4)
 _COUNTS = 1e-3
 """Part of a variance that moves nothing."""
 

@@ -1,5 +1,7 @@
 """Joints beyond the limits of the robot file: told, or the pose is left out."""
 
+import re
+
 import numpy as np
 import pytest
 from small_case import PLAN
@@ -8,7 +10,7 @@ from pipeline.answer.inputs import limit_findings
 from pipeline.base.errors import InputError
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed, plain
-from pipeline.run import ingested
+from pipeline.run import answered, ingested
 from pipeline.simulate import simulate
 from pipeline.store.campaign import in_memory
 
@@ -70,3 +72,36 @@ def test_a_robot_that_can_take_no_pose_stops_the_campaign():
     """Nothing is left, and the reason is the limit with its line."""
     with pytest.raises(InputError, match=r"joints\.csv:2: pose 1: joint theta3 .*outside its"):
         read(narrow(theta3_upper=-19.0), plausible=True)
+
+
+def flipped(pose, joint):
+    """The campaign whose log has one joint of one pose with the other sign."""
+    head, *rows = FILES["joints.csv"].decode().splitlines()
+    k = head.split(",").index(joint)
+    cells = rows[pose - 1].split(",")
+    cells[k] = f"{-float(cells[k])}"
+    rows[pose - 1] = ",".join(cells)
+    return "\n".join([head, *rows, ""]).encode()
+
+
+def test_a_row_that_no_robot_can_take_and_its_readings_contradict_is_a_mistake():
+    """A sign that was left out is bad data with its line, not a pose that is quietly missing."""
+    values = logged("theta3_deg")
+    pose = 1 + int(np.argmax(values))
+    text = load("kr500_rail").text
+    lower = re.search(r'name = "theta3".*?lower_deg = (-?[\d.]+)', text, re.S).group(1)
+    robot = text.replace(f"lower_deg = {lower}", f"lower_deg = {min(values) - 2.0}", 1)
+    assert -max(values) < min(values) - 4
+    settings = FILES["campaign.toml"].replace(b'"kr500_rail"', b'"robot.toml"')
+    files = FILES | {
+        "campaign.toml": settings,
+        "robot.toml": robot.encode(),
+        "joints.csv": flipped(pose, "theta3_deg"),
+    }
+
+    said = answered("flipped", in_memory(files)).answer
+
+    assert said.diagnosis.verdict == "bad_data"
+    (cause,) = [one for one in said.diagnosis.causes if one.name == "outlier"]
+    assert cause.readings == (f"joints.csv:{pose + 1}",)
+    assert any(one.line == pose + 1 for one in said.rejected)

@@ -82,6 +82,21 @@ def test_the_order_of_rows_is_no_information(mistaken):
     assert again.right.estimate.value == pytest.approx(end.right.estimate.value, rel=1e-6)
 
 
+def test_readings_that_tails_explain_are_told_where_they_are_far_off(mistaken):
+    """Of two that stay in use the one beyond ten standard uncertainties, with its line."""
+    end = mistaken[2]
+    far, near = (
+        replace(one, before=off)
+        for one, off in zip(end.screened.findings[:2], (11.7, 7.0), strict=True)
+    )
+
+    told = module._bounded(replace(end, screened=replace(end.screened, doubted=(far, near))))
+
+    assert told.diagnosis.facts.bounds.doubted == far.at
+    assert len(far.at) == 1
+    assert end.diagnosis.facts.bounds.doubted == ()
+
+
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("count", "size_m"), [(4, 2e-2), (1, 1e-3), (10, 1e-3), (10, 2e-2), (14, 4e-3)]

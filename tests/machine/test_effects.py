@@ -384,6 +384,13 @@ def test_sliding_friction_follows_its_differential_equation(bench):
     np.testing.assert_allclose(z, expected, atol=2e-4)
 
 
+def test_a_worn_gear_may_have_lost_as_much_as_an_ordinary_one_has():
+    """Half of 15 arcmin between both ends, the backlash of planetary gears of one class lower."""
+    (bound,) = {one.parameters[0].upper for one in EFFECTS if one.name == "joint_lost_motion"}
+
+    assert bound == pytest.approx(np.deg2rad(15 / 60) / 2, rel=0.02)
+
+
 def test_twins_are_found_by_rank():
     """What can never be told apart comes out of the ranks, not out of a list."""
     found = twins(KR500)

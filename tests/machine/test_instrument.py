@@ -6,7 +6,14 @@ from small_case import PLAN
 
 from pipeline.base import covariance
 from pipeline.machine import instrument
-from pipeline.machine.instrument import InstrumentNoise, beam_covariance, near, sheet, sheets
+from pipeline.machine.instrument import (
+    InstrumentNoise,
+    beam_covariance,
+    correlated,
+    near,
+    sheet,
+    sheets,
+)
 from pipeline.reduction.bring import conformed, plain
 from pipeline.run import answered, ingested
 from pipeline.simulate import revised, simulate
@@ -178,3 +185,35 @@ def test_the_answer_says_where_the_noise_is_from():
     assert "did you mean Leica AT960" in said
     assert strange.instrument.data_sheet is None
     assert str(strange.fit.noise_from) != "stated"
+
+
+def test_three_variances_of_a_beam_get_their_correlations_back():
+    """Software that writes one standard uncertainty per axis leaves correlations out."""
+    position = np.array([[3.0, -4.0, 12.0], [5.0, 1.0, -2.0], [20.0, 1.0, 0.3], [2.0, 2.0, 1.9]])
+    whole = beam_covariance(position, NOISE)
+
+    found = correlated(position, whole[:, [0, 3, 5]])
+
+    assert found == pytest.approx(whole, rel=1e-9, abs=1e-16)
+
+
+@pytest.mark.parametrize(
+    "variance", [[1e-10, 1e-10, 1e-10], [1e-10, 4e-10, 9e-10]], ids=["alike", "of axes"]
+)
+def test_variances_of_no_beam_have_no_correlations(variance):
+    """A figure for all axes, and three of fixed axes, say nothing of a beam."""
+    rng = np.random.default_rng(3)
+
+    assert correlated(rng.normal(size=(40, 3)), np.tile(variance, (40, 1))) is None
+
+
+def test_a_reading_that_fits_no_beam_stays_uncorrelated():
+    """Among readings of a beam one that is stated otherwise, and one at the instrument itself."""
+    position = np.array([[3.0, -4.0, 12.0], [5.0, 1.0, -2.0], [20.0, 1.0, 0.3], [0.0, 0.0, 0.0]])
+    variance = beam_covariance(position, NOISE)[:, [0, 3, 5]]
+    variance[0] = [1.0e-9, 1.5e-9, 1.0e-9]
+
+    found = correlated(position, variance)
+
+    assert found[[0, 3]][:, [1, 2, 4]] == pytest.approx(0)
+    assert found[:, [0, 3, 5]] == pytest.approx(variance)

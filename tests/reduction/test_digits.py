@@ -70,11 +70,23 @@ def test_the_division_of_a_scale_is_found_in_newtons_and_kilograms(h):
     """The widest that all readings are multiples of; steps to which somebody pulled are none."""
     x = np.random.default_rng(2).uniform(300, 3500, 60)
 
-    assert division(np.round(x / h) * h) == pytest.approx(h)
-    assert division(np.append(np.round(x / h) * h, np.nan)) == pytest.approx(h)
-    assert division(np.repeat([1000.0, 2000.0, 3000.0], 20)) == 0.0
-    assert division(np.repeat(np.arange(500.0, 3001.0, 500.0), 9)) == 0.0
-    assert division(x) == 0.0
+    pose, steps = np.repeat(np.arange(20), 3), np.arange(500.0, 3001.0, 500.0)
+
+    assert division(np.round(x / h) * h, pose) == pytest.approx(h)
+    assert division(np.append(np.round(x / h) * h, np.nan), np.append(pose, 20)) == pytest.approx(h)
+    assert division(np.tile([1000.0, 2000.0, 3000.0], 20), pose) == 0.0
+    assert division(np.tile(steps, 9), np.repeat(np.arange(9), 6)) == 0.0
+    assert division(np.tile(steps, 10), pose) == 0.0
+    assert division(x, pose) == 0.0
+
+
+def test_a_small_robot_on_a_crane_scale_shows_its_division_too():
+    """Three steps in each pose, eighteen divisions at most: more marks than two sets of steps."""
+    rng = np.random.default_rng(4)
+    full = rng.uniform(600, 900, 14)
+    x = (full[:, None] * [1 / 3, 2 / 3, 1] * rng.uniform(0.97, 1.03, (14, 3))).ravel()
+
+    assert division(50 * np.round(x / 50), np.repeat(np.arange(14), 3)) == pytest.approx(50)
 
 
 def coarse(files, h):

@@ -742,6 +742,24 @@ def test_covariances_of_the_file_come_first():
     assert readings.cyy_m2[3] == pytest.approx((3e-5) ** 2)
 
 
+def test_three_uncertainties_of_a_beam_are_read_as_those_of_a_beam():
+    """What a tracker's software leaves out, the correlations of the axes, is put back."""
+    noise = InstrumentNoise(
+        range_m=5e-6, range_per_m=0.0, transverse_m=1.5e-5, transverse_per_m=6e-6
+    )
+    rows = tracker_rows()
+    whole = beam_covariance(1e-3 * np.array([row[2:] for row in rows]), noise)
+    std = 1e3 * np.sqrt(whole[:, [0, 3, 5]])
+    head, *lines = tracker_csv(rows).splitlines()
+    lines = [",".join([line, *(f"{v:.5f}" for v in s)]) for line, s in zip(lines, std, strict=True)]
+    readings = read("\n".join([head + ",std_x_mm,std_y_mm,std_z_mm", *lines, ""])).readings
+    table = readings.to_pandas()
+
+    assert set(table.covariance_from) == {"file"}
+    assert table.cxy_m2.to_numpy() == pytest.approx(whole[:, 1], rel=0.02, abs=1e-12)
+    assert table.cyz_m2.to_numpy() == pytest.approx(whole[:, 4], rel=0.02, abs=1e-12)
+
+
 SIGMA = "sigma_m = 3.0e-5\n"
 
 

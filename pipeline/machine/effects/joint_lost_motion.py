@@ -19,6 +19,9 @@ from pipeline.machine.robot.weight import weighs
 _WIDTH = {"narrow": 0.03, "wide": 0.08}
 """tau_b over the rated torque; lost motion is specified at 3 % of the rated torque."""
 
+_MOST_RAD = 2.2e-3
+"""Half of 15 arcmin, the backlash of ordinary planetary gears; a worn reducer comes there, too."""
+
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
     """One effect for each revolute joint, in each form; of the total torque where masses are."""
@@ -51,7 +54,7 @@ def _effect(robot: Robot, joint: int, width: str, total: bool) -> Elastic:
         where=joint,
         form=f"{width}, total" if total else width,
         tolerance=0.15,
-        parameters=(Parameter(f"b_{joint}", "rad", 6e-5, 0.0, 1e-3),),
+        parameters=(Parameter(f"b_{joint}", "rad", 6e-5, 0.0, _MOST_RAD),),
         signature=f"joint {joint} turns by the same angle at every load, in the sense of its "
         "torque: half of the gear's total lost motion",
         needs="a small and a large load at poses that turn this joint both ways"
