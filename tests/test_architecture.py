@@ -456,3 +456,10 @@ def test_a_class_of_the_core_has_its_name_alone():
                 seen.setdefault(node.name, []).append(path.relative_to(PACKAGE).as_posix())
 
     assert not {name: where for name, where in seen.items() if len(where) > 1}
+
+
+def test_a_file_of_tests_has_its_name_alone():
+    """Pytest imports each by its name, and takes two of one name for one."""
+    names = [path.name for path in Path(__file__).parent.rglob("*.py")]
+
+    assert not {name for name in names if names.count(name) > 1}
