@@ -285,8 +285,8 @@ def test_the_corrected_result_is_that_of_good_data():
     assert fit(right, bring(right)).estimate.value == pytest.approx(expected, rel=1e-3)
 
 
-def test_a_value_that_no_mistake_explains_costs_its_pose():
-    """One joint value outside its limits: the pose is left out with its line, the others go on."""
+def test_a_value_beyond_a_limit_that_readings_contradict_costs_its_pose():
+    """The row is named, the pose is left out for it, and the others go on."""
     made = campaign()
     head, row, *rest = made.files["joints.csv"].decode().splitlines()
     cells = row.split(",")
@@ -298,8 +298,11 @@ def test_a_value_that_no_mistake_explains_costs_its_pose():
 
     assert out["line"].tolist() == [2]
     assert "outside its limits" in out["reason"].iloc[0]
-    assert 1 not in case.joints["pose"].to_numpy()
-    assert len(case.joints) == len(rest)
+    screened = screen(case, bring(case))
+    (row,) = screened.findings
+    assert (row.name, row.where) == ("outlier", "joints.csv pose01")
+    assert 1 not in screened.case.joints["pose"].to_numpy()
+    assert len(screened.case.joints) == len(rest)
 
 
 @pytest.mark.usefixtures("unseen")

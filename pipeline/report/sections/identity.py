@@ -43,7 +43,7 @@ def rows(answer: Answer) -> Iterator[Row]:
         ("Robot", _list(answer.robot, _unit(answer.robot_unit))),
         ("Instrument", _instrument(answer.instrument)),
         ("Scale", "" if found.force_n is None else _unit(found.scale)),
-        (_where_warm(answer), _warm(found)),
+        (f"Temperature of {'rail and base' if _slides(answer) else 'base'}", _warm(found)),
         ("Poses and pulls", _counts(found)),
         ("Software", f"pipeline {answer.versions.get('pipeline', '')}".rstrip()),
     )
@@ -64,7 +64,7 @@ def _unsaid(answer: Answer) -> Iterator[Row]:
         "" if found.operator else "the operator",
         "" if instrument and instrument.model else "the model of the instrument",
         *(f"{of} of the {name}" for name, of in lacking.items()),
-        "" if _warm(found) else _where_warm(answer).lower(),
+        "" if _warm(found) else "the temperature of the base",
     )
     if any(every):
         yield "Not stated", "; ".join(one for one in every if one)
@@ -74,10 +74,6 @@ def _lacking(of: Unit | Measuring | None) -> list[str]:
     papers = (None,) * 3 if of is None else (of.serial, of.certificate, of.calibrated)
     words = ("serial number", "certificate", "date of calibration")
     return [word for word, paper in zip(words, papers, strict=True) if not paper]
-
-
-def _where_warm(answer: Answer) -> str:
-    return f"Temperature of {'rail and base' if _slides(answer) else 'base'}"
 
 
 def _slides(answer: Answer) -> bool:
