@@ -48,14 +48,11 @@ def robot(
     ] = None,
 ) -> None:
     """List the robots that ship, show one, or make a robot file from a URDF and verify it."""
-    if draw is not None:
-        if not every and shown is None:
-            raise UsageError("--draw draws robots that ship: add --list, or --show NAME")
-        typer.echo(_drawn(draw, str(file or "") if every else shown or "", every))
-        return
     if every or shown is not None:
-        typer.echo("\n".join(_listing(str(file or ""))) if every else _shipped(shown or ""))
+        _of_ours(str(file or "") if every else shown or "", every, draw)
         return
+    if draw is not None:
+        raise UsageError("--draw draws robots that ship: add --list, or --show NAME")
     if file is None or base is None or flange is None:
         raise UsageError(
             "give a URDF with --base and --flange, or --list, or --show NAME for a robot that ships"
@@ -69,6 +66,14 @@ def robot(
         f"{found.position_m:.1e} m, {found.angle_rad:.1e} rad.",
         err=True,
     )
+
+
+def _of_ours(name: str, every: bool, draw: Path | None) -> None:
+    """The robots whose name has this part, or the one of this name: listed, shown or drawn."""
+    if draw is not None:
+        typer.echo(_drawn(draw, name, every))
+    else:
+        typer.echo("\n".join(_listing(name)) if every else _shipped(name))
 
 
 def _given(text: str, output: Path | None) -> None:

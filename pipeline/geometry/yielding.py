@@ -91,11 +91,15 @@ def _gears(robot: Robot, tau: Array) -> Iterator[Elastic]:
     for effect in catalogue(robot):
         if not isinstance(effect, Elastic) or not effect.under_weight or not _shown(effect, tau):
             continue
-        if "total" in effect.form and known and effect.where != shoulder:
-            yield effect
-        elif "total" not in effect.form and not (known and effect.where != shoulder):
-            form = effect.form.replace("pull", "")
-            yield replace(effect, form=f"{form}, {BY_WEIGHT}" if form else BY_WEIGHT)
+        told = known and effect.where != shoulder
+        if ("total" in effect.form) == told:
+            yield effect if told else _alone(effect)
+
+
+def _alone(effect: Elastic) -> Elastic:
+    """A law of the pull's torque as one of the weight's."""
+    form = effect.form.replace("pull", "")
+    return replace(effect, form=f"{form}, {BY_WEIGHT}" if form else BY_WEIGHT)
 
 
 def _shown(effect: Elastic, tau: Array) -> bool:
