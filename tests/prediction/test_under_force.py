@@ -7,7 +7,7 @@ import pytest
 from heavy_robot import TOOL
 
 from pipeline.geometry.mechanism import ArmWeights, Mechanism, Payloads, layout
-from pipeline.geometry.yielding import yielding
+from pipeline.geometry.yielding import other_forms, yielding
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import load
@@ -219,8 +219,20 @@ def test_pulls_that_show_another_law_of_a_gear_stand_in_its_place():
     np.testing.assert_allclose(gap, play, atol=1e-2 * np.abs(play).max())
 
 
-def test_the_file_holds_laws_of_gears():
-    """Label and form of each element."""
+@pytest.mark.parametrize("width", ["narrow", "wide"])
+def test_the_file_holds_laws_of_gears(width):
+    """Label and form of each element, also of those that are not the first of their label."""
     one = with_play()
+    tau = np.array([[-1.0], [1.0]]) * np.ones(6)
+    elements = [
+        next((o for o in other_forms(ROBOT, tau, e) if width in o.form), e)
+        for e in one.mechanism.elements
+    ]
+    one = replace(one, mechanism=replace(one.mechanism, elements=tuple(elements)))
+    forms = {e.form for e in elements if e.name == "joint_lost_motion"}
 
+    assert forms == {f"{width}, total", f"{width}, weight"}
+    assert [e.form for e in loads(dumps(one), "p.npz").mechanism.elements] == [
+        e.form for e in elements
+    ]
     np.testing.assert_allclose(at(loads(dumps(one), "positions.npz")).at, at(one).at, atol=1e-9)

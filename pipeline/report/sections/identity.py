@@ -58,16 +58,16 @@ def _unsaid(answer: Answer) -> Iterator[Row]:
     papers = {"robot": answer.robot_unit, "instrument": instrument, "scale": found.scale}
     if found.force_n is None:
         del papers["scale"]
-    lacking = {name: listed(_lacking(one)) for name, one in papers.items() if _lacking(one)}
-    every = (
-        "" if _when(answer, found) else "the date",
-        "" if found.operator else "the operator",
-        "" if instrument and instrument.model else "the model of the instrument",
-        *(f"{of} of the {name}" for name, of in lacking.items()),
-        "" if _warm(found) else "the temperature of the base",
-    )
-    if any(every):
-        yield "Not stated", "; ".join(one for one in every if one)
+    stated = {
+        "the date": _when(answer, found),
+        "the operator": found.operator,
+        "the model of the instrument": instrument and instrument.model,
+        "the temperature of the base": _warm(found),
+    }
+    lacking = [what for what, said in stated.items() if not said]
+    lacking += [f"{listed(_lacking(of))} of the {k}" for k, of in papers.items() if _lacking(of)]
+    if lacking:
+        yield "Not stated", "; ".join(lacking)
 
 
 def _lacking(of: Unit | Measuring | None) -> list[str]:
