@@ -146,6 +146,7 @@ clean:
 
 # pip compiles one file at a time and some settings forbid Python to do it later: compile here, on all cores.
 # --no-deps, because the lock is complete, and pip would look past a pin where somebody asks for its extras.
+# Each half by a pip of its own, which downloads and unpacks one package at a time.
 # A few packages carry templates that are no valid Python; these stay uncompiled, hence `|| true`,
 # and so do the tests that packages bring, a quarter of all source, which nobody imports.
 .venv/.installed: requirements.lock
@@ -161,6 +162,9 @@ clean:
 	echo "Building .venv with $$("$$found" --version), which takes a minute or two, once."; \
 	rm -rf .venv; \
 	"$$found" -m venv .venv; \
-	$(PIP) install --no-deps --require-hashes --only-binary :all: --no-compile -r requirements.lock; \
+	awk '/^[a-z]/ { half = !half } { print > (".venv/half" half) }' requirements.lock; \
+	$(PIP) install --no-deps --require-hashes --only-binary :all: --no-compile -r .venv/half0 & \
+	$(PIP) install --no-deps --require-hashes --only-binary :all: --no-compile -r .venv/half1 || bad=1; \
+	wait $$!; test -z "$${bad-}"; \
 	$(PY) -W ignore -m compileall -qq -j 0 -x '/tests?/' .venv/lib || true
 	@touch $@

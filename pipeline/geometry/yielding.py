@@ -142,7 +142,7 @@ class Virtual:
         self._effects, self._loaded = effects, _loaded(here)
         own = [effect.screws(self._loaded) for effect in effects]
         self._ends = np.cumsum([0, *(screws.shape[1] for screws in own)]).tolist()
-        before = np.cumsum([0, *(len(effect.parameters) for effect in effects)]).tolist()
+        before = np.cumsum([0, *(len(effect.parameters) for effect in effects)])
         self.screws = np.concatenate([np.zeros((len(here.q), 0, 6)), *own], axis=1)
         self.carrier = _each(effect.carrier for effect in effects).clip(1)
         bears = ([e.bears] * len(e.carrier) if e.bears else e.carrier for e in effects)
