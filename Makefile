@@ -2,6 +2,7 @@
 #
 #   make run      every new or changed campaign under data/raw, to its report
 #   make test     the tests                 make test ARGS='-k rail'
+#   make whole    whole campaigns to their answers, some ten minutes    before a change of the estimate is merged
 #   make slow     the tests that take long: serving, killing, many campaigns
 #   make team     two workers of a pool on PostgreSQL, one killed      make team CAMPAIGNS=200
 #   make check    format, lint, types
@@ -25,7 +26,7 @@
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test slow team check bench league open-league reference worlds paper peers compare example picture schema words docs wheel supply lock clean
+.PHONY: run test whole slow team check bench league open-league reference worlds paper peers compare example picture schema words docs wheel supply lock clean
 
 PYTHON ?=
 ARGS ?=
@@ -48,6 +49,10 @@ TESTS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= \
 test: .venv/.ready
 	@$(PY) tests/get_browser.py
 	@$(TESTS) $(ARGS)
+
+whole: .venv/.ready
+	@$(PY) tests/get_browser.py
+	@$(TESTS) -m "whole and not slow" $(ARGS)
 
 slow: .venv/.ready .venv/.docs
 	@$(TESTS) -m slow $(ARGS)

@@ -100,6 +100,7 @@ def stated(answer):
     return {e["name"]: e for e in answer["stiffness"] if e["value"] is not None}
 
 
+@pytest.mark.whole
 def test_each_campaign_stands_for_the_model_that_holds(told):
     """Model and data are those of the decision, and the paper's model is given as well."""
     answers = {name: find(told[0], name).result() for name in CAMPAIGNS}

@@ -125,6 +125,7 @@ def on_a_terminal(command, answers):
     return out, err, process.returncode
 
 
+@pytest.mark.whole
 def test_a_bar_shows_on_the_terminal_and_stdout_stays_data(tmp_path):
     """With a terminal for stderr and a pipe for stdout: the bar there, one JSON line each here."""
     for name in ("a", "b"):

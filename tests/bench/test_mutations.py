@@ -66,6 +66,7 @@ def bad(rows):
 # --- the pipeline --------------------------------------------------------------------------------
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("screenings", "answers"),
     [(SCREENINGS[::15], ANSWERS[:1]), pytest.param(SCREENINGS, ANSWERS, marks=pytest.mark.slow)],
@@ -169,6 +170,7 @@ def softer(said, factor=1.3, joint=1):
     return replace(said, compliance=tuple(values))
 
 
+@pytest.mark.whole
 def test_an_unchanged_answer_is_the_same(before):
     """Nothing to complain about."""
     assert answered_as(before).word == "same"

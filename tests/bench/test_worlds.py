@@ -38,6 +38,7 @@ def clean():
     return Truth(cell.stiffness.tolist(), cell.deflection()), said.answer
 
 
+@pytest.mark.whole
 def test_a_clean_campaign_is_let_go(clean):
     """Springs and test pose lie in their intervals, and nothing is accused."""
     truth, answer = clean

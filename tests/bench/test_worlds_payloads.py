@@ -406,6 +406,7 @@ def test_a_payload_that_is_stated_wrong_is_told(name):
     assert one.judged.contradicted == (one.wrong,)
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["poses", "poses_payloads"])
 def test_a_pose_counts_as_one_quantity(name):

@@ -217,6 +217,7 @@ def test_a_joint_log_in_another_unit_is_told(said):
     assert "in the joint log the numbers are radians and were read as degrees" in err
 
 
+@pytest.mark.whole
 def test_forces_in_another_unit_and_clocks_in_another_zone_are_doubted(said):
     """Both may be right: said, no exit code."""
     loads = FILES["loads.csv"].decode().splitlines()
@@ -298,6 +299,7 @@ def next_of(out):
     return json.loads(out)["next"]
 
 
+@pytest.mark.whole
 def test_base_distances_that_no_motion_explains_are_told_before_a_run(said):
     """Coordinates metres off; no turned frame is claimed, and no run is proposed."""
     text = TOML
@@ -329,6 +331,7 @@ def wrong_link():
     return FILES | {"campaign.toml": text.encode(), "robot.toml": robot.encode()}
 
 
+@pytest.mark.whole
 def test_a_wrong_link_of_the_robot_file_is_told_before_a_run(said):
     """Named with its size, as `run` does, while the robot stands there."""
     _, out, err = said(wrong_link(), "--json")

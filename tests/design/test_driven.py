@@ -71,6 +71,7 @@ def driven(q, via):
     return np.vstack(rows)
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_no_pose_and_no_way_between_poses_meets_the_arm(name):

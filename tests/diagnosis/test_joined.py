@@ -237,6 +237,7 @@ def many():
     return out
 
 
+@pytest.mark.whole
 def test_springs_that_agree_have_the_chi_square_of_chance(many):
     """Over many worlds its mean is its degrees of freedom."""
     found = [held for *_, held in many]

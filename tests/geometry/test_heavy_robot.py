@@ -75,6 +75,7 @@ def crooked():
     return Crooked(5)
 
 
+@pytest.mark.whole
 def test_poses_left_out_are_predicted_to_their_noise(crooked):
     """0.01 mm of the tracker and 0.01 mrad of each joint are some 0.04 mm at the tool."""
     model = loads(dumps(standing("made", crooked.found.final)), "positions.npz")
@@ -159,6 +160,7 @@ def test_derivatives_by_weight_and_bearings_are_those_of_differences():
                 assert np.abs(slope - here.D[..., k]).max() < 0.02 * scale
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("mistaken", "name", "where"),
@@ -212,6 +214,7 @@ def weighing(robot, mass):
     return replace(robot, joints=joints)
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("wrong", [True, False])
 def test_masses_of_the_file_are_believed_only_if_the_readings_agree(wrong):

@@ -194,6 +194,7 @@ def joint_4():
     return soft_one_way()[3].answer.stiffness[3]
 
 
+@pytest.mark.whole
 def test_a_gear_that_is_stiffer_one_way_is_named_with_both_stiffnesses():
     """The cause, its place and both compliances, whose intervals hold the machine's."""
     _, true, _, run = soft_one_way()
@@ -314,6 +315,7 @@ def test_the_first_screen_and_the_table_say_which_way_the_axis_turns():
     assert row[titles.index("Turned towards plus")].text.startswith(shown)
 
 
+@pytest.mark.whole
 def test_pulls_that_turn_a_joint_one_way_leave_the_other_in_the_dark():
     """Of two sides of a spring one is seen: no cause, and it is among the blind spots."""
     rules = Rules(poses=12)
@@ -355,6 +357,7 @@ def heavy(robot):
     return text.replace('name = "kr500_rail"', 'name = "heavy"')
 
 
+@pytest.mark.whole
 def test_a_heavy_arm_has_its_kink_where_the_total_torque_is_zero():
     """The weights of the links hold joint 3 on one side: the form `total`, with both values."""
 

@@ -35,6 +35,7 @@ def calm():
     return fitted("normal")
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("world", ["ot2_rms", "at960_angles", "vantage_rms"])
 def test_a_tracker_of_its_data_sheet_has_no_tails(world):

@@ -30,6 +30,7 @@ def right():
     return answered("right", campaign()).answer
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("stated", "said"),

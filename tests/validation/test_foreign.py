@@ -54,6 +54,7 @@ def ur5(tmp_path_factory):
     return result, result.positions.predict(q).position_m[:, 0], seen
 
 
+@pytest.mark.whole
 def test_the_ur5_is_predicted_better_than_by_any_peer(ur5):
     """At the same 200 poses, judged alike; the best peer, a learned one, by a tenth at least."""
     _, told, seen = ur5
