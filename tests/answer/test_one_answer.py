@@ -29,7 +29,8 @@ from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import Path
 from pipeline.store.campaign import find
 
-pytestmark = pytest.mark.xdist_group("one_answer")  # one campaign of every verdict is run once
+pytestmark = [pytest.mark.whole, pytest.mark.xdist_group("one_answer")]
+"""One campaign of every verdict is run once."""
 
 ROBOT = load("kr500_rail")
 PLAN = (2026, 9, 1)
@@ -100,7 +101,6 @@ def stated(answer):
     return {e["name"]: e for e in answer["stiffness"] if e["value"] is not None}
 
 
-@pytest.mark.whole
 def test_each_campaign_stands_for_the_model_that_holds(told):
     """Model and data are those of the decision, and the paper's model is given as well."""
     answers = {name: find(told[0], name).result() for name in CAMPAIGNS}

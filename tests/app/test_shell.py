@@ -127,6 +127,7 @@ def test_who_waits_says_so_and_ctrl_c_has_a_sentence(fresh):
     assert rest.splitlines() == ["Interrupted; run it again to go on, nothing half-written counts."]
 
 
+@pytest.mark.whole
 def test_who_waited_looks_again_before_computing(done, monkeypatch):
     """What the other run finished meanwhile is taken as it is."""
     from pipeline import run

@@ -320,6 +320,7 @@ def weighed():
     return truth, asked(content).answer
 
 
+@pytest.mark.whole
 def test_payloads_as_stated_are_let_go(weighed):
     """Nothing is accused; masses, centres and the further payload's deflection are told."""
     truth, answer = weighed
@@ -333,6 +334,7 @@ def test_payloads_as_stated_are_let_go(weighed):
     assert max(abs(each.pull) for each in (*one.weighed, *one.deflections)) < 5
 
 
+@pytest.mark.whole
 def test_a_payload_is_contradicted_by_number_and_sentence(weighed):
     """A p-value that nobody reads says nothing, and neither does a sentence without one."""
     truth, answer = weighed
@@ -348,6 +350,7 @@ def test_a_payload_is_contradicted_by_number_and_sentence(weighed):
     ]
 
 
+@pytest.mark.whole
 def test_a_mass_beside_the_truth_is_counted(weighed):
     """What the torques say is held against what was mounted, not against what is stated."""
     truth, answer = weighed

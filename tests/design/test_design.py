@@ -421,6 +421,7 @@ def test_three_poses_beat_the_paper_threefold_and_certified(reference, proposal)
     assert ((plan.q >= reference.robot.lower) & (plan.q <= reference.robot.upper)).all()
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     "limits",
     [
@@ -455,6 +456,7 @@ def test_a_plan_is_there_after_a_first_quick_round(reference):
     assert figures[0] > figures[-1]
 
 
+@pytest.mark.whole
 @pytest.mark.xdist_group("design")
 def test_no_random_plan_is_below_the_bound(reference, proposal):
     """Plans that descend from elsewhere, without the limit on single compliances, stay above."""

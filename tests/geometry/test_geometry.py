@@ -231,6 +231,7 @@ def test_a_joint_that_slipped_once_is_named_with_its_pose(slipped):
     assert found.stages[-1].mean(Parting.BETWEEN) < 0.03e-3
 
 
+@pytest.mark.whole
 def test_predictions_are_of_the_robot_after_it_slipped(slipped):
     """Of no known time: whatever is predicted comes after what was read."""
     _, found = slipped

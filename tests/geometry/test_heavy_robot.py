@@ -89,6 +89,7 @@ def test_poses_left_out_are_predicted_to_their_noise(crooked):
     assert 0.88 < inside.mean() < 0.99
 
 
+@pytest.mark.whole
 def test_weight_and_rail_are_named_before_laws_nobody_listed(crooked):
     found = crooked.found
 
@@ -105,6 +106,7 @@ def test_weight_and_rail_are_named_before_laws_nobody_listed(crooked):
         assert size[name] == pytest.approx(np.std(truth[:, axis]), rel=0.2)
 
 
+@pytest.mark.whole
 def test_a_crooked_rail_is_no_instrument_that_moved(crooked):
     assert crooked.found.moved == ()
     assert crooked.found.bad == ()
@@ -112,6 +114,7 @@ def test_a_crooked_rail_is_no_instrument_that_moved(crooked):
     assert steps[Step.CATALOGUE] < steps[Step.SPRINGS] / 2
 
 
+@pytest.mark.whole
 def test_a_moment_without_masses_is_a_product(crooked):
     """Mass and stiffness are not told apart without a load that is known."""
     (sag,) = (cause for cause in crooked.found.causes if cause.name == "gravity_sag")

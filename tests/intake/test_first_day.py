@@ -199,6 +199,7 @@ def test_a_plan_on_top_of_a_campaign_has_the_name_that_is_typed(tmp_path, monkey
     assert plans == ["more.problem.toml", "more.toml"]
 
 
+@pytest.mark.whole
 def test_the_picture_of_a_pose_stands_on_its_page(designed):
     """Heading, axes to drive to and picture of each pose are on one page of the sheet."""
     pdf = pypdfium2.PdfDocument(designed / "reports" / "plans" / "hall7" / "sheet.pdf")

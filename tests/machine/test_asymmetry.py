@@ -212,6 +212,7 @@ def test_a_gear_that_is_stiffer_one_way_is_named_with_both_stiffnesses():
     assert abs(joint_4().by_sign.correlation) < 1
 
 
+@pytest.mark.whole
 def test_the_stiffness_is_that_of_the_test_poses_side():
     """Value, compliance and interval are those of one side, budget and model.toml agree."""
     *_, run = soft_one_way()
@@ -259,6 +260,7 @@ def test_a_prediction_has_the_stiffness_of_its_torque():
     assert np.max(np.abs(there / back - 1)) > 0.02
 
 
+@pytest.mark.whole
 def test_a_corrected_path_says_both_stiffnesses_and_where_each_holds():
     """Signs by moments about the axis; theta4 turns against A3, so minus is its positive torque."""
     _, true, _, run = soft_one_way()

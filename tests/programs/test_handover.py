@@ -113,6 +113,7 @@ def models(read_back):
     return [handed(campaign, read_back) for campaign in drawn]
 
 
+@pytest.mark.whole
 def test_the_offsets_correct_the_path_to_the_stated_uncertainty(path, models, true):
     """Thirty noisy campaigns: what is left on the true robot scatters as stated, no more."""
     points = path_rows(path, slice(None, None, 10))

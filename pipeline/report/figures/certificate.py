@@ -328,9 +328,13 @@ def _write(answer: Answer, tables: Tables) -> Figure:
         title = "The robot at the test pose"
         moves = f" The arrow is the deflection, {plain(answer.test_pose.deflection_mm)} mm."
     what, off = _measure(answer)
-    shown = f"{what} of each joint{off}" if _any(stands.items()) else "Each joint by its name"
-    spoken = f"Drawing: {title}. {what}: {told}.{sits}{moves}"
-    return Figure("certificate", title, f"{shown}.{sits}", spoken)
+    known = _any(stands.items())
+    return Figure(
+        "certificate",
+        title,
+        f"{what} of each joint{off}.{sits}" if known else f"Each joint by its name.{sits}",
+        f"Drawing: {title}. {what}: {told}.{sits}{moves}",
+    )
 
 
 def _measure(answer: Answer) -> tuple[str, str]:
