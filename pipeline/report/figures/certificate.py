@@ -327,22 +327,16 @@ def _write(answer: Answer, tables: Tables) -> Figure:
     if answer.test_pose is not None:
         title = "The robot at the test pose"
         moves = f" The arrow is the deflection, {plain(answer.test_pose.deflection_mm)} mm."
-    what, off = _measure(answer)
+    nominal = any(joint.nominal for joint in answer.stiffness)
+    what = "Share of the nominal stiffness" if nominal else "Relative uncertainty of the stiffness"
     known = _any(stands.items())
+    off = f"; coloured where it is off by more than {100 * _NEAR:.0f} % and U" if nominal else ""
     return Figure(
         "certificate",
         title,
         f"{what} of each joint{off}.{sits}" if known else f"Each joint by its name.{sits}",
         f"Drawing: {title}. {what}: {told}.{sits}{moves}",
     )
-
-
-def _measure(answer: Answer) -> tuple[str, str]:
-    """What the number of a joint is, and when it is coloured."""
-    if not any(joint.nominal for joint in answer.stiffness):
-        return "Relative uncertainty of the stiffness", ""
-    off = f"; coloured where it is off by more than {100 * _NEAR:.0f} % and U"
-    return "Share of the nominal stiffness", off
 
 
 CERTIFICATE = Plot("certificate", ("posture",), _write, spoken=_draw)
