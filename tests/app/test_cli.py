@@ -196,6 +196,7 @@ def test_doctor_names_what_is_missing_and_the_way_out(tmp_path, monkeypatch):
     assert (found["campaigns"].good, found["campaigns"].needed) == (False, False)
 
 
+@pytest.mark.whole
 def test_doctor_answers_programs(tmp_path):
     """One JSON object per line, whatever was found."""
     done = pipeline(tmp_path, "doctor", "--json")

@@ -448,6 +448,7 @@ def finished(tmp_path_factory):
     return root
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("path", "content"),
     [

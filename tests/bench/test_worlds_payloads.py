@@ -270,6 +270,7 @@ def test_a_payload_is_mounted_in_minutes():
     assert [row.split(",")[8] for row in rows[:4]] == ["repeat", "0", "1", "2"]
 
 
+@pytest.mark.whole
 def test_targets_of_a_pose_are_one_body():
     """Distances stay, while position and rotation err as stated, each axis by itself."""
     cell = cell_of("poses")

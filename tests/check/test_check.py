@@ -92,6 +92,7 @@ def test_a_whole_table_in_millimetres_is_named_in_its_head():
     assert "is in mm" in found.said
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("kind", ["unit", "decimal", "angle", "horizontal"])
 def test_a_wrong_word_is_named_in_its_line(kind):
     """Unit, decimal mark, unit and sense of angles of an export that states none of them."""

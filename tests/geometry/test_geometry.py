@@ -139,6 +139,7 @@ def test_nothing_is_named_where_there_is_nothing():
     assert found.stages[-1].mean(Parting.BETWEEN) < 0.04e-3
 
 
+@pytest.mark.whole
 def test_a_reading_metres_off_is_left_out_and_moves_nothing():
     readings = made(300, np.random.default_rng(8))
     at = readings.at.copy()
@@ -253,6 +254,7 @@ def test_predictions_are_of_the_robot_after_it_slipped(slipped):
     assert told.std[:, 0, :3].max() < 0.1e-3
 
 
+@pytest.mark.whole
 def test_a_step_of_torque_makes_no_prediction_uncertain_for_its_torque():
     """It is as high at any torque: only its amplitude is uncertain, as it is of a joint at rest."""
     found = studied(made(120, np.random.default_rng(8))).final

@@ -106,6 +106,7 @@ def test_a_matplotlibrc_there_is_not_opened(tmp_path, module):
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.whole
 def test_pictures_are_the_same_whatever_matplotlib_was_told(tmp_path):
     """Also in a program that has imported it itself, settings of that folder and all."""
     (tmp_path / "matplotlibrc").write_text("lines.linewidth: 9\naxes.linewidth: 9\n")
