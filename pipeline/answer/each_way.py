@@ -24,6 +24,15 @@ def told(joint: Stiffness) -> str:
     )
 
 
+def beside(joint: Stiffness) -> str:
+    """`; 1.500 ± 0.010 MN·m/rad the other way`, beside the stiffness at the test pose."""
+    both = joint.by_sign
+    if both is None:
+        return ""
+    other = both.negative if both.value_of == "positive" else both.positive
+    return f"; {_size(other, joint)} the other way"
+
+
 def _size(one: OneWay, joint: Stiffness) -> str:
     """`2.400 ± 0.020 MN·m/rad`, or that these pulls do not determine it."""
     if one.value is None:

@@ -116,8 +116,13 @@ def _outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
 
 def _stiffnesses(joints: Sequence[Stiffness]) -> list[str]:
     """`  A1   k_theta2   3.800 ± 0.012 MN·m/rad`; without axes where the robot file has none."""
+    from pipeline.answer.each_way import beside
+
     width = max((len(joint.axis) + 3 for joint in joints if joint.axis), default=0)
-    return [f"  {joint.axis or '':<{width}}{joint.name:<10} {shown(joint)}" for joint in joints]
+    return [
+        f"  {joint.axis or '':<{width}}{joint.name:<10} {shown(joint)}{beside(joint)}"
+        for joint in joints
+    ]
 
 
 def _first_screen(answer: Answer) -> list[str]:
