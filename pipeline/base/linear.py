@@ -290,9 +290,14 @@ def whitening(V: Array) -> Array:
 
 
 def factor(C: Array) -> Array:
-    """L with L L' = C for positive semidefinite C, shape (..., k, k); rank may be less than k."""
+    """The symmetric L with L L' = C for positive semidefinite C, shape (..., k, k).
+
+    There is one of its kind: what is drawn along its columns follows no order or sign of directions
+    that rounding chose.
+    """
     values, vectors = directions(C)
-    return np.asarray(vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :])
+    root = vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]
+    return np.asarray(root @ np.swapaxes(vectors, -1, -2))
 
 
 def log_det(N: Array) -> Array:

@@ -8,7 +8,6 @@ from dataclasses import dataclass
 from pipeline.base.arrays import Array
 from pipeline.faults import FAULTS
 from pipeline.faults.fault import Fault, Screening
-from pipeline.faults.lost_pull import lost_readings
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import lock_lost
 from pipeline.machine.cell import Cell
@@ -119,8 +118,7 @@ def singles_of(
         if any(one.may_be_noise for one in found):
             family = asked.family
         asked = Screening(case, beside.cell, beside.start, accepted=family)
-    lost, case = _righted(case, lost_readings(given.case, findings, asked))
-    return Screened((*findings, *lost), case, tuple(doubted))
+    return Screened(tuple(findings), case, tuple(doubted))
 
 
 def _righted(case: Case, found: list[Mistake]) -> tuple[list[Mistake], Case]:

@@ -3,8 +3,8 @@
 Every test that can call a clean campaign anything but `adequate` takes its rate from here, so that
 what all of them together may do is one sum. The rate of a family of tests (all suspects, all
 readings) holds for the family, not for each member. There is one budget, which the pulls and the
-positions of one campaign share: every rate is a part of it, and the parts are a hundred in the
-hundred (`TOGETHER`).
+positions of one campaign share: every rate is a part of it, and the parts are no more than the
+whole (`TOGETHER`).
 """
 
 from __future__ import annotations
@@ -24,9 +24,9 @@ LACK_OF_FIT = 0.025 * MOST
 """The same of each of the two tests of lack of fit, by poses and by pulls [1]."""
 
 READING = 0.02 * MOST
-"""The same of each family of readings: of poses, of pulls that are left out, of whole poses, of the
-base, of whole base reflectors, of the chain, of the scale, of those with equal digits, and of
-readings in use that are too many too far off [1]."""
+"""The same of each family of readings: of poses, of whole poses, of the base, of whole base
+reflectors, of the chain, of the scale, of those with equal digits, and of readings in use that are
+too many too far off [1]."""
 
 LADDERS = READING / 100
 """The same of all forces of two poses that stand in each other's place [1]; of an exchange that is
@@ -84,7 +84,6 @@ ACCUSING = {
     "a reading of the scale": SCALE,
     "exchanged rows of the scale": EXCHANGED,
     "exchanged forces of two poses": LADDERS,
-    "a reading of a pull that is left out": READING,
     "a pose that moved": READING,
     "a reading that repeats another": READING,
     "another frame of covariances": FRAME,

@@ -161,17 +161,11 @@ class Base(Locked):
 
     def beyond(self, rows: Array) -> Array:
         """What the base does not explain of rows (M, any), shape (M, any)."""
+        if not self.own:
+            Q = self.blocks.rows(self.Q)
+            return rows - Q @ (Q.T @ rows)
         D = self.blocks.padded(rows)
-        along = np.einsum("psk,psj->pkj", self.Q, D)
-        along = along if self.own else np.broadcast_to(along.sum(axis=0), along.shape)
-        return self.blocks.rows(D - self.Q @ along)
-
-    def _beyond_many(self, rows: Array) -> Array:
-        """The same of many columns, several times as fast where the base has one solution."""
-        if self.own:
-            return self.beyond(rows)
-        Q = self.blocks.rows(self.Q)
-        return rows - Q @ (Q.T @ rows)
+        return self.blocks.rows(D - self.Q @ (np.swapaxes(self.Q, 1, 2) @ D))
 
     def more(self, rows: Array) -> Base:
         """The same base with further columns (M, any), whitened."""
@@ -217,7 +211,7 @@ class Base(Locked):
 
     def beside_all(self, D: Array) -> Beside:
         """One suspect that may touch all rows, D whitened columns (M, k)."""
-        beyond, left = self._beyond_many(D), self.blocks.rows(self.left)
+        beyond, left = self.beyond(D), self.blocks.rows(self.left)
         N, g = beyond.T @ beyond, beyond.T @ left
         return Beside(N, g, np.einsum("mk,mk->k", D, D), self.rest, self.dof)
 

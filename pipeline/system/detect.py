@@ -7,11 +7,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy import special
 
-from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.system import alarms
-from pipeline.system.beside import Base, Beside
-from pipeline.system.elimination import eliminate
+from pipeline.system.beside import Base, Beside, by_products
 from pipeline.system.whitened import Whitened, by_pose_drop
 
 
@@ -34,63 +32,45 @@ def threshold(
     """Calibrate the smallest p of all suspects on draws of pure scatter.
 
     p_min = min_j P[F(k_j, dof - k_j) > F_j], F_j = (T_j / k_j) / ((rest - T_j) / (dof - k_j)),
-    T_j = |U_j' e|^2, e ~ N(0, I), U_j what suspect j adds to the base. With q the 2 % quantile of
-    p_min, m = ln(1 - 0.02) / ln(1 - q) independent tests would do the same, so that each may use
+    T_j what suspect j takes out of the scatter e ~ N(0, I) beside the base. With q the 2 % quantile
+    of p_min, m = ln(1 - 0.02) / ln(1 - q) independent tests would do the same, so that each may use
     p = 1 - (1 - alpha)^(1/m), alpha = `alarms.SUSPECT` (Sidak, J. Am. Stat. Assoc. 62, 1967).
 
-    Only the part of the scatter in the span of base and suspects needs drawing; the rest is one
-    chi-square. The F tests do not depend on the size of the scatter. The tail is
-    taken from the number of independent tests at 2 %, where 3000 draws give it to 13 %.
+    The F tests do not depend on the size of the scatter. The tail is taken from the number of
+    independent tests at 2 %, where 3000 draws give it to 13 %.
+
+    e is drawn row by row, and T_j = g' N^+ g, g = D_j' P e, follows from it as from readings: no
+    direction or sign that an algorithm chose has a part in it, and it moves by no more than they.
 
     Where no suspect leaves a row to tell the scatter from, none can be found, and nothing is drawn.
     """
-    every = _bases(view, base, dof) if dof > 1 else []
-    bases = [basis for basis in every if basis.shape[1] < dof]
-    if not bases:
+    now = by_products(view.M, base, view.at, dof)
+    able = (now.rank > 0) & (now.rank < dof)
+    if not able.any():
         return Threshold(alarms.SUSPECT, 1.0)
-    inside = sum(basis.shape[0] for basis in bases[:1])
-    e = rng.standard_normal((draws, inside))
-    rest = np.sum(e**2, axis=1) + rng.chisquare(max(dof - inside, 1), draws)
-    least = np.ones(draws)
-    rank = np.array([basis.shape[1] for basis in bases])
-    T = np.add.reduceat((e @ np.hstack(bases)) ** 2, np.cumsum(rank) - rank, axis=1)
-    for k in np.unique(rank):  # of suspects of one rank the largest drop counts
-        most, left = T[:, rank == k].max(axis=1), dof - k
-        least = np.minimum(least, special.fdtrc(k, left, (most / k) / ((rest - most) / left)))
-    tests = np.log1p(-0.02) / np.log1p(-np.quantile(least, 0.02))
+    at, cov, rank = view.at[able], now.cov[able], now.rank[able]
+    known, columns = Base.of(view.A[:, base], view.A[:, -1]), view.A.T
+    least, some = [], max(1, _AT_ONCE // (len(view.A) + cov.size))
+    for start in range(0, draws, some):
+        e = known.beyond(rng.standard_normal((min(some, draws - start), len(view.A))).T)
+        g = (columns @ e)[at] * (at >= 0)[:, :, None]  # (n, k, draws)
+        drop = np.einsum("nkd,nkd->nd", cov @ g, g)
+        least.append(_least(drop, rank, np.sum(e**2, axis=0), dof))
+    tests = np.log1p(-0.02) / np.log1p(-np.quantile(np.concatenate(least), 0.02))
     return Threshold(-np.expm1(np.log1p(-alarms.SUSPECT) / tests), float(tests))
 
 
-def _bases(view: Whitened, base: Ints, dof: int) -> list[Array]:
-    """Orthonormal bases of what each suspect adds to the base, in coordinates of them all."""
-    coordinates = _coordinates(view, base, dof)
-    bases = []
-    for suspect in range(len(view.suspects)):
-        U = linear.span(coordinates[:, view.owner == suspect], float(np.sqrt(linear.LEFT)))
-        if U.shape[1]:
-            bases.append(U)
-    return bases
+_AT_ONCE = 4_000_000
+"""Numbers that are drawn at once, in 32 MB."""
 
 
-_MANY = 500
-"""Columns of which the products are decomposed faster than those of the rows, however few."""
-
-
-def _coordinates(view: Whitened, base: Ints, dof: int) -> Array:
-    """What the base leaves of all suspects' columns, in an orthonormal basis of it, (d, K).
-
-    From the products of columns, or of rows where these are fewer and the columns many.
-    """
-    mine = view.first + np.arange(len(view.owner))
-    size = np.sqrt(np.maximum(np.diag(view.M)[mine], 1e-300))
-    if len(mine) <= max(dof, _MANY):
-        S = eliminate(view.M, base)
-        values, vectors = linear.directions(S[np.ix_(mine, mine)] / np.outer(size, size))
-        kept = values > linear.LEFT
-        return np.asarray((np.sqrt(values[kept]) * vectors[:, kept]).T)
-    left = Base.of(view.A[:, base], view.A[:, -1]).beyond(view.A[:, mine] / size)
-    values, vectors = linear.directions(left @ left.T)
-    return np.asarray(vectors[:, values > linear.LEFT].T @ left)
+def _least(drop: Array, rank: Ints, rest: Array, dof: int) -> Array:
+    """Smallest p of all suspects in each draw, from their drops (n, draws), shape (draws,)."""
+    least = np.ones(len(rest))
+    for k in np.unique(rank):  # of suspects of one rank the largest drop counts
+        most, left = drop[rank == k].max(axis=0), dof - k
+        least = np.minimum(least, special.fdtrc(k, left, (most / k) / ((rest - most) / left)))
+    return least
 
 
 @dataclass(frozen=True)

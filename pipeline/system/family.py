@@ -189,15 +189,19 @@ class Family(Locked):
         odd = np.einsum("fw,wfk->fk", self.reach, _blunders(self.log_scale))
         return (1 - part) * _bulks(self.log_scale, self.paper), part * odd
 
-    def away(self, distance: float) -> Array:
-        """Chance that a reading is so many standard uncertainties off, mistakes apart, (f,).
+    def away(self, distance: float, others: Array) -> Array:
+        """Mean chance that readings are so far off, mistakes apart, shape (f,).
 
-        Of the families with a weight of a hundredth at least.
+        x ~ N(0, lambda + S) in each coordinate, its squares over max(1, S) summed. Of the families
+        with a weight of a hundredth at least.
 
         Args:
-            distance: Of three coordinates [1].
+            distance: In standard uncertainties [1].
+            others: Variance S of what the other readings say of each, shape (n, 3).
         """
-        each = special.chdtrc(3, distance**2 * np.exp(-_GRID))
+        unit = np.maximum(others, 1.0)
+        widest = ((np.exp(_GRID)[:, None, None] + others) / unit).max(axis=2)
+        each = special.chdtrc(3, distance**2 / widest).mean(axis=1)
         return (_bulks(self.log_scale, self.paper) @ each)[self.weight >= _COUNTS]
 
     @property

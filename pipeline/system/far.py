@@ -9,9 +9,11 @@ from scipy import special
 
 from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.system.assemble import errors
+from pipeline.system.beside import Base
 from pipeline.system.beyond import Beyond, RowReadings, columns, estimates
 from pipeline.system.family import AWAY, Family
 from pipeline.system.linearised import Linearised
+from pipeline.system.together import Suspects
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,8 +50,12 @@ def far(seen: Linearised, family: Family, base: tuple[int, int] = (0, 0), used: 
     In widths of the core that the readings show, which a scatter with mistakes in it is wider than,
     and no less than the stated uncertainty.
 
+    How far a reading is off counts in its own uncertainty, or in that to which the others tell it
+    where these know less: with x and S as of `family.likelihood` the sum of x^2 / max(1, S).
+
     p = P[Bin(n, p_f) >= k], the largest of the families with any weight, n readings of which k are
-    so far off and p_f the chance of one in family f, mistakes apart.
+    so far off and p_f the mean chance of them in family f, mistakes apart: no more than that of
+    unequal chances (Hoeffding, Annals of Mathematical Statistics 27, 1956).
 
     Args:
         seen: The campaign linearised at a model, all readings weighed alike.
@@ -63,14 +69,33 @@ def far(seen: Linearised, family: Family, base: tuple[int, int] = (0, 0), used: 
     X = columns(seen, np.isin(owner, seen.model.accepted))
     beyond = Beyond.of(seen, X, errors(flat, data, values))
     readings = RowReadings.of(data, beyond.white)
-    square, variance, good = estimates(beyond.base, readings)
-    off = np.where(good, np.sum(square / variance, axis=1), 0.0)
-    order = np.argsort(-off, kind="stable")
     distance = AWAY * max(family.width, 1 / used)
-    away = order[off[order] > distance**2]
+    away, others = _away(beyond.base, readings, distance)
     pose, target = _places(seen, readings)
-    p = _chance(len(away) + base[0], int(good.sum()) + base[1], family.away(distance))
+    others = np.vstack([others, np.zeros((base[1], 3))])
+    p = _chance(len(away) + base[0], len(others), family.away(distance, others))
     return Far(pose[away], target[away], p, base[0])
+
+
+def _away(base: Base, readings: RowReadings, distance: float) -> tuple[Ints, Array]:
+    """Readings beyond a distance, the farthest first, and S of all that the others control, (n, 3).
+
+    The farthest of each pose are set free, and all others asked again: what one that is off does to
+    its neighbours is no distance of theirs.
+    """
+    suspects, found = Suspects(readings.D, readings.blocks), np.zeros(0, np.int64)
+    told = None
+    while True:
+        square, variance, good = estimates(base, readings)
+        others = np.maximum(variance - 1.0, 0.0)
+        told = others[good] if told is None else told
+        off = np.sum(square / np.maximum(others, 1.0), axis=1)
+        far_off = np.where(good & (off > distance**2), np.sum(square / variance, axis=1), 0.0)
+        worst = suspects.farthest(far_off)
+        if not len(worst):
+            return found, told
+        found = np.append(found, worst[np.argsort(-far_off[worst], kind="stable")])
+        base = base.more(suspects.rows(base, worst))
 
 
 def _places(seen: Linearised, readings: RowReadings) -> tuple[Ints, Ints]:

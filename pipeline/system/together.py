@@ -78,6 +78,13 @@ class Suspects(Locked):
         wider = base.more(self.rows(base, held)) if len(held) else base
         return wider, wider.beside(self.D).rows(self.blocks)
 
+    def farthest(self, drop: Array) -> Ints:
+        """In each block the one of the largest drop, unless it may be a larger one's shadow."""
+        best = np.zeros(self.blocks.shape[0])
+        np.maximum.at(best, self.blocks.index, drop)
+        least = np.maximum(best[self.blocks.index], _AS_FAR * drop.max(initial=0.0))
+        return np.flatnonzero((drop > 0) & (drop >= least))
+
     def rivals(self, held: Held) -> list[Ints]:
         """For each that is held who would do nearly as well in its place, beside all others.
 
@@ -168,7 +175,7 @@ def together(base: Base, suspects: Suspects, least: float) -> Held:
         least: Variance below which the rows do not scatter.
     """
     wide = _end(base, suspects, least, np.inf)
-    if not len(_joining(suspects.beside(base, wide.which)[1], suspects.blocks, least)):
+    if not len(_joining(suspects.beside(base, wide.which)[1], suspects, least)):
         return wide  # nobody stands out of the stated scatter either
     return min((wide, _end(base, suspects, least, least)), key=lambda one: one.loss(least))
 
@@ -179,7 +186,7 @@ def _end(base: Base, suspects: Suspects, least: float, most: float) -> Held:
     for _ in range(_ROUNDS):
         wider, found = suspects.beside(base, held)
         variance = min(_variance(found, held, least), most)
-        joined = np.union1d(held, _joining(found, suspects.blocks, variance))
+        joined = np.union1d(held, _joining(found, suspects, variance))
         joined = _staying(base, suspects, joined, variance)
         if joined.tobytes() == held.tobytes():  # dear, and seldom needed before all have joined
             joined = _exchanged(base, suspects, joined, variance)
@@ -216,14 +223,11 @@ def _variance(found: Beside, held: Ints, least: float) -> float:
     return max(float(np.median(found.drop[there] / expected)), least)
 
 
-def _joining(found: Beside, blocks: Blocks, variance: float) -> Ints:
+def _joining(found: Beside, suspects: Suspects, variance: float) -> Ints:
     """In each block the suspect that stands out most, where chance does not explain it."""
     tests = int((found.rank > 0).sum())
     p = tests * chance(found.drop, found.rank, variance, found.dof)
-    far = (p < alarms.READING) & (found.drop > _AS_FAR * found.drop.max(initial=0.0))
-    best = np.zeros(blocks.shape[0])
-    np.maximum.at(best, blocks.index, np.where(far, found.drop, 0.0))
-    return np.flatnonzero(far & (found.drop >= best[blocks.index]))
+    return suspects.farthest(np.where(p < alarms.READING, found.drop, 0.0))
 
 
 def _each(base: Base, suspects: Suspects, held: Ints) -> tuple[Array, Array, Ints]:

@@ -93,6 +93,23 @@ def test_a_factor_gives_the_covariance_back(matrices):
     assert pytest.approx(C, rel=1e-12, abs=1e-12) == L @ L.swapaxes(1, 2)
 
 
+def test_a_factor_has_as_many_columns_as_the_scatter_has_directions():
+    """Across a chain nothing but two angles, all alike: whatever rounding does, the same two."""
+    rng = np.random.default_rng(6)
+    along = rng.standard_normal((50, 3))
+    along[0] = [1.0, 0.0, 0.0]
+    along /= np.linalg.norm(along, axis=1)[:, None]
+    C = 4 * (np.eye(3) - along[:, :, None] * along[:, None, :])
+    noise = 1e-13 * rng.standard_normal(C.shape)
+    one, other = covariance.factors(C), covariance.factors(C + noise + noise.swapaxes(1, 2))
+
+    assert one @ one.swapaxes(1, 2) == pytest.approx(C, abs=1e-9)
+    assert ((np.linalg.norm(one, axis=1) > 1e-5).sum(axis=1) == 2).all()
+    there = np.linalg.norm(one, axis=1)[:, None, :] > 1e-5
+    assert (np.abs(one - other) * there).max() < 1e-9
+    assert np.abs(other * ~there).max() < 1e-4  # what noise adds to a variance of none has a root
+
+
 def test_columns_that_are_one_array_are_worked_on_once():
     """Two arrays in six columns: two calls, and each column gets the answer of its own array."""
     two, asked = [np.arange(4.0), np.arange(4.0) + 1], []

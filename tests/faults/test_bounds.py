@@ -139,27 +139,60 @@ def test_readings_far_off_are_counted_with_their_places(case):
     assert far(seen(case), Family.stated()).p_value == 1.0
 
 
+def student(nu):
+    """The family of Student's distribution with nu degrees of freedom."""
+    weight = np.zeros(len(Family.stated().weight))
+    weight[1 + FREEDOM.index(nu)] = 1.0
+    return replace(Family.stated(), weight=weight)
+
+
 @pytest.mark.parametrize("nu", [3.0, 5.0])
 def test_the_chance_of_a_far_reading_is_that_of_the_family(nu):
     """|t|^2 / 3 of a Student vector with nu degrees of freedom is F(3, nu), of another library."""
-    weight = np.zeros(len(Family.stated().weight))
-    weight[1 + FREEDOM.index(nu)] = 1.0
-    family = replace(Family.stated(), weight=weight)
-
-    (p,) = family.away(AWAY)
+    (p,) = student(nu).away(AWAY, np.zeros((4, 3)))
 
     assert p == pytest.approx(stats.f.sf(AWAY**2 / 3, 3, nu), rel=0.03)
 
 
+def test_what_the_others_do_not_know_of_a_reading_has_a_part_in_its_chance():
+    """Student's errors and a normal one of the others, drawn: the mean over unequal readings."""
+    rng, others = np.random.default_rng(4), np.array([0.0, 0.5, 1.0, 4.0])
+    n = 200_000
+    t = rng.standard_normal((n, 4, 3)) * np.sqrt(3 / rng.chisquare(3, (n, 4, 1)))
+    x = t + np.sqrt(others)[:, None] * rng.standard_normal((n, 4, 3))
+    far_off = np.sum(x**2, axis=2) / np.maximum(others, 1) > AWAY**2
+
+    (p,) = student(3.0).away(AWAY, np.tile(others[:, None], 3))
+
+    assert p == pytest.approx(far_off.mean(), rel=0.05)
+
+
 def test_heavy_tails_explain_some_far_readings_and_not_a_dozen():
     """Of 1000 readings Student's 3 degrees of freedom throw eight so far, never thirty."""
-    weight = np.zeros(len(Family.stated().weight))
-    weight[1 + FREEDOM.index(3.0)] = 1.0
-    p = replace(Family.stated(), weight=weight).away(AWAY)
+    p = student(3.0).away(AWAY, np.zeros((1, 3)))
 
     assert _chance(10, 1000, p) > 0.1
     assert _chance(30, 1000, p) < 1e-4
     assert _chance(0, 1000, p) == 1.0
+
+
+def test_a_reading_is_as_far_off_as_it_was_moved_whatever_the_others_know():
+    """24 moved by eleven standard uncertainties, each by itself: most are seen beyond ten.
+
+    What the others say of them adds half to the scatter of that; it makes none of them nearer.
+    """
+    given = small(3, poses={"count": 12}, pulls={"steps_n": [1500.0, 3000.0, 4500.0]})
+    rows, rng, names = given.readings, np.random.default_rng(3), given.settings.measured
+    loaded = rows.index[(rows["state"] == "loaded") & rows["target"].isin(names)]
+    model, found = seen(given).model, 0
+    for k in rng.permutation(loaded)[:24]:
+        way = rng.standard_normal(3)
+        off = 11 * given.settings.tracker.sigma_m * way / np.linalg.norm(way)
+        spoilt = moved(given, rows.index == k, off)
+        data = asked(spoilt).reduced.data
+        found += far(linearise(model, data, ()), Family.stated()).count
+
+    assert found >= 17
 
 
 def test_what_is_left_of_a_rotation_is_an_angle():

@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 from scipy import stats
 
-from pipeline.base.arrays import Parameter
 from pipeline.system import alarms
 from pipeline.system.beside import Base, by_products
 from pipeline.system.detect import Lack, lack_of_fit, threshold
@@ -24,12 +23,12 @@ DOF = ROWS - BASE
 
 def view(y, order=slice(None), scale=1.0):
     """What a threshold reads of a whitened campaign."""
-    A = np.column_stack([X[:, :BASE], X[:, BASE:] * scale, y])[order]
-    parameters = [tuple(Parameter("z", "1", 1.0) for _ in range(n)) for n in np.bincount(OWNER)]
-    return SimpleNamespace(
-        M=A.T @ A, first=BASE, owner=OWNER,
-        suspects=[SimpleNamespace(parameters=some) for some in parameters],
-    )  # fmt: skip
+    return of_rows(np.column_stack([X[:, :BASE], X[:, BASE:] * scale, y])[order], AT)
+
+
+def of_rows(A, at):
+    """The same of whitened rows (M, W), the base's columns first."""
+    return SimpleNamespace(A=A, M=A.T @ A, at=at)
 
 
 AT = np.array([[6, -1], [7, 8], [9, -1], [10, -1], [11, 12], [13, -1]])
@@ -109,11 +108,29 @@ def test_suspects_that_are_alike_are_one_test_and_orthogonal_ones_as_many(alike,
     D = Q[:, BASE : BASE + 6] if not alike else Q[:, [BASE]] + alike * Q[:, BASE : BASE + 6]
     A = np.column_stack([Q[:, :BASE], D])
     A = np.column_stack([A, np.zeros(ROWS)])
-    made = SimpleNamespace(M=A.T @ A, first=BASE, owner=np.arange(6), suspects=[None] * 6)
+    made = of_rows(A, BASE + np.arange(6)[:, None])
     limit = threshold(made, np.arange(BASE), DOF, np.random.default_rng(3), draws=20_000)
 
     assert limit.independent == pytest.approx(independent, rel=0.2)
     assert limit.p == pytest.approx(1 - (1 - 0.002) ** (1 / limit.independent), rel=1e-9)
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_the_last_digit_of_the_rows_moves_a_threshold_by_no_more_than_that(seed):
+    """Suspects of equal length and exact mixes, for which rounding chooses all directions.
+
+    An orthonormal basis of them may be any rotation of any other; what is drawn follows none.
+    """
+    rng = np.random.default_rng(seed)
+    D = np.linalg.qr(rng.standard_normal((ROWS, 12)))[0]
+    A = np.column_stack([X[:, :BASE], D, D[:, :6] + D[:, 6:], np.zeros(ROWS)])
+    at = BASE + np.arange(18)[:, None]
+    one, other = (
+        threshold(of_rows(rows, at), np.arange(BASE), DOF, np.random.default_rng(3)).p
+        for rows in (A, A * (1 + 1e-13 * rng.standard_normal(A.shape)))
+    )
+
+    assert other == pytest.approx(one, rel=1e-6)
 
 
 POSES, PULLS, EACH = 5, 4, 9

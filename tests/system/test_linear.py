@@ -217,3 +217,15 @@ def test_points_beside_their_plane_are_turned_not_mirrored():
 
     assert np.linalg.det(R) == pytest.approx(1)
     assert pytest.approx(np.eye(3)) == R @ R.T
+
+
+@pytest.mark.parametrize("rank", [4, 2])
+def test_the_factor_of_a_covariance_follows_no_direction_that_rounding_chose(rank):
+    """Directions of equal length may be any: what is drawn along the factor stays the same."""
+    Q = np.linalg.qr(RNG.standard_normal((6, 6)))[0]
+    C = Q @ np.diag([3.0] * rank + [0.0] * (6 - rank)) @ Q.T
+    off = RNG.standard_normal((20, 6, 6))
+    found = linear.factor(C + 1e-13 * (off + np.swapaxes(off, 1, 2)))
+
+    assert np.allclose(found @ np.swapaxes(found, 1, 2), C, atol=1e-11)
+    assert np.ptp(found, axis=0).max() < 1e-5
