@@ -164,7 +164,6 @@ def test_derivatives_by_weight_and_bearings_are_those_of_differences():
 
 
 @pytest.mark.sampled(1)
-@pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("mistaken", "name", "where"),
     [
