@@ -57,7 +57,7 @@ def propose_logs(files: Mapping[str, bytes]) -> Logs:
     for name, data in files.items():
         if not _may_be_log(name, data):
             continue
-        fits = dict(_having(name, data, robots))
+        fits = _having(name, data, robots)
         form = _loads(name, data) if not fits or is_workbook(data) else None
         if fits := fits or ({} if form else dict(_by_number(name, data, robots))):
             columns = {robot: form.columns for robot, form in fits.items()}
@@ -94,15 +94,24 @@ def _robots(files: Mapping[str, bytes]) -> Iterator[tuple[str, Robot]]:
         yield name, load(name)
 
 
-def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> Iterator[tuple[str, LogForm]]:
-    """Robots all of whose joints a log has, and what has to be said of its columns."""
+def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> dict[str, LogForm]:
+    """Robots all of whose joints a log has, and what has to be said of its columns.
+
+    Those of the folder come first, then those that call their axes as the log does, then those
+    that can take all its poses.
+    """
+    found, rank = {}, {}
     for key, robot in robots.items():
         form = _form(
             partial(logs.joints, name, data, robot),
             partial(log_columns.understood_joints, name, data, robot),
         )
         if form:
-            yield key, _within_limits(name, data, robot, form)
+            called = not form.columns or log_columns.are_called(form, robot)
+            able = bool(_possible(name, data, robot, form))
+            rank[key] = not key.endswith(".toml"), not called, not able
+            found[key] = _within_limits(name, data, robot, form)
+    return {key: found[key] for key in sorted(found, key=rank.__getitem__)}
 
 
 def _within_limits(name: str, data: bytes, robot: Robot, form: LogForm) -> LogForm:

@@ -120,7 +120,7 @@ def as_text(
 
 
 @dataclass(frozen=True)
-class _LogHeader:
+class LogHeader:
     """A line as a header.
 
     Attributes:
@@ -141,7 +141,7 @@ class _LogHeader:
         return [title.lower() for title in self.written]
 
 
-def _found(file: Text, own: Mapping[str, str], key: str) -> _LogHeader | None:
+def _found(file: Text, own: Mapping[str, str], key: str) -> LogHeader | None:
     """The first line that names a column, as a header; None where none does."""
     return next((one for one in headers(file) if key in _ours(one.titles, own)), None)
 
@@ -152,11 +152,11 @@ def _no_remark(file: Text) -> int:
     return next(plain, file.first()[0])
 
 
-def headers(file: Text) -> Iterator[_LogHeader]:
+def headers(file: Text) -> Iterator[LogHeader]:
     return (_header(file, number) for number, _ in file.lines(1, SAMPLE_LINES))
 
 
-def _header(file: Text, line: int) -> _LogHeader:
+def _header(file: Text, line: int) -> LogHeader:
     """A line as a header."""
     content = file.line(line)
     delimiter = delimiter_of(content, " ")
@@ -164,10 +164,10 @@ def _header(file: Text, line: int) -> _LogHeader:
     below = _cut(file.line(line + 1), delimiter) if line < len(file) else []
     units = [_unit_below(cell) for cell in below]
     if len(units) != len(titles) or not any(units) or {u.lower() for u in units} - _BELOW:
-        return _LogHeader(line, line + 1, delimiter, tuple(titles))
+        return LogHeader(line, line + 1, delimiter, tuple(titles))
     pairs = zip(titles, units, strict=True)
     joined = (f"{title} [{u}]" if u and not _parted(title)[1] else title for title, u in pairs)
-    return _LogHeader(line, line + 2, delimiter, tuple(joined))
+    return LogHeader(line, line + 2, delimiter, tuple(joined))
 
 
 def _unit_below(cell: str) -> str:
