@@ -13,10 +13,12 @@ import numpy as np
 
 from pipeline.base.errors import InputError
 from pipeline.intake import log_columns
+from pipeline.intake._contents import contents, mark_of
+from pipeline.intake._sheet import sheet
 from pipeline.machine.robot import SHIPPED, Robot, load
 from pipeline.machine.robot.mdh import parse as parse_robot
 from pipeline.readers import logs
-from pipeline.readers._text import is_workbook
+from pipeline.readers._text import is_workbook, text
 from pipeline.readers.logs import Log
 from pipeline.readers.said import OURS, LogForm
 from pipeline.reduction import limits
@@ -33,6 +35,8 @@ class Logs:
         load_columns: Our names for the columns of the loads, by their titles; without those that
             have ours; several, with bars between them, where a title does not state its unit.
         joint_columns: The same of the joint log, by robot.
+        decimal_commas: Logs in which every comma might stand between thousands, beside files of
+            the folder that all have decimal commas.
         refused: Why a file is not used.
     """
 
@@ -41,6 +45,7 @@ class Logs:
     robots: tuple[str, ...] = ()
     load_columns: dict[str, str] = field(default_factory=dict)
     joint_columns: dict[str, dict[str, str]] = field(default_factory=dict)
+    decimal_commas: tuple[str, ...] = ()
     refused: dict[str, str] = field(default_factory=dict)
 
 
@@ -65,7 +70,23 @@ def propose_logs(files: Mapping[str, bytes]) -> Logs:
             said = _added(said, name, new, said.joints)
         if form:
             said = _added(said, name, {"loads": name, "load_columns": form.columns}, said.loads)
-    return said
+    marks = {name: _mark(name, data) for name, data in files.items() if not name.endswith(".toml")}
+    left = tuple(name for name in (said.loads, said.joints) if name and marks[name] == "?")
+    return replace(said, decimal_commas=left if {*marks.values()} - {"", "?"} == {","} else ())
+
+
+def _mark(name: str, data: bytes) -> str:
+    """The decimal mark of a table; `?` where commas leave it open, nothing where none can tell."""
+    with contextlib.suppress(InputError):
+        found = None if is_workbook(data) else sheet(text(name, data))
+        if found is not None and found.delimiter != ",":
+            try:
+                return mark_of(
+                    [one for one in contents(found) if one.kind == "number"], found.lines
+                )
+            except InputError:
+                return "?"
+    return ""
 
 
 def _may_be_log(name: str, data: bytes) -> bool:
