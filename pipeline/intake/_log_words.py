@@ -21,8 +21,6 @@ _NUMBER_SIGN = re.compile(r"\bn[°º]|№|#", re.IGNORECASE)
 _MOVED = re.compile(r"(axis|achse|joint|gelenk|ax|a|j|theta)[ _]?0*([1-9])(?![0-9])")
 _OF_A_POINT = 3
 """Coordinates."""
-_UNIT = {"°": "deg", "grad": "deg", "degree": "deg", "degrees": "deg", "degrés": "deg", "kp": "kgf"}
-"""Units that our columns call otherwise."""
 
 
 @dataclass(frozen=True)
@@ -35,6 +33,7 @@ class _Known:
     number: frozenset[str]
     beside: frozenset[str]
     between: frozenset[str]
+    unit: dict[str, str]
 
 
 @cache
@@ -48,6 +47,7 @@ def _known() -> _Known:
         number=frozenset(said["number"]),
         beside=frozenset(said["beside"]),
         between=frozenset(said["between"]),
+        unit=said["unit"],
     )
 
 
@@ -126,7 +126,7 @@ def _by_unit(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[str
         (title, (unit,))
         for title in titles
         for word in IN_BRACKETS.findall(title.lower())[-1:]
-        if (unit := _UNIT.get(word, word)) in units and unit != "kg"
+        if (unit := _unit(word)) in units and unit != "kg"
     ]
     return {"force": found[0]} if len(found) == 1 else {}
 
@@ -159,7 +159,7 @@ def in_order(titles: Sequence[str]) -> bool:
 def stated_unit(title: str, units: Sequence[str]) -> Sequence[str]:
     """The one of some units in which a title ends, all of them where it ends in none."""
     last = _WORDS.findall(title.lower())[-1:]
-    own = [unit for unit in units if [unit] == [_UNIT.get(word, word) for word in last]]
+    own = [unit for unit in units if [unit] == [_unit(word) for word in last]]
     return own or units
 
 
@@ -219,14 +219,22 @@ def _first(
     found: dict[str, tuple[str, Sequence[str]]] = {}
     for title in titles:
         words = _words(title)
-        unit = _UNIT.get(words[-1], words[-1]) if words else ""
+        unit = _unit(words[-1]) if words else ""
+        counts = len(words) < len(_WORDS.findall(title))  # load no 3 is no load
         for role, units in wanted.items():
+            if role in ("force", "mass") and counts:
+                continue
             if unit in units and _is(_stem(words[:-1]), role, axes):
                 if len(found.get(role, ("", ()))[1]) != 1:
                     found[role] = title, (unit,)
             elif _is(_stem(words), role, axes):
                 found.setdefault(role, (title, units))
     return found
+
+
+def _unit(word: str) -> str:
+    """What our columns call a unit."""
+    return _known().unit.get(word, word)
 
 
 def _words(title: str) -> list[str]:
@@ -252,8 +260,13 @@ def _spelt(name: str) -> str:
 def _bare(titles: Sequence[str]) -> dict[str, str]:
     """What may be the name of an axis in titles, with and without words that say nothing else."""
     stems = [_stem(part) for words in map(_words, titles) for part in (words, words[:-1])]
-    beside = _known().beside
-    return {one: " ".join(word for word in one.split() if word not in beside) for one in stems}
+    return {one: _alone(one) for one in stems}
+
+
+def _alone(stem: str) -> str:
+    """A name without the words beside it; one that they leave no letter of stays as it is."""
+    left = " ".join(word for word in stem.split() if word not in _known().beside)
+    return left if any(map(str.isalpha, left)) else stem
 
 
 def _is(stem: str, role: str, axes: Mapping[str, str]) -> bool:
