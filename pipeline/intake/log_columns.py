@@ -24,6 +24,7 @@ from pipeline.readers.logs import (
     REPEAT,
     SCALE,
     controller_axes,
+    has_load,
     loads,
     of_loads,
     own_joints,
@@ -183,6 +184,6 @@ def _as_called(titles: Sequence[str], axes: Sequence[Quantity]) -> dict[str, str
 def unknown(name: str, data: bytes, said: LogForm) -> tuple[str, ...]:
     """Titles of a log of loads that are no name of ours, as written."""
     ours = {one for q in of_loads() for one in (*map(str.lower, names_of(q)), q.stem)}
-    file = opened(name, data, said, "scale", POSE.stem)
+    file = opened(name, data, said, "scale", POSE.stem, has_load)
     both = zip(file.titles, file.written, strict=True)
     return tuple(written for title, written in both if title and title not in ours)
