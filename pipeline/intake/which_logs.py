@@ -129,18 +129,17 @@ def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> dict[str, Lo
         )
         if form:
             called = not form.columns or log_columns.are_called(form, robot)
-            able = bool(_possible(name, data, robot, form))
-            rank[key] = not key.endswith(".toml"), not called, not able
-            found[key] = _within_limits(name, data, robot, form)
+            fitting = _possible(name, data, robot, form)
+            rank[key] = not key.endswith(".toml"), not called, not fitting
+            found[key] = _in_units_of(form, fitting)
     return {key: found[key] for key in sorted(found, key=rank.__getitem__)}
 
 
-def _within_limits(name: str, data: bytes, robot: Robot, form: LogForm) -> LogForm:
+def _in_units_of(form: LogForm, fitting: Sequence[LogForm]) -> LogForm:
     """Titles that state no unit with the one that keeps all poses within the robot's limits.
 
     Where several do, those stay; where none does, all.
     """
-    fitting = _possible(name, data, robot, form)
     said = {title: {one.columns[title] for one in fitting} for title in form.columns}
     left = {
         title: "|".join(one for one in ours.split("|") if one in said[title]) or ours
@@ -156,9 +155,10 @@ def _by_number(
     for key, robot in robots.items():
         with contextlib.suppress(InputError):
             ways = log_columns.numbered_joints(name, data, robot)
-            fitting = [form for form in ways if _possible(name, data, robot, form)]
+            able = ((form, _possible(name, data, robot, form)) for form in ways)
+            fitting = [(form, some) for form, some in able if some]
             if len(fitting) == 1:
-                yield key, _within_limits(name, data, robot, fitting[0])
+                yield key, _in_units_of(*fitting[0])
 
 
 def _possible(name: str, data: bytes, robot: Robot, form: LogForm) -> list[LogForm]:
