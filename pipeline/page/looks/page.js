@@ -266,6 +266,5 @@ if (correct) correct.addEventListener("submit", async (event) => {
       save.download = file.name.replace(/(\.[^.]*)?$/, "-corrected$1");
     }
     done.append(part);
-    if (said.problem) break;
   }
 });
