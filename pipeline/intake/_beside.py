@@ -135,9 +135,13 @@ def _names_something(table: Table, place: int) -> bool:
 def roles_of_words(
     table: Table, places: Sequence[int], known: set[str]
 ) -> tuple[dict[int, Role], bool]:
-    """The roles of columns of words, left to right, and whether they are beyond doubt."""
+    """The roles of columns of words, left to right, and whether they are beyond doubt.
+
+    Beside a group the target is what changes most often from row to row.
+    """
     if "group" in known or len(places) < len(_TWO):
-        return {k: Role("target", "words") for k in places[:1]}, len(places) <= 1
+        often = sorted(places, key=lambda k: -table.content[k].runs)
+        return {k: Role("target", "words") for k in often[:1]}, len(places) <= 1
     first, second = places[-2:]
     swapped = table.content[first].runs > _CLEARLY * (table.content[second].runs + 1)
     told = not (swapped or table.sheet.titled or len(places) > len(_TWO) + 1)  # and a collection

@@ -4,50 +4,70 @@ from __future__ import annotations
 
 import itertools
 import re
-from collections.abc import Mapping, Sequence
+import tomllib
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass
+from functools import cache
+from importlib import resources
+
+from pipeline.readers._named import IN_BRACKETS
+from pipeline.readers._titles import titled, triples
+
+Cells = Callable[[], Mapping[str, Sequence[str]]]
+"""Gives the cells of each column below its title, of the rows that have one for each."""
 
 _WORDS = re.compile(r"[^\W\d_]+|[0-9]+|°")
-_CALLED = {
-    "pose": {
-        "pose", "stellung", "messpose", "posenummer", "configuration", "konfiguration", "position",
-        "pos", "messposition",
-    },
-    "repeat": {
-        "repeat", "zug", "wiederholung", "wdh", "pull", "step", "load step", "laststufe",
-        "répétition", "palier",
-    },
-    "force": {
-        "f", "force", "kraft", "istkraft", "messkraft", "zugkraft", "last", "load", "federwaage",
-        "waage", "dynamometer",
-    },
-    "branch": {
-        "branch", "ast", "richtung", "direction", "lastrichtung", "belastungsrichtung",
-        "load direction", "direction of load", "verlauf", "sens",
-    },
-    "remark": {
-        "remark", "remarks", "bemerkung", "bemerkungen", "kommentar", "anmerkung", "notiz",
-        "comment", "comments", "note", "notes", "remarque", "remarques",
-    },
-    "mass": {"mass", "masse", "gewicht", "weight"},
-    "rail": {
-        "rail", "track", "linear axis", "linear unit", "lineareinheit", "linearachse", "schiene",
-        "fahrachse", "verfahrachse",
-    },
-}  # fmt: skip
-_AXIS = re.compile(r"(?:axis|achse|joint|gelenk|ax|a|j) ?0*([1-9])|e ?1")
+_NUMBER_SIGN = re.compile(r"\bn[°º]|№|#", re.IGNORECASE)
 _MOVED = re.compile(r"(axis|achse|joint|gelenk|ax|a|j|theta)[ _]?0*([1-9])(?![0-9])")
 _OF_A_POINT = 3
 """Coordinates."""
-_NUMBERED = {"nr", "no", "number", "nummer"}
-"""Words beside a name that say no more than that it is a number."""
-_UNIT = {"°": "deg", "grad": "deg", "degree": "deg", "degrees": "deg", "kp": "kgf"}
-"""Units that our columns call otherwise."""
 
 
-def has_poses(titles: Sequence[str]) -> bool:
-    """Whether a column numbers poses, as one of every log does, and none are coordinates."""
+@dataclass(frozen=True)
+class _Known:
+    """The words of `titles.toml`."""
+
+    called: dict[str, frozenset[str]]
+    numbered: re.Pattern[str]
+    named: tuple[tuple[str, ...], ...]
+    number: frozenset[str]
+    beside: frozenset[str]
+    between: frozenset[str]
+    unit: dict[str, str]
+
+
+@cache
+def _known() -> _Known:
+    said = tomllib.loads((resources.files(__package__) / "titles.toml").read_text("utf-8"))
+    axes = said["axes"]
+    return _Known(
+        called={role: frozenset(words) for role, words in said["words"].items()},
+        numbered=re.compile(f"(?:{'|'.join(axes['numbered'])}) ?0*([1-9])"),
+        named=tuple(tuple(one["of"]) for one in axes["named"]),
+        number=frozenset(said["number"]),
+        beside=frozenset(said["beside"]),
+        between=frozenset(said["between"]),
+        unit=said["unit"],
+    )
+
+
+def may_be_log(titles: Sequence[str], units: Sequence[str]) -> bool:
+    """Whether a column numbers poses or is a force, and none are coordinates, or many are axes.
+
+    Args:
+        titles: As written.
+        units: Those of forces.
+    """
+    if sum(bool(re.match("axis", role)) for role in _axes(titles).values()) > _OF_A_POINT:
+        return True
+    found = _first(titles, {"pose": (), "force": units})
+    return not _coordinates(titles) and bool(found or _by_unit(titles, units))
+
+
+def _coordinates(titles: Sequence[str]) -> bool:
+    """Whether titles name the place of a point."""
     axes = {word for title in titles for word in _WORDS.findall(title.lower())[:1]}
-    return not {"x", "y", "z"} <= axes and bool(_first(titles, {"pose": ()}))
+    return {"x", "y", "z"} <= axes or bool(triples(titled(titles)))
 
 
 def axes_without_pose(titles: Sequence[str]) -> list[str]:
@@ -69,11 +89,17 @@ def axes_without_pose(titles: Sequence[str]) -> list[str]:
     return []
 
 
-def of_loads(titles: Sequence[str], units: Mapping[str, Sequence[str]]) -> dict[str, str] | None:
+def of_loads(
+    titles: Sequence[str], cells: Cells, units: Mapping[str, Sequence[str]]
+) -> dict[str, str] | None:
     """Our names for the titles of a log of loads, None where it is none.
+
+    A force is also the only column that states a unit of nothing else; poses and pulls are counted
+    in the columns of whole numbers, poses in the one that changes less often.
 
     Args:
         titles: As written.
+        cells: What stands below them.
         units: Those that `force` and `mass` may have.
 
     Returns:
@@ -81,12 +107,47 @@ def of_loads(titles: Sequence[str], units: Mapping[str, Sequence[str]]) -> dict[
     """
     roles = ("pose", "repeat", "branch", "remark", *units)
     found = _first(titles, {role: units.get(role, ()) for role in roles})
-    return _ours(found) if "pose" in found and found.keys() & units.keys() else None
+    if not found.keys() & units.keys():
+        found |= _by_unit(titles, units["force"])
+    if not found.keys() & units.keys() or _coordinates(titles):
+        return None
+    if "pose" not in found:
+        counting = _counting(cells(), [title for title, _ in found.values()])
+        lacking = ("pose",) if "repeat" in found else ("pose", "repeat")
+        if not 0 < len(counting) <= len(lacking):
+            return None
+        found |= {role: (title, ()) for role, title in zip(lacking, counting, strict=False)}
+    return _ours(found)
 
 
-def pose_alone(titles: Sequence[str]) -> dict[str, str] | None:
+def _by_unit(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[str, Sequence[str]]]:
+    """The force where one title alone has a unit of forces, and of nothing else, in brackets."""
+    found = [
+        (title, (unit,))
+        for title in titles
+        for word in IN_BRACKETS.findall(title.lower())[-1:]
+        if (unit := _unit(word)) in units and unit != "kg"
+    ]
+    return {"force": found[0]} if len(found) == 1 else {}
+
+
+def _counting(cells: Mapping[str, Sequence[str]], taken: Sequence[str]) -> list[str]:
+    """The titles of columns of whole numbers, those that change less often first.
+
+    One that numbers the rows, beside others, counts nothing else.
+    """
+    whole = {title: list(map(int, column)) for title, column in cells.items()
+             if column and title not in taken and all(map(str.isdecimal, column))}  # fmt: skip
+    runs = {title: sum(a != b for a, b in itertools.pairwise(one)) for title, one in whole.items()}
+    rows = [title for title, one in whole.items() if one == [*range(1, len(one) + 1)]]
+    left = [title for title in whole if runs[title] and title not in rows] or rows
+    return sorted(left, key=lambda title: runs[title])
+
+
+def pose_alone(titles: Sequence[str], _: Cells) -> dict[str, str] | None:
     """Our name for the title that numbers poses, None where there is none."""
-    return _ours(_first(titles, {"pose": ()})) if has_poses(titles) else None
+    found = _first(titles, {"pose": ()})
+    return _ours(found) if found and not _coordinates(titles) else None
 
 
 def in_order(titles: Sequence[str]) -> bool:
@@ -98,7 +159,7 @@ def in_order(titles: Sequence[str]) -> bool:
 def stated_unit(title: str, units: Sequence[str]) -> Sequence[str]:
     """The one of some units in which a title ends, all of them where it ends in none."""
     last = _WORDS.findall(title.lower())[-1:]
-    own = [unit for unit in units if [unit] == [_UNIT.get(word, word) for word in last]]
+    own = [unit for unit in units if [unit] == [_unit(word) for word in last]]
     return own or units
 
 
@@ -108,14 +169,18 @@ def _rises(numbers: Sequence[int]) -> bool:
 
 def of_joints(
     titles: Sequence[str],
+    cells: Cells,
     axes: Sequence[str],
     lengths: Sequence[bool],
     units: tuple[Sequence[str], Sequence[str]],
 ) -> dict[str, str] | None:
     """Our names for the titles of a joint log, None where one of the axes is not among them.
 
+    Poses are also counted in the only column of whole numbers that are all different.
+
     Args:
         titles: As written.
+        cells: What stands below them.
         axes: Our names of the axes without units; those that turn are numbered from 1.
         lengths: Which of them slide.
         units: Those of lengths, and those of angles.
@@ -128,39 +193,100 @@ def of_joints(
     called |= dict(zip(["rail"], (name for name in axes if name not in turn), strict=False))
     others = ("rail", f"axis {len(turn) + 1}")  # of another robot, where this one has none
     wanted = {role: units[role != "rail"] for role in (*called, *others)}
-    found = _first(titles, {"pose": (), **wanted})
-    if found.keys() != {"pose", *called} or len(called) < len(axes):
+    found = _first(titles, {"pose": (), **wanted}, turn)
+    if found.keys() - {"pose"} != {*called} or len(called) < len(axes):
         return None
+    if "pose" not in found:
+        counting = _counting(cells(), [title for title, _ in found.values()])
+        apart = [one for one in counting if len({*cells()[one]}) == len(cells()[one])]
+        if len(apart) != 1:
+            return None
+        found["pose"] = apart[0], ()
     return _ours({called.get(role, role): said for role, said in found.items()})
 
 
 def _first(
-    titles: Sequence[str], wanted: Mapping[str, Sequence[str]]
+    titles: Sequence[str], wanted: Mapping[str, Sequence[str]], own: Sequence[str] = ()
 ) -> dict[str, tuple[str, Sequence[str]]]:
     """The first title of each role and its unit; all its units where no title of it states one.
 
     Args:
         titles: As written.
         wanted: The units of each role, empty where it has none.
+        own: What a robot calls its axes that turn.
     """
+    axes = _axes(titles, own)
     found: dict[str, tuple[str, Sequence[str]]] = {}
     for title in titles:
-        words = [word for word in _WORDS.findall(title.lower()) if word not in _NUMBERED]
-        unit = _UNIT.get(words[-1], words[-1]) if words else ""
+        words = _words(title)
+        unit = _unit(words[-1]) if words else ""
+        counts = len(words) < len(_WORDS.findall(title))  # load no 3 is no load
         for role, units in wanted.items():
-            if unit in units and _is(" ".join(words[:-1]), role):
+            if role in ("force", "mass") and counts:
+                continue
+            if unit in units and _is(_stem(words[:-1]), role, axes):
                 if len(found.get(role, ("", ()))[1]) != 1:
                     found[role] = title, (unit,)
-            elif _is(" ".join(words), role):
+            elif _is(_stem(words), role, axes):
                 found.setdefault(role, (title, units))
     return found
 
 
-def _is(stem: str, role: str) -> bool:
-    axis = _AXIS.fullmatch(stem)
-    if axis:
-        return role == (f"axis {axis[1]}" if axis[1] else "rail")
-    return stem in _CALLED.get(role, ())
+def _unit(word: str) -> str:
+    """What our columns call a unit."""
+    return _known().unit.get(word, word)
+
+
+def _words(title: str) -> list[str]:
+    """The words of a title, without those that say no more than that it is a number."""
+    plain = _NUMBER_SIGN.sub(" nr ", title.lower())
+    return [word for word in _WORDS.findall(plain) if word not in _known().number]
+
+
+def _stem(words: Sequence[str]) -> str:
+    """What stands before a unit, without the word between them."""
+    return " ".join(words[:-1] if words[-1:] and words[-1] in _known().between else words)
+
+
+def are_called(titles: Sequence[str], names: Sequence[str]) -> bool:
+    """Whether axes have just these names in titles."""
+    return {*map(_spelt, names)} <= {*_bare(titles).values()}
+
+
+def _spelt(name: str) -> str:
+    return " ".join(_WORDS.findall(name.lower()))
+
+
+def _bare(titles: Sequence[str]) -> dict[str, str]:
+    """What may be the name of an axis in titles, with and without words that say nothing else."""
+    stems = [_stem(part) for words in map(_words, titles) for part in (words, words[:-1])]
+    return {one: _alone(one) for one in stems}
+
+
+def _alone(stem: str) -> str:
+    """A name without the words beside it; one that they leave no letter of stays as it is."""
+    left = " ".join(word for word in stem.split() if word not in _known().beside)
+    return left if any(map(str.isalpha, left)) else stem
+
+
+def _is(stem: str, role: str, axes: Mapping[str, str]) -> bool:
+    return axes.get(stem) == role or stem in _known().called.get(role, ())
+
+
+def _axes(titles: Sequence[str], own: Sequence[str] = ()) -> dict[str, str]:
+    """`axis 1` ... by what titles say: a number behind a word of axes, or all names of a maker's.
+
+    Args:
+        titles: As written.
+        own: What a robot calls its axes that turn.
+    """
+    bare = _bare(titles)
+    numbers = {one: _known().numbered.fullmatch(name) for one, name in bare.items()}
+    names = sorted((*_known().named, tuple(map(_spelt, own))), key=len)
+    of = next((one for one in reversed(names) if one and {*one} <= {*bare.values()}), ())
+    found = {one: number[1] for one, number in numbers.items() if number}
+    found |= {one: str(of.index(name) + 1) for one, name in bare.items() if name in of}
+    return {one: f"axis {number}" for one, number in found.items()}
 
 
 def _ours(found: Mapping[str, tuple[str, Sequence[str]]]) -> dict[str, str]:

@@ -105,6 +105,7 @@ def _words(folder: Path, said: Proposal, known: Known) -> dict[str, object]:
         "joints": _shown(joints, quoted),
         "base": _points(said.base or _BASE * said.nothing, known),
         "tool": _points(["load_point", *(said.measured or _TARGETS)], known),
+        "decimal_commas": [*map(quoted, said.decimal_commas)],
         "load_columns": _pairs(_told(said.load_columns, known)),
         "joint_columns": _pairs(_told(_joint_columns(said, known.robot), known)),
         **_of_files(said),

@@ -21,7 +21,7 @@ from pipeline.base.errors import InputError
 from pipeline.intake import log_columns
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._separators import LOOKED_AT, separators
-from pipeline.intake.offer import Offer, offer
+from pipeline.intake.offer import Offer, as_table, offer
 from pipeline.intake.which_logs import Logs, propose_logs, unsure
 from pipeline.readers import Columns, Export, Hints, logs
 from pipeline.readers._names import split
@@ -163,15 +163,22 @@ def _export(name: str, data: bytes) -> tuple[Export, list[float]]:
 
 
 def _offered(files: Mapping[str, bytes], found: _Exports, hints: Hints) -> _Exports:
-    """With the one file that is an export if something is said of it, as it is most likely read."""
+    """With the one file that is an export if something is said of it, as it is most likely read.
+
+    Of several it is the one whose groups can be read.
+    """
     offers: dict[str, tuple[Offer, Export]] = {}
-    for name in found.refused:
+    books = [name for name in files if is_workbook(files[name]) and name not in found.refused]
+    for name in (*found.refused, *books):
         with contextlib.suppress(InputError):
             if one := offer(name, files[name], hints):
                 offers[name] = one, readers.read(name, files[name], one.hints)
+    told = {name: one for name, one in offers.items() if _tells(one[1])}
+    offers = told if len(told) == 1 else offers
     if len(offers) != 1:
         return found
     ((name, (one, export)),) = offers.items()
+    one = _named_by_groups(one) if told else one
     metres = {"mm": 1e-3, "in": 0.0254}.get(str(one.hints.unit), 1.0)
     largest = float(np.abs(export.position).max(initial=0.0)) / metres
     unsaid = any(question.about == "unit" for question in one.questions)
@@ -179,34 +186,79 @@ def _offered(files: Mapping[str, bytes], found: _Exports, hints: Hints) -> _Expo
     return _Exports({name: export}, (largest,) if unsaid else (), refused, one)
 
 
+def _tells(export: Export) -> bool:
+    """Whether the names of its groups say which of them are states of poses."""
+    rows = _by_group([export])
+    return bool(rows and ways_to_read(rows))
+
+
+def _named_by_groups(one: Offer) -> Offer:
+    """Without the question for the columns where titles tell the coordinates: the groups tell."""
+    told = all(c.why == "title" for c in one.columns if c.role in ("x", "y", "z"))
+    left = [q for q in one.questions if q.about != "columns" or len(q.answers) > 1 or not told]
+    return replace(one, questions=tuple(left))
+
+
 def _with_groups(
     files: Mapping[str, bytes], found: _Exports, hints: Hints, logged: Logs
 ) -> _Exports:
-    """With the column of a table's groups that the log of loads makes sense of.
+    """With the columns of a table's groups that their names, or the log of loads, make sense of.
 
-    The same where it is not one export that names targets and no groups, or no column is one.
+    The same where it is not one export, its groups tell already, or no columns make them.
     """
-    if len(found.exports) != 1 or logged.loads is None:
+    if len(found.exports) != 1:
         return found
     ((name, export),) = found.exports.items()
-    if _lacking([export]) != "groups":
+    if export.target is None or _tells(export) or _told(logged, files, _by_group([export])).states:
         return found
     with contextlib.suppress(InputError):
-        one = found.offer or offer(name, files[name], hints)
+        one = found.offer or as_table(name, files[name], hints)
         if one is None or one.hints.mapping is None:
             return found
-        for title in export.unused:
-            hints = _grouped_in(one.hints, one.hints.mapping, title)
-            tried = readers.read(name, files[name], hints)
-            if _told(logged, files, _by_group([tried])).states:
-                return replace(found, exports={name: tried}, offer=replace(one, hints=hints))
+        for parts in _parts(one):
+            hints = _grouped_by(one.hints, one.hints.mapping, parts)
+            with contextlib.suppress(InputError):
+                tried = readers.read(name, files[name], hints)
+                if _sets_apart(tried, _told(logged, files, _by_group([tried])).states):
+                    told = _named_by_groups(replace(one, hints=hints))
+                    return replace(found, exports={name: tried}, offer=told)
     return found
 
 
-def _grouped_in(hints: Hints, mapping: Columns, title: str) -> Hints:
-    """What is said of a table, with the column of its groups in its mapping."""
-    columns = mapping.model_dump()["columns"] | {"group": title}
-    return hints.model_copy(update={"mapping": mapping.model_copy(update={"columns": columns})})
+def _parts(one: Offer) -> list[dict[str, str]]:
+    """What may make up the groups of a table: one column, or those of pose, state and pull.
+
+    A state is a word, the others are numbers, those of poses before those of pulls.
+    """
+    mapping = one.hints.mapping.columns if one.hints.mapping else {}
+    taken = {mapping.get(role) for role in ("target", "x", "y", "z", "time", "date")}
+    left = [c for c in one.columns if c.title and c.title not in taken]
+    numbers = [c.title for c in left if c.example.isdecimal()]
+    words = [c.title for c in left if c.title not in numbers]
+    alone = [{"group": c.title} for c in left]
+    pairs = [{"pose": pose, "state": state} for state in words for pose in numbers]
+    three = [{**two, "repeat": last} for two in pairs for last in numbers if last != two["pose"]]
+    return [*alone, *three, *pairs]
+
+
+def _sets_apart(export: Export, told: Mapping[str, str]) -> bool:
+    """Whether groups are states of poses, and no target was read twice in one."""
+    rows = _by_group([export]) or {}
+    ways = ways_to_read(rows)
+    if told or not ways or export.group is None or export.target is None:
+        return bool(told)
+    states = states_of(list(rows), ways[0])
+    both = zip(export.group.to_pylist(), export.target.to_pylist(), strict=True)
+    pairs = [pair for pair in both if pair[0] in states]
+    return len({*pairs}) == len(pairs)
+
+
+def _grouped_by(hints: Hints, mapping: Columns, parts: Mapping[str, str]) -> Hints:
+    """What is said of a table, with the columns of its groups in its mapping."""
+    others = mapping.model_dump()["columns"].items()
+    columns = {role: one for role, one in others if role != "group" and one not in parts.values()}
+    mapping = mapping.model_copy(update={"columns": {**parts, **columns}})
+    return hints.model_copy(update={"mapping": mapping})
 
 
 # --- names ----------------------------------------------------------------------------------------

@@ -3,16 +3,17 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import cache, partial
 
 import pyarrow as pa
 
 from pipeline.base.errors import InputError, at
 from pipeline.intake import _log_words
 from pipeline.machine.robot import Robot
-from pipeline.readers._cells import is_number
+from pipeline.readers._cells import cells_or_none, is_number
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Layout
-from pipeline.readers._log_form import Titled, as_text, headers, opened
+from pipeline.readers._log_form import LogHeader, Titled, as_text, headers, opened
 from pipeline.readers._log_table import Quantity, names_of
 from pipeline.readers._text import Text, refuse_other_programs
 from pipeline.readers.logs import (
@@ -23,27 +24,31 @@ from pipeline.readers.logs import (
     REPEAT,
     SCALE,
     controller_axes,
+    has_load,
     loads,
     of_loads,
     own_joints,
 )
 from pipeline.readers.said import LogForm
 
+_Meaning = Callable[[Sequence[str], _log_words.Cells], dict[str, str] | None]
 
-def _understood(
-    name: str, data: bytes, table: str, meaning: Callable[[Sequence[str]], dict[str, str] | None]
-) -> LogForm | None:
+
+def _understood(name: str, data: bytes, table: str, meaning: _Meaning) -> LogForm | None:
     """What [scale] or [joints] may say of a log by its titles, None where they mean nothing.
 
     Args:
         name: Name of the file, for messages.
         data: Its content.
         table: `scale` or `joints`.
-        meaning: Our names for the titles of a line, None where it is no header of such a log.
+        meaning: Our names for the titles of a line, and what stands below them; None where it is
+            no header of such a log.
     """
 
     def meant(file: Text) -> dict[str, str] | None:
-        found = (meaning(head.written) for head in headers(file))
+        found = (
+            meaning(head.written, cache(partial(_below, file, head))) for head in headers(file)
+        )
         return next((columns for columns in found if columns is not None), None)
 
     with at(name):
@@ -52,17 +57,28 @@ def _understood(
     return None if columns is None else LogForm(columns=columns)
 
 
+def _below(file: Text, head: LogHeader) -> dict[str, list[str]]:
+    """The cells of each column by its title, of the rows that have one for each title."""
+    cut = str.split if head.delimiter == " " else partial(_cells, delimiter=head.delimiter)
+    rows = [row for _, line in file.lines(head.first) if len(row := cut(line)) == len(head.written)]
+    return dict(zip(head.written, map(list, zip(*rows, strict=True)), strict=False))
+
+
+def _cells(line: str, delimiter: str) -> list[str]:
+    return cells_or_none(line, delimiter) or []
+
+
 def may_be_log(name: str, data: bytes) -> bool:
-    """Whether a file has a line with a title for the number of a pose; one look, at all sheets.
+    """Whether a file has a line with titles of a log; one look, at all sheets.
 
     Raises:
         InputError: It is no text, or several sheets have one.
     """
 
-    def poses(titles: Sequence[str]) -> dict[str, str] | None:
-        return {} if _log_words.has_poses(titles) else None
+    def log(titles: Sequence[str], _: _log_words.Cells) -> dict[str, str] | None:
+        return {} if _log_words.may_be_log(titles, tuple(SCALE)) else None
 
-    return _understood(name, data, "scale", poses) is not None
+    return _understood(name, data, "scale", log) is not None
 
 
 def refuse_without_poses(name: str, data: bytes) -> None:
@@ -72,7 +88,7 @@ def refuse_without_poses(name: str, data: bytes) -> None:
         InputError: It is one.
     """
 
-    def axes(titles: Sequence[str]) -> dict[str, str] | None:
+    def axes(titles: Sequence[str], _: _log_words.Cells) -> dict[str, str] | None:
         return {one: one for one in _log_words.axes_without_pose(titles)} or None
 
     form = _understood(name, data, "joints", axes)
@@ -88,7 +104,7 @@ def refuse_without_poses(name: str, data: bytes) -> None:
 def understood_loads(name: str, data: bytes) -> LogForm | None:
     """What [scale] may say of a log of loads with the titles of others; None where it is none."""
     units = {"force": tuple(SCALE), "mass": tuple(MASS)}
-    form = _understood(name, data, "scale", lambda titles: _log_words.of_loads(titles, units))
+    form = _understood(name, data, "scale", partial(_log_words.of_loads, units=units))
     if form is None or "branch" not in form.columns.values():
         return form
     left = {title: ours for title, ours in form.columns.items() if ours != "branch"}
@@ -111,9 +127,14 @@ def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
     axes = controller_axes(robot) or own_joints(robot)
     slides = [q.units is LENGTH for q in axes]
     names, units = [q.stem for q in axes], ([*LENGTH], [*ANGLE])
-    return _understood(
-        name, data, "joints", lambda titles: _log_words.of_joints(titles, names, slides, units)
-    )
+    meant = partial(_log_words.of_joints, axes=names, lengths=slides, units=units)
+    return _understood(name, data, "joints", meant)
+
+
+def are_called(form: LogForm, robot: Robot) -> bool:
+    """Whether the titles of a joint log are what the robot's controller calls its axes."""
+    axes = controller_axes(robot) or own_joints(robot)
+    return _log_words.are_called([*form.columns], [q.stem for q in axes])
 
 
 def numbered_joints(name: str, data: bytes, robot: Robot) -> list[LogForm]:
@@ -163,6 +184,6 @@ def _as_called(titles: Sequence[str], axes: Sequence[Quantity]) -> dict[str, str
 def unknown(name: str, data: bytes, said: LogForm) -> tuple[str, ...]:
     """Titles of a log of loads that are no name of ours, as written."""
     ours = {one for q in of_loads() for one in (*map(str.lower, names_of(q)), q.stem)}
-    file = opened(name, data, said, "scale", POSE.stem)
+    file = opened(name, data, said, "scale", POSE.stem, has_load)
     both = zip(file.titles, file.written, strict=True)
     return tuple(written for title, written in both if title and title not in ours)

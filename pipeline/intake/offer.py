@@ -77,11 +77,24 @@ def offer(name: str, data: bytes, hints: Hints) -> Offer | None:
     Raises:
         InputError: It is no table, or it contradicts what is said of it.
     """
-    found = proposal(name, data, hints)
+    return _offered(name, data, proposal(name, data, hints))
+
+
+def as_table(name: str, data: bytes, hints: Hints) -> Offer | None:
+    """What a file is as a table of no dialect.
+
+    Raises:
+        InputError: As for `offer`.
+    """
+    with at(name):
+        return _offered(name, data, propose(opened_as_text(name, data, hints), hints))
+
+
+def _offered(name: str, data: bytes, found: Proposal | None) -> Offer | None:
     if found is None:
         return None
     with at(name):
-        reader = recognise(opened_as_text(name, data, hints))
+        reader = recognise(opened_as_text(name, data, found.hints))
     return Offer(
         dialect=reader.name,
         columns=found.columns,

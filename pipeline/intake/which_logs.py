@@ -13,10 +13,12 @@ import numpy as np
 
 from pipeline.base.errors import InputError
 from pipeline.intake import log_columns
+from pipeline.intake._contents import contents, mark_of
+from pipeline.intake._sheet import sheet
 from pipeline.machine.robot import SHIPPED, Robot, load
 from pipeline.machine.robot.mdh import parse as parse_robot
 from pipeline.readers import logs
-from pipeline.readers._text import is_workbook
+from pipeline.readers._text import is_workbook, text
 from pipeline.readers.logs import Log
 from pipeline.readers.said import OURS, LogForm
 from pipeline.reduction import limits
@@ -33,6 +35,8 @@ class Logs:
         load_columns: Our names for the columns of the loads, by their titles; without those that
             have ours; several, with bars between them, where a title does not state its unit.
         joint_columns: The same of the joint log, by robot.
+        decimal_commas: Logs in which every comma might stand between thousands, beside files of
+            the folder that all have decimal commas.
         refused: Why a file is not used.
     """
 
@@ -41,6 +45,7 @@ class Logs:
     robots: tuple[str, ...] = ()
     load_columns: dict[str, str] = field(default_factory=dict)
     joint_columns: dict[str, dict[str, str]] = field(default_factory=dict)
+    decimal_commas: tuple[str, ...] = ()
     refused: dict[str, str] = field(default_factory=dict)
 
 
@@ -57,7 +62,7 @@ def propose_logs(files: Mapping[str, bytes]) -> Logs:
     for name, data in files.items():
         if not _may_be_log(name, data):
             continue
-        fits = dict(_having(name, data, robots))
+        fits = _having(name, data, robots)
         form = _loads(name, data) if not fits or is_workbook(data) else None
         if fits := fits or ({} if form else dict(_by_number(name, data, robots))):
             columns = {robot: form.columns for robot, form in fits.items()}
@@ -65,7 +70,23 @@ def propose_logs(files: Mapping[str, bytes]) -> Logs:
             said = _added(said, name, new, said.joints)
         if form:
             said = _added(said, name, {"loads": name, "load_columns": form.columns}, said.loads)
-    return said
+    marks = {name: _mark(name, data) for name, data in files.items() if not name.endswith(".toml")}
+    left = tuple(name for name in (said.loads, said.joints) if name and marks[name] == "?")
+    return replace(said, decimal_commas=left if {*marks.values()} - {"", "?"} == {","} else ())
+
+
+def _mark(name: str, data: bytes) -> str:
+    """The decimal mark of a table; `?` where commas leave it open, nothing where none can tell."""
+    with contextlib.suppress(InputError):
+        found = None if is_workbook(data) else sheet(text(name, data))
+        if found is not None and found.delimiter != ",":
+            try:
+                return mark_of(
+                    [one for one in contents(found) if one.kind == "number"], found.lines
+                )
+            except InputError:
+                return "?"
+    return ""
 
 
 def _may_be_log(name: str, data: bytes) -> bool:
@@ -94,23 +115,31 @@ def _robots(files: Mapping[str, bytes]) -> Iterator[tuple[str, Robot]]:
         yield name, load(name)
 
 
-def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> Iterator[tuple[str, LogForm]]:
-    """Robots all of whose joints a log has, and what has to be said of its columns."""
+def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> dict[str, LogForm]:
+    """Robots all of whose joints a log has, and what has to be said of its columns.
+
+    Those of the folder come first, then those that call their axes as the log does, then those
+    that can take all its poses.
+    """
+    found, rank = {}, {}
     for key, robot in robots.items():
         form = _form(
             partial(logs.joints, name, data, robot),
             partial(log_columns.understood_joints, name, data, robot),
         )
         if form:
-            yield key, _within_limits(name, data, robot, form)
+            called = not form.columns or log_columns.are_called(form, robot)
+            fitting = _possible(name, data, robot, form)
+            rank[key] = not key.endswith(".toml"), not called, not fitting
+            found[key] = _in_units_of(form, fitting)
+    return {key: found[key] for key in sorted(found, key=rank.__getitem__)}
 
 
-def _within_limits(name: str, data: bytes, robot: Robot, form: LogForm) -> LogForm:
+def _in_units_of(form: LogForm, fitting: Sequence[LogForm]) -> LogForm:
     """Titles that state no unit with the one that keeps all poses within the robot's limits.
 
     Where several do, those stay; where none does, all.
     """
-    fitting = _possible(name, data, robot, form)
     said = {title: {one.columns[title] for one in fitting} for title in form.columns}
     left = {
         title: "|".join(one for one in ours.split("|") if one in said[title]) or ours
@@ -126,9 +155,10 @@ def _by_number(
     for key, robot in robots.items():
         with contextlib.suppress(InputError):
             ways = log_columns.numbered_joints(name, data, robot)
-            fitting = [form for form in ways if _possible(name, data, robot, form)]
+            able = ((form, _possible(name, data, robot, form)) for form in ways)
+            fitting = [(form, some) for form, some in able if some]
             if len(fitting) == 1:
-                yield key, _within_limits(name, data, robot, fitting[0])
+                yield key, _in_units_of(*fitting[0])
 
 
 def _possible(name: str, data: bytes, robot: Robot, form: LogForm) -> list[LogForm]:

@@ -14,7 +14,8 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.faults.mistake import Mistake
 from pipeline.library.campaign import Campaign, Result
-from pipeline.machine.robot import axes
+from pipeline.machine.effects import catalogue
+from pipeline.machine.robot import Robot, axes
 from pipeline.readers import logs
 
 _CERTAIN = 3.0
@@ -149,7 +150,7 @@ def judged(
         accepted=not any(mine.concerned(one) for one in suspects),
         suspects=suspects,
         stiffness=tuple(_stiffness(answer)),
-        warnings=tuple(_warnings(answer)),
+        warnings=tuple(_warnings(answer, campaign.robot)),
         next=tuple(left) or tuple(_proposed(answer)),
         stop=_stop(answer, len(poses), len(left), bool(suspects)),
         verdict=str(answer.diagnosis.verdict),
@@ -198,17 +199,23 @@ _ADVICE = {
     "scale_curvature": "have the scale calibrated over its range",
     "scale_hysteresis": "pull up only, or have the scale checked: unloading it reads otherwise",
     "force_noise": "read the scale when the chain hangs still",
+    "heavy_tails": "see that every reflector sits well and nothing cuts the beam",
 }
 """What to do beside the robot, by cause; what is of the robot itself stays as it is."""
 
+_OF_THE_ROBOT = ("rail", "joint", "link", "tool", "shoulder", "wrist")
+"""Where in the cell such a cause acts."""
 
-def _warnings(answer: Answer) -> Iterator[str]:
+
+def _warnings(answer: Answer, robot: Robot) -> Iterator[str]:
+    own = {str(one.name) for one in catalogue(robot) if one.place in _OF_THE_ROBOT}
     for one in answer.diagnosis.causes:
         if one.evidence is None and (one.probability or 0.0) >= _LIKELY:
             at = f" ({one.where})" if one.where is not None else ""
             what = str(one.name).replace("_", " ")
-            done = _ADVICE.get(str(one.name))
-            then = f": {done}" if done else ", of the robot itself"
+            of_scale = one.where == "scale"  # a law of it that nobody listed
+            done = _ADVICE.get("scale_zero" if of_scale else str(one.name))
+            then = f": {done}" if done else ", of the robot itself" if one.name in own else ""
             yield f"{what[:1].upper()}{what[1:]}{at}, probability {one.probability:.2f}{then}."
 
 

@@ -12,8 +12,9 @@ import tempfile
 import time
 import tomllib
 import traceback
-from collections.abc import AsyncIterator, Awaitable, Callable, Mapping
+from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from dataclasses import dataclass, field
+from difflib import SequenceMatcher
 from itertools import zip_longest
 from pathlib import Path
 from typing import Any
@@ -549,14 +550,18 @@ async def correct(state: _State, request: Request) -> Response:
     if said.code:
         return _told("\n".join(said.words[-12:]) or f"it ended with {said.code}")
     old, new = (one.decode("utf-8", "replace").splitlines() for one in (data, said.output))
-    rows = [
-        {"line": k, "old": before, "new": after}
-        for k, (before, after) in enumerate(zip_longest(old, new, fillvalue=""), 1)
-        if before != after
-    ]
+    rows = [*_side_by_side(old, new)]
     text = said.output.decode("latin-1")
     more = [f"{len(rows) - _MOST_ROWS} more lines differ"] if len(rows) > _MOST_ROWS else []
     return _told(rows=rows[:_MOST_ROWS], corrected=text, words=[*said.words, *more])
+
+
+def _side_by_side(old: list[str], new: list[str]) -> Iterator[dict[str, Any]]:
+    """The lines that differ, each with its number in the old program; what is new stands alone."""
+    for tag, a, b, c, d in SequenceMatcher(None, old, new, autojunk=False).get_opcodes():
+        pairs = zip_longest(old[a:b], new[c:d], fillvalue="") if tag != "equal" else ()
+        for k, (before, after) in enumerate(pairs, a + 1):
+            yield {"line": k, "old": before, "new": after}
 
 
 async def _body(request: Request, most: int) -> bytes:

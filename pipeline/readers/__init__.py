@@ -10,6 +10,7 @@ from pipeline.base.errors import InputError, at, listed
 from pipeline.readers import plain
 from pipeline.readers._cells import text_of
 from pipeline.readers._faces import Faces
+from pipeline.readers._named import find
 from pipeline.readers._names import split
 from pipeline.readers._opened import opened
 from pipeline.readers._reader import TABLE, Export, Reader, Readings
@@ -111,11 +112,14 @@ def _read(file: Text, hints: Hints) -> Export:
 
 
 def _fits(sheet: Text, hints: Hints) -> int:
-    """How well a sheet of a workbook fits: 2 where it can be read, 1 where points may be in it."""
+    """How well a sheet of a workbook fits.
+
+    3 where it can be read, 2 where titles name coordinates, 1 where points may be in it.
+    """
     try:
-        return 2 if len(_read(sheet, hints).line) else 0
+        return 3 if len(_read(sheet, hints).line) else 0
     except InputError:
-        return int(_holds_one(sheet))
+        return int(_holds_one(sheet)) and 1 + (find(sheet.sample()) is not None)
 
 
 def _holds_one(file: Text) -> bool:

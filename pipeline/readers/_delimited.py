@@ -62,7 +62,7 @@ def rows(text: Text, layout: Layout) -> TypedRows:
     much = len(found.line) > MUCH
     cells = spread(_trimmed, found.columns, much)
     cells = [
-        _bare_numbers(c) if field.kind == "number" else c
+        _bare_numbers(_without(c, field.unit)) if field.kind == "number" else c
         for c, field in zip(cells, fields, strict=True)
     ]
     numbers = [c for c, field in zip(cells, fields, strict=True) if field.kind == "number"]
@@ -101,6 +101,12 @@ def _trimmed(cells: pa.Array) -> pa.Array:
     letters = _letters(cells)
     bare = letters.min(initial=_LAST) > ord(" ") and letters.max(initial=0) <= _LAST
     return cells if bare else pc.utf8_trim_whitespace(cells)
+
+
+def _without(cells: pa.StringArray, unit: str) -> pa.StringArray:
+    """Numbers without the unit behind them."""
+    end = rf"(?i)\s*{re.escape(unit)}$"
+    return pc.replace_substring_regex(cells, end, "") if unit else cells
 
 
 def _bare_numbers(cells: pa.StringArray) -> pa.StringArray:

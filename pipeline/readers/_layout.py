@@ -35,12 +35,14 @@ class Field:
         kind: `name`, `number`, `time`, `blank` (must be empty) or `any` (not looked at).
         needed: Whether the cell may not be empty.
         title: What the file calls it, where that is something else.
+        unit: What stands behind the number in its cells, too: `702.3 N`.
     """
 
     name: str
     kind: Kind
     needed: bool = True
     title: str = ""
+    unit: str = ""
 
     @property
     def said(self) -> str:

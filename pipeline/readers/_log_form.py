@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 from pipeline.base.doors import found
 from pipeline.base.errors import InputError, at, listed
-from pipeline.readers._cells import MARKS, above, bare, is_plain
+from pipeline.readers._cells import MARKS, above, bare, is_number, is_plain
 from pipeline.readers._layout import delimiter_of
 from pipeline.readers._named import IN_BRACKETS
 from pipeline.readers._opened import opened as opened_text
@@ -30,6 +30,7 @@ _BELOW = {*_UNITS, *_ALIKE, "degrees", "grad", "kp", ""}
 """What may stand below titles in a line of units."""
 
 
+_WITH_UNIT = re.compile(r"(.*[0-9.,])\s*([^\W\d_]+|°)")
 _NO_UNIT = re.compile(
     r"(nr|no|num|number|nummer|#|1|text|[hmsdty: .]+|[a-z]{2,4}[-./][a-z]{2,4}[-./][a-z]{2,4})[.]?"
 )
@@ -46,7 +47,9 @@ class Titled:
         first: Line of the first row.
         delimiter: What separates the cells.
         titles: Our names of its columns in small letters; of those we do not know their titles.
-        written: Its titles as they stand in the file.
+        written: Its titles as they stand in the file, with the unit that stands below them or in
+            the first row.
+        behind: The unit behind the numbers of each column; empty where there is none.
         above: Line and reason of rows that stand above the header.
     """
 
@@ -56,6 +59,7 @@ class Titled:
     delimiter: str
     titles: tuple[str, ...]
     written: tuple[str, ...]
+    behind: tuple[str, ...]
     above: tuple[tuple[int, str], ...]
 
 
@@ -101,7 +105,14 @@ def opened(
         file = squeezed(file) if head.delimiter == " " else file
         early = above(file, head.line, head.delimiter, [ours.index(key)]) if key in ours else []
         return Titled(
-            file, head.line, head.first, head.delimiter, tuple(ours), head.written, tuple(early)
+            file,
+            head.line,
+            head.first,
+            head.delimiter,
+            tuple(ours),
+            head.written,
+            head.behind,
+            tuple(early),
         )
 
 
@@ -120,7 +131,7 @@ def as_text(
 
 
 @dataclass(frozen=True)
-class _LogHeader:
+class LogHeader:
     """A line as a header.
 
     Attributes:
@@ -134,6 +145,7 @@ class _LogHeader:
     first: int
     delimiter: str
     written: tuple[str, ...]
+    behind: tuple[str, ...]
 
     @property
     def titles(self) -> list[str]:
@@ -141,7 +153,7 @@ class _LogHeader:
         return [title.lower() for title in self.written]
 
 
-def _found(file: Text, own: Mapping[str, str], key: str) -> _LogHeader | None:
+def _found(file: Text, own: Mapping[str, str], key: str) -> LogHeader | None:
     """The first line that names a column, as a header; None where none does."""
     return next((one for one in headers(file) if key in _ours(one.titles, own)), None)
 
@@ -152,22 +164,32 @@ def _no_remark(file: Text) -> int:
     return next(plain, file.first()[0])
 
 
-def headers(file: Text) -> Iterator[_LogHeader]:
+def headers(file: Text) -> Iterator[LogHeader]:
     return (_header(file, number) for number, _ in file.lines(1, SAMPLE_LINES))
 
 
-def _header(file: Text, line: int) -> _LogHeader:
+def _header(file: Text, line: int) -> LogHeader:
     """A line as a header."""
     content = file.line(line)
     delimiter = delimiter_of(content, " ")
     titles = _cut(content, delimiter)
     below = _cut(file.line(line + 1), delimiter) if line < len(file) else []
     units = [_unit_below(cell) for cell in below]
-    if len(units) != len(titles) or not any(units) or {u.lower() for u in units} - _BELOW:
-        return _LogHeader(line, line + 1, delimiter, tuple(titles))
+    no_units = len(units) != len(titles) or not any(units) or {u.lower() for u in units} - _BELOW
+    behind = ("",) * len(titles)
+    if no_units:
+        behind = tuple(map(_unit_behind, below)) if len(below) == len(titles) else behind
+        units = list(behind) if any(behind) else [""] * len(titles)
     pairs = zip(titles, units, strict=True)
     joined = (f"{title} [{u}]" if u and not _parted(title)[1] else title for title, u in pairs)
-    return _LogHeader(line, line + 2, delimiter, tuple(joined))
+    return LogHeader(line, line + (1 if no_units else 2), delimiter, tuple(joined), behind)
+
+
+def _unit_behind(cell: str) -> str:
+    """The unit behind the number in a cell; empty where there is none."""
+    found = _WITH_UNIT.fullmatch(cell.strip())
+    known = found and is_number(found[1]) and found[2].lower() in _BELOW
+    return found[2] if found and known else ""
 
 
 def _unit_below(cell: str) -> str:

@@ -114,7 +114,9 @@ def typed(file: Titled, wanted: Sequence[Quantity], said: LogForm, where: str | 
     with at(name):
         with at(line=file.line):
             there = [(q, *column) for q in wanted if (column := _column(titles, q, where))]
-        known = {title: Field(title, q.kind, q.needed and q.filled) for q, title, _ in there}
+        behind = dict(zip(titles, file.behind, strict=True))
+        known = {title: Field(title, q.kind, q.needed and q.filled, unit=behind[title])
+                 for q, title, _ in there}  # fmt: skip
         other = {title: Field(title, "any" if title else "blank", False) for title in titles}
         fields = tuple((other | known)[title] for title in titles)
         layout = Layout(fields, file.delimiter, file.first, said.decimal, table=where)

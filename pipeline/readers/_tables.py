@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from difflib import get_close_matches
 
 import numpy as np
+import pyarrow as pa
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
@@ -66,8 +67,10 @@ _LOST_IF_MISSPELT = {
 _ALIKE = 0.75
 """Share of letters alike (difflib's ratio) from which a title is a slip of the pen."""
 _NAMES = ("group", "target", "reflector")
+_PARTS = ("pose", "state", "repeat")
+"""Columns that make up the group where none is its name."""
 _KINDS: dict[str, Kind] = {
-    **dict.fromkeys((*_NAMES, *_FLAGS, "date"), "name"), "time": "time",
+    **dict.fromkeys((*_NAMES, *_PARTS, *_FLAGS, "date"), "name"), "time": "time",
     **dict.fromkeys(("std", "u95", *COVARIANCE), "number"),
 }  # fmt: skip
 """What the cells of a column hold, by the first word of its role."""
@@ -159,7 +162,7 @@ def read(
         table = table.without(within_a_circle(axes.titles, numbers, table.line, meaning))
         _same_unit(text, header, meaning.unit)
         _unit_of_rows(text, header, meaning.unit, comment)
-        table = _counting(table, hints)
+        table = _grouped(_counting(table, hints))
         _all_or_none(header)
         found = covariances(table, header, hints, meaning.unit)
     unused = [
@@ -406,6 +409,16 @@ def _counting(table: TypedRows, hints: Hints) -> TypedRows:
         theirs = _cells_that(table, "instrument", lambda name: name == one)
         table = table.only(theirs, f"it is not of {one}; correct instrument if it is to be used")
     return table
+
+
+def _grouped(table: TypedRows) -> TypedRows:
+    """With the group that the pose, the state and the number of the pull make up."""
+    parts = [table.columns[one].to_pylist() for one in _PARTS if one in table.columns]
+    if not parts or "group" in table.columns:
+        return table
+    names = [" ".join(filter(None, row)) for row in zip(*parts, strict=True)]
+    group = pa.array(names, pa.string()).dictionary_encode()
+    return replace(table, columns=table.columns | {"group": group})
 
 
 def _cells_that(table: TypedRows, name: str, fits: Callable[[str], bool]) -> Bools:

@@ -113,7 +113,7 @@ def loads(name: str, data: bytes, said: LogForm = OURS) -> Log:
     """
     wanted = of_loads()
     _, _, force, *other = wanted
-    file = opened(name, data, said, "scale", POSE.stem, _has_load)
+    file = opened(name, data, said, "scale", POSE.stem, has_load)
     named = suffixed(file.titles, other[-1]) is not None
     needed = not any(suffixed(file.titles, q) for q in other[:3])
     wanted[0] = replace(POSE, filled=not named)
@@ -136,7 +136,7 @@ def group_name(name: str) -> str:
     return name.lstrip("0") or "0" if name.isdigit() else name
 
 
-def _has_load(titles: Sequence[str]) -> bool:
+def has_load(titles: Sequence[str]) -> bool:
     """Whether columns are those of a log of loads."""
     return any(suffixed(titles, q) for q in of_loads()[2:6])
 
@@ -153,7 +153,7 @@ def remarks(name: str, data: bytes, said: LogForm, robot: Robot | None = None) -
     Raises:
         InputError: The file cannot be read.
     """
-    holds = _has_load if robot is None else partial(_has_joints, robot)
+    holds = has_load if robot is None else partial(_has_joints, robot)
     section = "scale" if robot is None else "joints"
     file = opened(name, data, said, section, POSE.stem, holds)
     pose, repeat = replace(POSE, filled=False), replace(REPEAT, needed=False)

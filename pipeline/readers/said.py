@@ -10,7 +10,7 @@ from pipeline.base.strict import Name, Positive, Strict, with_parts
 
 _Unit = Literal["mm", "m", "in", "um", "cm", "ft", "ftUS"]
 _Role = Literal[
-    "group", "target", "date", "time", "delete", "active", "instrument",
+    "group", "pose", "state", "repeat", "target", "date", "time", "delete", "active", "instrument",
     "x", "y", "z", "range", "azimuth", "vertical",
     "sx", "sy", "sz", "u95_x", "u95_y", "u95_z", "cxx", "cxy", "cxz", "cyy", "cyz", "czz",
 ]  # fmt: skip
@@ -23,7 +23,8 @@ class Columns(Strict):
     """[tracker.mapping]: columns of any delimited table, by header name or by number from 1.
 
     Attributes:
-        columns: Name or number of the column by role; sx, sy, sz and cxx ... czz are uncertainties.
+        columns: Name or number of the column by role; sx, sy, sz and cxx ... czz are uncertainties;
+            pose, state and repeat in columns of their own make the group, in this order.
         delimiter: One character, or None to find it.
         header: Line of the header, 0 for none, or None to find it.
         first: Line of the first row, where it is not the one behind the header.

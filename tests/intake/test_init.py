@@ -624,8 +624,8 @@ def by_controller(change, titles=None):
     """The joint log as a controller has it: a remark, times, titles of its own."""
     head, *rows = [row.split(",") for row in FILES["joints.csv"].decode().splitlines()]
     assert head[:2] == ["pose", "r1_m"]
-    titles = titles or [f"rax_{k}" for k in range(1, 7)] + ["eax_a"]
-    lines = ["# log of task T_ROB1, robax", ";".join(["pos", "timestamp", *titles])]
+    titles = titles or [f"q_{k}" for k in range(1, 8)]
+    lines = ["# log of task T_ROB1, its q", ";".join(["pos", "timestamp", *titles])]
     robot = load("kr500_rail")
     for k, (pose, *own) in enumerate(rows):
         q = from_log_units(robot, np.array(own[:7], float)) - robot.controller_offset
@@ -643,15 +643,15 @@ def test_a_joint_log_is_known_by_its_numbers(init):
 
     assert said.joints == "joints.csv"
     assert {"kr500_rail"} <= set(said.robots) <= {"kr500_rail", "kr500_rail_kuka"}
-    assert '"rax_6" = "A6_deg"' in text
-    assert '# "eax_a" = ?   # E1_m or E1_mm or E1_in: the title states no unit' in text
+    assert '"q_6" = "A6_deg"' in text
+    assert '# "q_7" = ?   # E1_m or E1_mm or E1_in: the title states no unit' in text
     assert not said.refused
 
 
 def test_numbers_that_no_robot_can_take_are_no_joint_log():
     """One pose out of reach of the limits, a column too many, and titles counted backwards."""
     far = by_controller(lambda cells, k: [*cells[:-1], "95000"] if k == 1 else cells)
-    more = [f"rax_{k}" for k in range(1, 7)] + ["eax_a", "speed"]
+    more = [f"q_{k}" for k in range(1, 8)] + ["speed"]
     many = by_controller(lambda cells, k: [*cells, str(100 + k)], more)
     back = by_controller(lambda cells, _: cells, [f"a_{k}" for k in range(7, 0, -1)])
 

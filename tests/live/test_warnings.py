@@ -1,5 +1,6 @@
 """What is told while it still helps: the scale's zero, a tracker that scatters, a knock."""
 
+import numpy as np
 import pytest
 from test_live import BASE, of_pose, table
 
@@ -50,3 +51,40 @@ def test_a_tracker_that_was_knocked_sends_one_to_the_base_reflectors():
     for rounds in ((), [moved(one) for one in again], timed):
         said = warned(load_campaign(table(*poses, *rounds), name="demo"))
         assert any("read the base reflectors again" in one for one in said)
+
+
+def test_a_tracker_that_wanders_is_told_and_nobody_blames_the_robot(wandering):
+    """Each state is displaced by a further random step of 0.04 mm per axis."""
+    said = warned(load_campaign(wandering(10), name="hall"))
+
+    assert any(one.startswith("Tracker wander") and "read each zero" in one for one in said)
+    assert not any("robot" in one for one in said)
+
+
+def test_scatter_with_far_readings_is_not_of_the_robot(wandering):
+    """So few poses show a tracker that wanders as heavy tails."""
+    (said,) = warned(load_campaign(wandering(5), name="hall"))
+
+    assert said.startswith("Heavy tails")
+    assert said.endswith("nothing cuts the beam.")
+
+
+@pytest.fixture
+def wandering():
+    """Files of a campaign as far as some pose."""
+    made = simulate_campaign(seed=8103, name="hall", stiffness_spread=0.3)
+    titles, *lines = made.campaign.files["tracker.csv"].decode().splitlines(keepends=True)
+    rng, at, out, last = np.random.default_rng(3), np.zeros(3), [], None
+    for line in lines:
+        group, target, *xyz, time = line.split(",")
+        if group.startswith("pose"):
+            at, last = (at if group == last else at + rng.normal(0, 0.04, 3)), group
+            xyz = [f"{float(x) + d:.4f}" for x, d in zip(xyz, at, strict=True)]
+        out.append((group, ",".join([group, target, *xyz, time])))
+
+    def until(pose):
+        some = [line for group, line in out if group == "base_start"
+                or (group[:4] == "pose" and int(group[4:6]) <= pose)]  # fmt: skip
+        return dict(made.campaign.files) | {"tracker.csv": "".join([titles, *some]).encode()}
+
+    return until

@@ -1,4 +1,4 @@
-"""Four halls as their programs write: KUKA in German workbooks, FANUC in inches, ABB in French, SA.
+"""Halls as their programs write: KUKA in workbooks, FANUC in inches, ABB, SpatialAnalyzer, Yaskawa.
 
 The numbers are simulated; what a file looks like is a program's of somebody else.
 """
@@ -169,4 +169,34 @@ def analyzer() -> Hall:
     )  # fmt: skip
 
 
-HALLS = {"german": german, "american": american, "french": french, "analyzer": analyzer}
+def japanese() -> Hall:
+    """Yaskawa; points in place of poses, axes by their letters, kilonewtons."""
+    tracker, loads, shown, places = _made("gp180", 25)
+    rows = _renamed(tracker, lambda p, k, pull: f"Point {p} {'pull' if pull else 'free'} {k}")
+    return Hall(
+        "gp180",
+        {
+            "tracker.csv": "\n".join(
+                ["Pt Group,Pt Name,X (mm),Y (mm),Z (mm)", *(",".join(row[:5]) for row in rows), ""]
+            ).encode(),
+            "force.csv": "\n".join(
+                ["point,pull,force (kN)",
+                 *(f"{p},{k},{float(f) / 1e3:.5f}" for p, k, f, *_ in loads), ""]
+            ).encode(),
+            "axes.csv": "\n".join(
+                ["point,S,L,U,R,B,T",
+                 *(",".join([str(i), *(f"{x:.4f}" for x in row)])
+                   for i, row in enumerate(shown, 1)), ""]
+            ).encode(),
+        },
+        {"sigma_n": "2.0", "sigma_m": "0.00003"}, "mm", places,
+    )  # fmt: skip
+
+
+HALLS = {
+    "german": german,
+    "american": american,
+    "french": french,
+    "analyzer": analyzer,
+    "japanese": japanese,
+}

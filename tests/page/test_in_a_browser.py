@@ -152,3 +152,78 @@ def test_two_windows_do_not_undo_each_other(page, tmp_path):
 
     text = (tmp_path / "data" / "raw" / "hall" / "campaign.toml").read_text()
     assert tomllib.loads(text)["tool"]["P1"][0] == 0.21
+
+
+def reach(tab, name, most=150):
+    """Tab until what has a name has the focus, which is seen."""
+    for _ in range(most):
+        tab.keyboard.press("Tab")
+        at = tab.evaluate(
+            """() => { const one = document.activeElement, style = getComputedStyle(one);
+            const label = one.getAttribute("aria-label") || one.labels?.[0]?.textContent;
+            return [(label || one.textContent).trim(), style.outlineStyle, one.tagName]; }"""
+        )
+        if at[0] == name:
+            assert at[1] != "none", at
+            return
+    raise AssertionError(f"{name} is not reached by {most} times Tab")
+
+
+def test_by_the_keyboard_alone(page, tmp_path):
+    """Tab, Enter, letters, from files to the report; only the system's dialog is answered."""
+    said, keys = tomllib.loads((DEMO / "campaign.toml").read_text()), page.keyboard
+    reach(page, "New campaign")
+    keys.type("hall")
+    keys.press("Enter")
+    page.wait_for_url("**/files")
+    reach(page, "or choose them")
+    with page.expect_file_chooser() as chooser:
+        keys.press("Enter")
+    chooser.value.set_files([DEMO / name for name in ("tracker.csv", "loads.csv", "joints.csv")])
+    page.get_by_text("344 readings").wait_for()
+    reach(page, "These are all: go on")
+    keys.press("Enter")
+    page.wait_for_url("**/setup")
+    reach(page, "robot")
+    for _ in range(3):  # a list that is closed changes with every key
+        keys.press("ArrowDown")
+    keys.press("ArrowUp")
+    keys.press("ArrowUp")
+    page.wait_for_timeout(500)
+    assert 'robot = "' not in (tmp_path / "data" / "raw" / "hall" / "campaign.toml").read_text()
+    with page.expect_navigation():
+        keys.press("Tab")
+    assert page.evaluate("document.activeElement.labels[0].textContent") == "robot"
+    for table in ("base_frame", "tool"):
+        for name, at in said[table].items():
+            for axis, value in zip("xyz", at, strict=True):
+                reach(page, f"{name} {axis}")
+                keys.type(str(value))
+        if table == "base_frame":
+            reach(page, "sigma_n")
+            keys.type("2.0")
+    keys.press("Tab")
+    page.wait_for_load_state("networkidle")
+    page.wait_for_timeout(500)
+    reach(page, "Go on to the check")
+    keys.press("Enter")
+    page.wait_for_url("**/check")
+    reach(page, "Check")
+    keys.press("Enter")
+    page.get_by_text("Accepted as it is now").wait_for()
+    reach(page, "Go on to the run")
+    keys.press("Enter")
+    page.wait_for_url("**/run")
+    reach(page, "Run")
+    keys.press("Enter")
+    page.get_by_role("link", name="To the answer").wait_for()
+    reach(page, "To the answer")
+    keys.press("Enter")
+    page.wait_for_url("**/answer")
+    reach(page, "Open the report")
+    found = json.loads((tmp_path / "reports" / "hall" / "result.json").read_text())
+
+    written = tomllib.loads((tmp_path / "data" / "raw" / "hall" / "campaign.toml").read_text())
+    assert (written["robot"], written["tool"]) == ("kr500_rail", said["tool"])
+    assert found["diagnosis"]["verdict"] == "adequate"
+    assert page.complaints == []

@@ -293,6 +293,15 @@ def test_what_cannot_be_taken_is_a_sentence(demo, method, way, body):
     assert answer.json()["problem"]
 
 
+def test_a_line_that_is_put_in_moves_no_other():
+    """Only what differs stands beside each other, by its line in the program as it was."""
+    rows = [*server._side_by_side(["a", "b", "c"], ["; corrected", "a", "B", "c"])]
+
+    assert [(row["line"], row["old"], row["new"]) for row in rows] == [
+        (1, "", "; corrected"), (2, "b", "B")
+    ]  # fmt: skip
+
+
 SRC = "DEF part()\n$BASE=$NULLFRAME\n$TOOL=$NULLFRAME\nLIN XP1\nEND\n"
 AT = "X 3240.228,Y 7819.707,Z 1368.394,A -117.033,B -23.82,C -102.579,E1 8500.0"
 DAT = f"DEFDAT part\nDECL E6POS XP1={{{AT}}}\nENDDAT\n"

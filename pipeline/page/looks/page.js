@@ -9,6 +9,14 @@ function complain(words) {
   if (words) problem.scrollIntoView({ block: "nearest" });
 }
 
+function again(field) {  // whoever types goes on behind the field they were in
+  sessionStorage.setItem("at", field.id);
+  location.reload();
+}
+
+document.getElementById(sessionStorage.getItem("at") || "-")?.focus();
+sessionStorage.removeItem("at");
+
 async function ask(method, url, body) {
   let answer, said;
   try {
@@ -69,7 +77,9 @@ async function within(entry) {
 
 const drop = document.getElementById("drop");
 if (drop) {
-  document.getElementById("pick").addEventListener("change", (event) => take(event.target.files));
+  const pick = document.getElementById("pick");
+  pick.addEventListener("change", () => take(pick.files));
+  pick.addEventListener("keydown", (event) => { if (event.key === "Enter") pick.click(); });  // as Space does
   for (const name of ["dragover", "dragleave", "drop"])
     document.addEventListener(name, (event) => {
       event.preventDefault();
@@ -102,7 +112,7 @@ async function fill(line, said, unit, inputs) {
   const all = fields.querySelectorAll("input, select, button"), whole = inputs[0].tagName === "SELECT";
   if (whole) for (const one of all) one.disabled = true;  // another robot is another drawing, and other names
   const answer = await ask("POST", fields.dataset.fill, JSON.stringify({ line, said, unit, seen: fields.dataset.seen }));
-  if (answer.reload) return location.reload();
+  if (answer.reload) return again(inputs[0]);
   if (whole) for (const one of all) one.disabled = false;
   if (answer.seen) {
     fields.dataset.seen = answer.seen;
@@ -116,8 +126,18 @@ async function fill(line, said, unit, inputs) {
 
 if (fields) {
   fields.addEventListener("submit", (event) => event.preventDefault());
+  // by the arrow keys a closed list changes with every step: it is written when it is left
+  let keys = false;
+  fields.addEventListener("keydown", () => { keys = true; });
+  fields.addEventListener("pointerdown", () => { keys = false; });
   fields.addEventListener("change", (event) => {
-    const input = event.target, line = Number(input.dataset.line);
+    const input = event.target;
+    if (!keys || input.tagName !== "SELECT" || document.activeElement !== input) return write(input);
+    input.onblur = () => { input.onblur = null; write(input); };
+  });
+
+  function write(input) {
+    const line = Number(input.dataset.line);
     if (!line) return;
     const all = [...fields.querySelectorAll(`[data-line="${line}"]`)];
     const unit = input.closest("section").querySelector("[data-unit]")?.value || "m";
@@ -125,11 +145,12 @@ if (fields) {
     if (place && all.some((one) => !one.value.trim()) && all.some((one) => one.value.trim())) return;
     const said = place ? all.map((one) => one.value) : input.value;
     waiting = waiting.then(() => fill(line, said, unit, all));
-  });
+  }
+
   for (const button of fields.querySelectorAll("[data-confirm]"))
     button.addEventListener("click", async () => {
       const said = await ask("POST", fields.dataset.fill, JSON.stringify({ line: Number(button.dataset.confirm), confirm: true, seen: fields.dataset.seen }));
-      if (!said.problem) location.reload();
+      if (!said.problem) again(button);
     });
   // rows of a spreadsheet: cells of the first row from the one pasted into, further rows below it
   fields.addEventListener("paste", (event) => {
@@ -245,6 +266,5 @@ if (correct) correct.addEventListener("submit", async (event) => {
       save.download = file.name.replace(/(\.[^.]*)?$/, "-corrected$1");
     }
     done.append(part);
-    if (said.problem) break;
   }
 });
