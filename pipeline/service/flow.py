@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
+import re
 import warnings
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
@@ -240,7 +241,8 @@ def identified(campaign: CampaignFolder, force: bool = False) -> Answer:
     try:
         answer: Answer = _result(identify(str(campaign.root), str(campaign.folder), force))
     except (httpx.HTTPError, PrefectException, RuntimeError) as problem:
-        if isinstance(problem, RuntimeError) and "Prefect" not in str(problem):
+        ours = isinstance(problem, RuntimeError)
+        if ours and not re.search("Prefect|Failed to reach API", str(problem)):
             raise
         raise CannotWrite(
             f"Prefect's server does not keep this run ({problem}); see that its disk has room, or "

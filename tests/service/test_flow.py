@@ -140,3 +140,24 @@ def test_a_cron_line_means_the_clock_on_the_wall(tmp_path, zone, begin, utc):
     )
 
     assert ", ".join(done.stdout.splitlines()) == utc, done.stderr
+
+
+@pytest.mark.parametrize("address", ["http://127.0.0.1:9/api", "not an address"])
+def test_a_server_that_does_not_answer_is_a_sentence(tmp_path, address):
+    """Before Prefect is begun, which would end in an error of its own."""
+    root = project(tmp_path, "a")
+    clean = {k: v for k, v in os.environ.items() if not k.startswith("PREFECT_")}
+    done = subprocess.run(
+        [sys.executable, "-m", "pipeline", "run", "--root", root],
+        capture_output=True,
+        text=True,
+        cwd=HERE,
+        env=clean | {"PYTHONPATH": str(HERE), "PREFECT_API_URL": address},
+        timeout=300,
+        check=False,
+    )
+
+    assert done.returncode == 2
+    assert done.stderr == (
+        f"a: no Prefect server answers at {address}: start it, or correct PREFECT_API_URL.\n"
+    )
