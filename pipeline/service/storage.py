@@ -25,6 +25,11 @@ _OURS = ("s3", "gs", "gcs", "abfs", "abfss", "file")
 _KEYS = "give a key that may: AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or a profile"
 _REFUSALS = (
     ("NO_SUCH_BUCKET", "there is no such bucket", "make it, or correct the address"),
+    (
+        "SLOW_DOWN|SERVICE_UNAVAILABLE|INTERNAL_FAILURE|THROTTL",
+        "it is busy or out of order",
+        "run it again in a moment, as watch and serve do",
+    ),
     ("ACCESS_DENIED|INVALID_|SIGNATURE|TOKEN|UNRECOGNIZED|CREDENTIAL", "access is denied", _KEYS),
     (
         "NETWORK|TIMEOUT|TIMED OUT|RESOLVE|REFUSED|UNREACHABLE|CONNECT|NO RESPONSE",
