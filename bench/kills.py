@@ -273,7 +273,7 @@ def serve(root: Path) -> Iterator[World]:
     inner = {
         "server": "pipeline.service.gate",
         "schedule": "pipeline.service.schedule",
-        "scan": "prefect.flow_engine",
+        "scan": "spawn_main",
         "worker": "pipeline.service.worker",
     }
     own = {"serve": lambda: _pipeline("serve", "--root", root, "--port", port)}

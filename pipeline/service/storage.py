@@ -135,6 +135,11 @@ class Store:
     def _reading(self) -> Iterator[None]:
         try:
             yield
+        except (
+            FileNotFoundError
+        ) as problem:  # taken out meanwhile, or one of its machines is behind
+            thing = f"{self.shown} lists what is not there"
+            raise InputError(thing, "run it again in a moment", passing=True) from problem
         except (OSError, ValueError, ImportError) as problem:
             thing, way_out = _said(problem)
             raise InputError(

@@ -495,6 +495,22 @@ def test_an_old_object_is_not_taken_for_the_new_one(made, tmp_path, age_s):
     assert here.read_bytes() == new
 
 
+def test_an_object_that_is_only_listed_is_asked_for_again(made, tmp_path):
+    """Its campaign waits as a whole, the others are copied, and the sentence is about it."""
+    name = "raw/b/joints.csv"
+    objects = GOOD | {"raw/b/campaign.toml": b"x"}
+    made(objects, listed={name: b"y"})
+    (stale,) = mirror.fetch(tmp_path, WHERE)
+
+    assert stale.campaign == "b"
+    assert stale.passing
+    assert "lists what is not there; run it again in a moment" in said([stale])[0]
+    assert {path.parent.name for path in tmp_path.rglob("campaign.toml")} == {"Aa", "z"}
+    made(objects | {name: b"y"})
+    assert mirror.fetch(tmp_path, WHERE) == []
+    assert (tmp_path / "data" / name).read_bytes() == b"y"
+
+
 JUNK = [
     b"",
     b"[1]",
