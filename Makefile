@@ -2,6 +2,7 @@
 #
 #   make run      every new or changed campaign under data/raw, to its report
 #   make test     the tests                 make test ARGS='-k rail'
+#   make whole    whole campaigns to their answers, some ten minutes    before a change of the estimate is merged
 #   make slow     the tests that take long: serving, killing, many campaigns
 #   make team     two workers of a pool on PostgreSQL, one killed      make team CAMPAIGNS=200
 #   make check    format, lint, types
@@ -25,7 +26,7 @@
 #   make clean    remove .venv and the caches; data and reports stay
 
 .DELETE_ON_ERROR:
-.PHONY: run test slow team check bench league open-league reference worlds paper peers compare example picture schema words docs wheel supply lock clean
+.PHONY: run test whole slow team check bench league open-league reference worlds paper peers compare example picture schema words docs wheel supply lock clean
 
 PYTHON ?=
 ARGS ?=
@@ -48,6 +49,10 @@ TESTS := OMP_NUM_THREADS=1 OPENBLAS_NUM_THREADS=1 PYTHONDONTWRITEBYTECODE= \
 test: .venv/.ready
 	@$(PY) tests/get_browser.py
 	@$(TESTS) $(ARGS)
+
+whole: .venv/.ready
+	@$(PY) tests/get_browser.py
+	@$(TESTS) -m "whole and not slow" $(ARGS)
 
 slow: .venv/.ready .venv/.docs
 	@$(TESTS) -m slow $(ARGS)
@@ -146,6 +151,7 @@ clean:
 
 # pip compiles one file at a time and some settings forbid Python to do it later: compile here, on all cores.
 # --no-deps, because the lock is complete, and pip would look past a pin where somebody asks for its extras.
+# Each half by a pip of its own, which downloads and unpacks one package at a time.
 # A few packages carry templates that are no valid Python; these stay uncompiled, hence `|| true`,
 # and so do the tests that packages bring, a quarter of all source, which nobody imports.
 .venv/.installed: requirements.lock
@@ -161,6 +167,9 @@ clean:
 	echo "Building .venv with $$("$$found" --version), which takes a minute or two, once."; \
 	rm -rf .venv; \
 	"$$found" -m venv .venv; \
-	$(PIP) install --no-deps --require-hashes --only-binary :all: --no-compile -r requirements.lock; \
+	awk '/^[a-z]/ { half = !half } { print > (".venv/half" half) }' requirements.lock; \
+	$(PIP) install --no-deps --require-hashes --only-binary :all: --no-compile -r .venv/half0 & \
+	$(PIP) install --no-deps --require-hashes --only-binary :all: --no-compile -r .venv/half1 || bad=1; \
+	wait $$!; test -z "$${bad-}"; \
 	$(PY) -W ignore -m compileall -qq -j 0 -x '/tests?/' .venv/lib || true
 	@touch $@

@@ -163,7 +163,7 @@ def _content() -> dict[str, Any]:
             {"file": "tracker.csv", "sha256": "0f" * 32, "bytes": 48123},
             {"file": "campaign.toml", "sha256": "a1" * 32, "bytes": 812},
         ],
-        "versions": {"pipeline": "0.1.0", "numpy": "2.4.6"},
+        "versions": {"pipeline": "1.0.0", "numpy": "2.4.6"},
     }
 
 

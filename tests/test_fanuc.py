@@ -105,6 +105,7 @@ def test_one_cause_alone_does_it_and_the_others_are_told_beside_it(fanuc, found)
     assert sum(one.probability for one in found.alone) <= 1.0
 
 
+@pytest.mark.whole
 def test_joint_only_pulls_raise_no_alarm(fanuc):
     """Pulls of a robot with nothing but joint springs, with this scatter: 1 % alarms at most."""
     cell, data, system, estimate = fanuc
@@ -139,6 +140,7 @@ def named(fanuc, draws, rng):
     return count
 
 
+@pytest.mark.whole
 def test_turned_residuals_name_no_cause(fanuc):
     """In the third a tilt has p = 4e-8, and predicts left-out poses no better for certain."""
     assert named(fanuc, 3, np.random.default_rng(7)) == 0

@@ -44,6 +44,7 @@ def test_a_killed_run_leaves_nothing_behind(victim):
     assert not victim.leftovers
 
 
+@pytest.mark.whole
 @pytest.mark.usefixtures("folder", "unseen")
 def test_what_a_killed_run_left_goes_though_nothing_is_computed(tmp_path):
     """The answer stands, half-written files beside it go; while another run works they stay."""
@@ -62,6 +63,7 @@ def test_what_a_killed_run_left_goes_though_nothing_is_computed(tmp_path):
     assert not leftovers(tmp_path)
 
 
+@pytest.mark.whole
 @pytest.mark.usefixtures("folder", "unseen")
 def test_a_full_disk_leaves_the_old_answer(tmp_path):
     """No file may grow beyond 20 kB: one sentence, exit code 3, the answer as it was."""

@@ -170,6 +170,7 @@ def test_left_out_error_is_that_of_refitting_without_the_pose():
     )
 
 
+@pytest.mark.whole
 def test_a_pull_through_the_axis_of_joint_7_is_told_by_name():
     """The other six are given; k_theta7 is not, and the finding says what to change."""
     tool = exact().tool | {"load_point": [0.0, 0.0, 0.25]}

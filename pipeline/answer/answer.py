@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator, Sequence
+
 import numpy as np
 
 from pipeline.answer import contract
@@ -62,9 +64,6 @@ def answer(found: Findings) -> Answer:
     values, springs = values_entry(found.told, where), values_entry(found.springs, where)
     stood = found.diagnosis.facts.unloaded
     values = with_positions(values, stood)
-    base = found.right.reduced.registration
-    fits = registration_entry(base)
-    overload = overload_entry(raw.robot, found.right.reduced.data.pulls)
     said = [joint.finding for joint in values.stiffness if joint.finding]
     factor = common_factor(raw.robot, values.stiffness)
     text = raw.files["campaign.toml"].decode("utf-8", "replace")
@@ -75,7 +74,6 @@ def answer(found: Findings) -> Answer:
     ]
     said += [*sheet_findings(raw.settings), *beside_the_beam(found.right.shape.beam)]
     said += [*stated, *filter(None, map(enormous, found.diagnosis.causes))]
-    payloads = payload_entries(given.case)
     together = combination_entries(found.told.values)
     diagnosis = diagnosis_entry(found)
     joint = joint_to_pull(found, diagnosis, values.stiffness)
@@ -90,7 +88,7 @@ def answer(found: Findings) -> Answer:
     of = {(effect.name, effect.where): effect for effect in found.told.values.first.effects}
     causes = [one for one in carried if one.name is not None]
     said += filter(None, (hangs_on(of[str(one.name), one.where], one) for one in causes))
-    return Answer(
+    whole = Answer(
         format=1,
         campaign=found.campaign,
         name=raw.settings.name,
@@ -99,16 +97,7 @@ def answer(found: Findings) -> Answer:
         measured=measured_on(raw.settings, given.reduced.shown["readings"]),
         verdict_sentence=tuple(line.text for line in lines),
         first_screen=lines,
-        recommended=contract.Recommended(
-            model=found.row.model,
-            data=found.row.data,
-            table=contract.TableSource.ESTIMATED
-            if stood.corrects
-            else contract.TableSource.AS_DELIVERED,
-            reason=found.row.reason,
-            why=BECAUSE[found.row.reason],
-            hypotheses=_hypothesis_entries(found.told.values),
-        ),
+        recommended=_recommended(found),
         **dict(values),
         combinations=together,
         test_pose=pose,
@@ -121,30 +110,14 @@ def answer(found: Findings) -> Answer:
         budget=budget_entries(values.stiffness),
         noise=noise_entry(found.right),
         rejected=rejected_entries(given.case.rejected),
-        findings=(
-            *registration_findings(base, fits, _tracker_drifts(found)),
-            *growth_findings(fits),
-            *limit_findings(given.case),
-            *rounding_findings(given.case),
-            *division_findings(given.case),
-            *doubt_findings(found.facts.bounds.doubted),
-            *shot_findings(given.case, given.data.pulls),
-            *treated_findings(given.case),
-            *pose_findings(found.one_pose),
-            *misshapen_findings(stood),
-            *contradicted(payloads),
-            *overloaded(overload),
-            *path_findings(tolerance, found.right.data.pulls.range_n),
-            *said,
-            *told(together),
-        ),
-        registration=fits,
+        findings=(),
+        registration=registration_entry(found.right.reduced.registration),
         reliability=controlled_entries(found.control),
         influence=carried,
-        payloads=payloads,
+        payloads=payload_entries(given.case),
         instrument=instrument_entry(given.case.settings),
         robot_unit=unit_entry(given.case.settings),
-        overload=overload,
+        overload=overload_entry(raw.robot, found.right.reduced.data.pulls),
         geometry=(table := estimated_table(stood)),
         geometry_combinations=estimated_combinations(stood, table),
         common_factor=factor,
@@ -155,6 +128,47 @@ def answer(found: Findings) -> Answer:
         assumptions=tuple(assumptions(raw, where, timed(given.case.readings))),
         inputs=input_entries(raw),
         versions=versions(),
+    )
+    return whole.model_copy(update={"findings": tuple(_findings(found, whole, said))})
+
+
+def _findings(found: Findings, whole: Answer, said: Sequence[str]) -> Iterator[str]:
+    """What else is to be known, files first.
+
+    Args:
+        found: What is known.
+        whole: The answer, all but this.
+        said: Of springs, sheets and causes.
+    """
+    case, fits = found.given.case, whole.registration
+    base = found.right.reduced.registration
+    yield from registration_findings(base, fits, _tracker_drifts(found))
+    yield from growth_findings(fits)
+    yield from limit_findings(case)
+    yield from rounding_findings(case)
+    yield from division_findings(case)
+    yield from doubt_findings(found.facts.bounds.doubted)
+    yield from shot_findings(case, found.given.data.pulls)
+    yield from treated_findings(case)
+    yield from pose_findings(found.one_pose)
+    yield from misshapen_findings(found.diagnosis.facts.unloaded)
+    yield from contradicted(whole.payloads)
+    yield from overloaded(whole.overload)
+    yield from path_findings(whole.tolerance, found.right.data.pulls.range_n)
+    yield from said
+    yield from told(whole.combinations)
+
+
+def _recommended(found: Findings) -> contract.Recommended:
+    """Which values hold, and why."""
+    corrects = found.diagnosis.facts.unloaded.corrects
+    return contract.Recommended(
+        model=found.row.model,
+        data=found.row.data,
+        table=contract.TableSource.ESTIMATED if corrects else contract.TableSource.AS_DELIVERED,
+        reason=found.row.reason,
+        why=BECAUSE[found.row.reason],
+        hypotheses=_hypothesis_entries(found.told.values),
     )
 
 

@@ -72,12 +72,11 @@ def design(
         "anchor": anchor and dict(zip(("x_m", "y_m", "z_m"), anchor, strict=True)),
         "criterion": {"kind": criterion},
     }
-    campaign = load_campaign(add_to, root=root) if add_to else None
     asked = problem_of(problem, changes)
     if robot is not None and problem in specs.SHIPPED:
         typer.secho(f"Assumed: {asked.spec.assumptions[0]}.", err=True)
-    if campaign is not None:
-        asked = added_to(asked, campaign, name)
+    if add_to:
+        asked = added_to(asked, load_campaign(add_to, root=root), name)
     made = make(asked, seed, Effort(rounds=rounds), at_work)
     if wanted or (wanted is None and not as_json):
         again = f" --seed {seed} --rounds {rounds}{_more(add_to, language)}"

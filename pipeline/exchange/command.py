@@ -57,8 +57,7 @@ def robot(
         raise UsageError(
             "give a URDF with --base and --flange, or --list, or --show NAME for a robot that ships"
         )
-    if output is not None:
-        _refuse(output)
+    _refuse(output, ".toml", "a robot file")
     text, found = made(file, base, flange, payload)
     _given(text, output)
     typer.secho(
@@ -85,12 +84,14 @@ def _given(text: str, output: Path | None) -> None:
         typer.echo(output)
 
 
-def _refuse(output: Path) -> None:
-    """Only a new file whose name ends as that of a robot file does is written."""
-    if output.suffix != ".toml":
-        raise UsageError(f"{output} does not end in .toml, as a robot file does")
+def _refuse(output: Path | None, suffix: str, kind: str) -> None:
+    """Only a new file whose name ends as others of its kind do is written."""
+    if output is None:
+        return
+    if output.suffix != suffix:
+        raise UsageError(f"{output} does not end in {suffix}, as {kind} does")
     if output.exists():
-        raise UsageError(f"{output} is there already: choose another --output")
+        raise UsageError(f"{output} is there already: choose another name")
 
 
 def _drawn(path: Path, part: str, every: bool) -> Path:
@@ -98,10 +99,7 @@ def _drawn(path: Path, part: str, every: bool) -> Path:
     from pipeline.exchange.drawn import drawing
     from pipeline.machine.robot import load
 
-    if path.suffix != ".svg":
-        raise UsageError(f"{path} does not end in .svg, as a drawing does")
-    if path.exists():
-        raise UsageError(f"{path} is there already: choose another name")
+    _refuse(path, ".svg", "a drawing")
     if not every:
         _shipped(part)
     names = _like(part) if every else [part]

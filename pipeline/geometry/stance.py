@@ -105,9 +105,8 @@ def stance(found: Identified, targets: Collection[str], free: Collection[int] = 
     """
     reopened = None if free else _Reopened(found, targets)
     mechanism, cov, where = found.mechanism, found.solution.cov, layout(found.mechanism)
-    x, v, factor = mechanism.at(where), softened(mechanism), 0.0
-    if mechanism.unknown:
-        factor = 1 / float(v @ linear.cholesky(cov).solve(v))
+    x, v = mechanism.at(where), softened(mechanism)
+    factor = _of_factor(mechanism, v, cov)
     apart = cov - factor * np.outer(v, v) + by_masses(found)
     held = tuple(_held(mechanism, x, apart, free))
     if len(held) > len(free):
@@ -137,6 +136,11 @@ def stance(found: Identified, targets: Collection[str], free: Collection[int] = 
         elements=mechanism.elements,
         reopened=reopened,
     )
+
+
+def _of_factor(mechanism: Mechanism, v: Array, cov: Array) -> float:
+    """Variance of the factor by which all masses are off, along v; none where they are known."""
+    return 1 / float(v @ linear.cholesky(cov).solve(v)) if mechanism.unknown else 0.0
 
 
 def _with_none(

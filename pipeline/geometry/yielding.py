@@ -7,10 +7,10 @@ the place of the pull, or beside it.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import replace
 from functools import cached_property
-from itertools import pairwise
+from itertools import chain, pairwise
 
 import numpy as np
 from scipy.spatial.transform import Rotation
@@ -123,6 +123,11 @@ def sizes(effects: Sequence[Elastic]) -> Array:
     return np.array([one.typical for effect in effects for one in effect.parameters], dtype=float)
 
 
+def _each(numbers: Iterable[Sequence[int]]) -> Ints:
+    """Numbers of all effects in one row."""
+    return np.array([*chain.from_iterable(numbers)], dtype=np.int64)
+
+
 class Virtual:
     """The virtual joints of effects at m poses.
 
@@ -137,15 +142,13 @@ class Virtual:
         self._effects, self._loaded = effects, _loaded(here)
         own = [effect.screws(self._loaded) for effect in effects]
         self._ends = np.cumsum([0, *(screws.shape[1] for screws in own)]).tolist()
-        before = np.cumsum([0, *(len(effect.parameters) for effect in effects)]).tolist()
+        before = np.cumsum([0, *(len(effect.parameters) for effect in effects)])
         self.screws = np.concatenate([np.zeros((len(here.q), 0, 6)), *own], axis=1)
-        self.carrier = np.array([c for e in effects for c in e.carrier], dtype=np.int64).clip(1)
-        bears = [e.bears or c for e in effects for c in e.carrier]
-        self.bears = np.array(bears, dtype=np.int64).clip(1)
-        self.parameter = np.array(
-            [k + p for e, k in zip(effects, before, strict=False) for p in e.parameter_of],
-            dtype=np.int64,
-        )
+        self.carrier = _each(effect.carrier for effect in effects).clip(1)
+        bears = ([e.bears] * len(e.carrier) if e.bears else e.carrier for e in effects)
+        self.bears = _each(bears).clip(1)
+        self.parameter = _each(e.parameter_of for e in effects)
+        self.parameter += np.repeat(before[:-1], np.diff(self._ends))
 
     def answers(self, tau: Array) -> Array:
         """How far each moves per unit of its parameter under torques (m, v), shape (m, v)."""

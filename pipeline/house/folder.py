@@ -175,7 +175,13 @@ def _more_than_drawn(text: str) -> str:
         if kind not in _DRAWN:
             return f"<{kind}>"
         for attribute, value in one.attrib.items():
-            leads = attribute in ("href", _XLINK) and not value.startswith("#")
-            if leads or attribute.lower().startswith("on") or _ELSEWHERE.search(value):
+            if _leads(attribute, value):
                 return f"{attribute.removeprefix('{http://www.w3.org/1999/xlink}')}={value[:40]!r}"
     return "" if root.tag == f"{_SVG}svg" else "no <svg>"
+
+
+def _leads(attribute: str, value: str) -> bool:
+    """Whether an attribute acts, or brings something from outside the file."""
+    if attribute in ("href", _XLINK) and not value.startswith("#"):
+        return True
+    return attribute.lower().startswith("on") or bool(_ELSEWHERE.search(value))

@@ -549,20 +549,23 @@ def _read(one: _Hypothesis, springs: Cell, file: str) -> ModelHypothesis:
         raise InputError(
             f"its parameters are not {', '.join(wanted)} with their covariance", _ANEW, file=file
         )
-    told = one.undetermined, one.variance_within
-    if not _fit(*told, len(value)):
-        raise InputError(
-            f"undetermined and variance_within are not of {len(value)} parameters", _ANEW, file=file
-        )
-    free, within = (None if each is None else np.array(each, float).T for each in told)
-    return ModelHypothesis(one.weight, cell, value, cov, free, within)
+    return ModelHypothesis(one.weight, cell, value, cov, *_beyond(one, len(value), file))
 
 
-def _fit(free: list[list[float]] | None, within: list[float] | None, k: int) -> bool:
-    """Whether both are there, with one number for each of k parameters, or neither is."""
+def _beyond(one: _Hypothesis, k: int, file: str) -> tuple[Array | None, Array | None]:
+    """What the covariance of k parameters leaves out: free directions (k, f), variance within (k,).
+
+    Raises:
+        InputError: One is there without the other, or not of k parameters.
+    """
+    free, within = one.undetermined, one.variance_within
     if not free and not within:
-        return True
-    return bool(free and within and {len(row) for row in (*free, within)} == {k})
+        return None, None
+    if not (free and within) or {len(row) for row in (*free, within)} != {k}:
+        raise InputError(
+            f"undetermined and variance_within are not of {k} parameters", _ANEW, file=file
+        )
+    return np.array(free, float).T, np.array(within, float)
 
 
 def _named(robot: Robot, label: str, form: str, file: str) -> Effect:

@@ -74,6 +74,7 @@ def test_positions_are_predicted_with_the_springs_of_both(made, found):
         assert np.abs(off).max() < 1e-4
 
 
+@pytest.mark.whole
 def test_masses_of_the_file_that_are_off_do_not_spoil_predictions_under_load():
     """An arm 6 % heavier than its file says: the pulls tell, and springs and sag go apart."""
     made = mixed(6, poses=40, weight=1.06)
@@ -99,6 +100,7 @@ def on_flange(made, q, pull=None):
     return made.tool @ T[:3, :3].T + T[:3, 3]
 
 
+@pytest.mark.whole
 def test_a_joint_mastered_anew_between_positions_and_pulls_is_found():
     """The pulls' log of joint 5 says a tenth of a degree more than that of the positions."""
     made = mixed(8, poses=40).files

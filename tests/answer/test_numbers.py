@@ -43,6 +43,7 @@ def answer(raw):
     return found
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("plan", "file", "column", "row", "cause"),

@@ -29,7 +29,8 @@ from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import Path
 from pipeline.store.campaign import find
 
-pytestmark = pytest.mark.xdist_group("one_answer")  # one campaign of every verdict is run once
+pytestmark = [pytest.mark.whole, pytest.mark.xdist_group("one_answer")]
+"""One campaign of every verdict is run once."""
 
 ROBOT = load("kr500_rail")
 PLAN = (2026, 9, 1)

@@ -125,6 +125,7 @@ def on_a_terminal(command, answers):
     return out, err, process.returncode
 
 
+@pytest.mark.whole
 def test_a_bar_shows_on_the_terminal_and_stdout_stays_data(tmp_path):
     """With a terminal for stderr and a pipe for stdout: the bar there, one JSON line each here."""
     for name in ("a", "b"):
@@ -195,6 +196,7 @@ def test_doctor_names_what_is_missing_and_the_way_out(tmp_path, monkeypatch):
     assert (found["campaigns"].good, found["campaigns"].needed) == (False, False)
 
 
+@pytest.mark.whole
 def test_doctor_answers_programs(tmp_path):
     """One JSON object per line, whatever was found."""
     done = pipeline(tmp_path, "doctor", "--json")

@@ -95,6 +95,7 @@ def test_every_message_is_one_line_of_a_bearable_length():
     assert str(InputError(**long.parts)) == str(long)
 
 
+@pytest.mark.whole
 def test_a_model_of_any_names_can_be_read_elsewhere():
     """Names beyond ASCII and odd ones: model.toml stays TOML, the others stay XML."""
     made = simulate(Plan(name="c", poses={"count": 8}, pulls={"steps_n": [2000.0]}))
@@ -447,6 +448,7 @@ def finished(tmp_path_factory):
     return root
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("path", "content"),
     [

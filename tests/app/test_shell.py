@@ -68,6 +68,7 @@ def edit(path, old, new):
     path.write_text(text.replace(old, new), "utf-8")
 
 
+@pytest.mark.whole
 def test_a_folder_of_the_same_name_elsewhere_replaces_nothing(done, say, tmp_path):
     """It is refused with the way out, for as long as the first folder is there."""
     other = shutil.copytree(KEPT, tmp_path / "elsewhere" / "c")
@@ -109,6 +110,7 @@ def test_an_empty_name_is_told(fresh, say):
     assert "name of the campaign is empty" in err
 
 
+@pytest.mark.whole
 def test_who_waits_says_so_and_ctrl_c_has_a_sentence(fresh):
     """A real process behind the lock of another run: it says what it waits for; SIGINT is 130."""
     lock = fresh / "data" / "processed" / "c" / ".lock"
@@ -125,6 +127,7 @@ def test_who_waits_says_so_and_ctrl_c_has_a_sentence(fresh):
     assert rest.splitlines() == ["Interrupted; run it again to go on, nothing half-written counts."]
 
 
+@pytest.mark.whole
 def test_who_waited_looks_again_before_computing(done, monkeypatch):
     """What the other run finished meanwhile is taken as it is."""
     from pipeline import run

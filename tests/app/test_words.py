@@ -135,6 +135,7 @@ def test_init_asks_again_for_what_is_no_size(tmp_path):
     assert content["tracker"]["sigma_m"] == pytest.approx(5e-5)
 
 
+@pytest.mark.whole
 def test_init_asks_for_a_robot_again_before_it_asks_further(tmp_path):
     """A brand name finds its robots; nobody answers three questions in vain, or begins anew."""
     command = [*PIPELINE, "init", "a", "--root", str(tmp_path)]

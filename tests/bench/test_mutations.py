@@ -66,6 +66,7 @@ def bad(rows):
 # --- the pipeline --------------------------------------------------------------------------------
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("screenings", "answers"),
     [(SCREENINGS[::15], ANSWERS[:1]), pytest.param(SCREENINGS, ANSWERS, marks=pytest.mark.slow)],
@@ -169,11 +170,13 @@ def softer(said, factor=1.3, joint=1):
     return replace(said, compliance=tuple(values))
 
 
+@pytest.mark.whole
 def test_an_unchanged_answer_is_the_same(before):
     """Nothing to complain about."""
     assert answered_as(before).word == "same"
 
 
+@pytest.mark.whole
 def test_a_silent_change_is_reported(before):
     """Another stiffness without a word; with one it is well, or where it is meant."""
     assert answered_as(softer(before)).word == "silent"
@@ -184,6 +187,7 @@ def test_a_silent_change_is_reported(before):
     assert judge.judge(made(mutation=meant), Played(said=softer(before))).word == "meant"
 
 
+@pytest.mark.whole
 def test_another_answer_that_is_said_to_hold_misleads(before):
     """A mistake is named and corrected, and the stiffness is another all the same."""
     told = replace(softer(before), words={"mistake outlier"}, verdict="bad_data")
@@ -192,6 +196,7 @@ def test_another_answer_that_is_said_to_hold_misleads(before):
     assert answered_as(replace(told, reason="mistake_and_unexplained")).word == "said"
 
 
+@pytest.mark.whole
 def test_a_blind_spot_covers_only_its_own_mutation(before):
     """A change that a listed blind spot owns up to is said; without the listing it is not."""
     off = Mutation("points:", NOTHING.act, covered=("load_point_offset",))
@@ -202,6 +207,7 @@ def test_a_blind_spot_covers_only_its_own_mutation(before):
     assert judge.judge(made(mutation=off), Played(said=unlisted)).word == "silent"
 
 
+@pytest.mark.whole
 def test_one_small_factor_on_all_forces_is_nobodys_to_see(before):
     """All stiffnesses together by 1.2 pass, by 2 they do not."""
 
@@ -213,6 +219,7 @@ def test_one_small_factor_on_all_forces_is_nobodys_to_see(before):
     assert answered_as(together(2.0)).word == "silent"
 
 
+@pytest.mark.whole
 def test_a_number_that_is_none_is_reported(before):
     """In result.json or in a promised column, but not in one that says so."""
     assert answered_as(before, not_finite=("result.json.fit.chi2",)).word == "not finite"
@@ -282,6 +289,7 @@ def test_a_real_nan_in_a_table_is_seen(monkeypatch):
     assert "23_displacements.dx_m" in found.said.not_finite
 
 
+@pytest.mark.whole
 def test_suspicious_screenings_are_answered(before):
     """Where stiffnesses moved and nothing was said, the diagnosis is heard; else it is spared."""
     screened = clean("reduced", SCREENED)

@@ -38,6 +38,7 @@ def clean():
     return Truth(cell.stiffness.tolist(), cell.deflection()), said.answer
 
 
+@pytest.mark.whole
 def test_a_clean_campaign_is_let_go(clean):
     """Springs and test pose lie in their intervals, and nothing is accused."""
     truth, answer = clean
@@ -58,6 +59,7 @@ def accused_of(answer, **cause):
     return wrong
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", ["rail_roll", "outlier", "unlisted_law"])
 def test_a_false_cause_is_counted(clean, name):
     """Whoever accuses a clean campaign is caught, whatever verdict he gives."""
@@ -70,6 +72,7 @@ def test_a_false_cause_is_counted(clean, name):
     assert bool(one.false_causes) == (name != "outlier")
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("name", ["heavy_tails", "tracker_wander", "tracker_noise"])
 def test_a_name_of_noise_accuses_nobody(clean, name):
     """It counts as the family where that is the right one."""
@@ -81,6 +84,7 @@ def test_a_name_of_noise_accuses_nobody(clean, name):
     assert one.family == (name == "heavy_tails")
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("verdict", ["unexplained", "bad_data", "ambiguous", "explained"])
 def test_a_doubt_without_a_name_is_an_accusation(clean, verdict):
     """Only a cause that is right here excuses the verdict that it leads to."""
@@ -97,6 +101,7 @@ def test_a_doubt_without_a_name_is_an_accusation(clean, verdict):
         assert named.accused == (verdict in ("unexplained", "bad_data"))
 
 
+@pytest.mark.whole
 def test_an_interval_beside_the_truth_is_counted(clean):
     """Stiffnesses, deflections and combinations that are elsewhere are not covered."""
     truth, answer = clean
@@ -115,6 +120,7 @@ def test_an_interval_beside_the_truth_is_counted(clean):
     assert [one.covered for one in judged(truth, mixed).combinations] == [True, False]
 
 
+@pytest.mark.whole
 def test_a_reading_is_named_in_place_only(clean):
     """The right group and target, or the right line; a neighbour is an innocent."""
     truth, answer = clean
@@ -134,6 +140,7 @@ def test_a_reading_is_named_in_place_only(clean):
     assert len(said("pose03_rep1_loaded/P1", 82).innocents) == 2
 
 
+@pytest.mark.whole
 def test_what_moves_is_measured_in_standard_uncertainties(clean):
     """A compliance that is two of them off, and one that is no longer there."""
     _, answer = clean

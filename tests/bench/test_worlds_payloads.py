@@ -270,6 +270,7 @@ def test_a_payload_is_mounted_in_minutes():
     assert [row.split(",")[8] for row in rows[:4]] == ["repeat", "0", "1", "2"]
 
 
+@pytest.mark.whole
 def test_targets_of_a_pose_are_one_body():
     """Distances stay, while position and rotation err as stated, each axis by itself."""
     cell = cell_of("poses")
@@ -320,6 +321,7 @@ def weighed():
     return truth, asked(content).answer
 
 
+@pytest.mark.whole
 def test_payloads_as_stated_are_let_go(weighed):
     """Nothing is accused; masses, centres and the further payload's deflection are told."""
     truth, answer = weighed
@@ -333,6 +335,7 @@ def test_payloads_as_stated_are_let_go(weighed):
     assert max(abs(each.pull) for each in (*one.weighed, *one.deflections)) < 5
 
 
+@pytest.mark.whole
 def test_a_payload_is_contradicted_by_number_and_sentence(weighed):
     """A p-value that nobody reads says nothing, and neither does a sentence without one."""
     truth, answer = weighed
@@ -348,6 +351,7 @@ def test_a_payload_is_contradicted_by_number_and_sentence(weighed):
     ]
 
 
+@pytest.mark.whole
 def test_a_mass_beside_the_truth_is_counted(weighed):
     """What the torques say is held against what was mounted, not against what is stated."""
     truth, answer = weighed
@@ -406,6 +410,7 @@ def test_a_payload_that_is_stated_wrong_is_told(name):
     assert one.judged.contradicted == (one.wrong,)
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ["poses", "poses_payloads"])
 def test_a_pose_counts_as_one_quantity(name):

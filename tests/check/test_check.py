@@ -92,6 +92,7 @@ def test_a_whole_table_in_millimetres_is_named_in_its_head():
     assert "is in mm" in found.said
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("kind", ["unit", "decimal", "angle", "horizontal"])
 def test_a_wrong_word_is_named_in_its_line(kind):
     """Unit, decimal mark, unit and sense of angles of an export that states none of them."""
@@ -217,6 +218,7 @@ def test_a_joint_log_in_another_unit_is_told(said):
     assert "in the joint log the numbers are radians and were read as degrees" in err
 
 
+@pytest.mark.whole
 def test_forces_in_another_unit_and_clocks_in_another_zone_are_doubted(said):
     """Both may be right: said, no exit code."""
     loads = FILES["loads.csv"].decode().splitlines()
@@ -298,6 +300,7 @@ def next_of(out):
     return json.loads(out)["next"]
 
 
+@pytest.mark.whole
 def test_base_distances_that_no_motion_explains_are_told_before_a_run(said):
     """Coordinates metres off; no turned frame is claimed, and no run is proposed."""
     text = TOML
@@ -329,6 +332,7 @@ def wrong_link():
     return FILES | {"campaign.toml": text.encode(), "robot.toml": robot.encode()}
 
 
+@pytest.mark.whole
 def test_a_wrong_link_of_the_robot_file_is_told_before_a_run(said):
     """Named with its size, as `run` does, while the robot stands there."""
     _, out, err = said(wrong_link(), "--json")

@@ -278,6 +278,7 @@ def best_of_all(criterion, candidates, poses):
     return np.nanmin(figures)
 
 
+@pytest.mark.whole
 def test_the_bound_is_never_above_a_feasible_value_in_1000_small_problems():
     """Enumeration finds the optimum; the certified bound stays below it, and often near."""
     rng = np.random.default_rng(10)
@@ -406,6 +407,7 @@ def proposal(reference):
     return last
 
 
+@pytest.mark.whole
 @pytest.mark.xdist_group("design")
 def test_three_poses_beat_the_paper_threefold_and_certified(reference, proposal):
     """Epsilon <= 0.305e-2 mm, 98 % efficient, every joint and every limit kept."""
@@ -419,6 +421,7 @@ def test_three_poses_beat_the_paper_threefold_and_certified(reference, proposal)
     assert ((plan.q >= reference.robot.lower) & (plan.q <= reference.robot.upper)).all()
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     "limits",
     [
@@ -453,6 +456,7 @@ def test_a_plan_is_there_after_a_first_quick_round(reference):
     assert figures[0] > figures[-1]
 
 
+@pytest.mark.whole
 @pytest.mark.xdist_group("design")
 def test_no_random_plan_is_below_the_bound(reference, proposal):
     """Plans that descend from elsewhere, without the limit on single compliances, stay above."""

@@ -71,6 +71,7 @@ def driven(q, via):
     return np.vstack(rows)
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_no_pose_and_no_way_between_poses_meets_the_arm(name):
@@ -87,6 +88,7 @@ def test_no_pose_and_no_way_between_poses_meets_the_arm(name):
                 assert all(checked.between(one) > -5e-3 for one in checked.near(checked.watched))
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("name", ROBOTS)
 def test_poses_keep_away_from_limits_and_windings(name):

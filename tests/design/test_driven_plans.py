@@ -135,6 +135,7 @@ def low(checked, floor):
             yield f"{link} in the floor"
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("name", "seed"),
     [pytest.param(*one, marks=[pytest.mark.slow] * (one not in FEW)) for one in PLANS],

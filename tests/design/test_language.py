@@ -91,6 +91,7 @@ def test_names_and_what_people_wrote_stay():
     assert spoken(Language.EN)("Set up") == "Set up"
 
 
+@pytest.mark.whole
 def test_every_file_of_a_sheet_is_in_its_language():
     """Page and paper say so, pictures and workbook too."""
     changes = {"plan": {"poses": 2, "readings": 4}, "anchor": {"x_m": 2.5}}

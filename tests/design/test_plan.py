@@ -261,6 +261,7 @@ def test_an_exchange_names_more_within_what_is_allowed(proposal):
     assert last.named == sum(size <= 1 for size in again.values())
 
 
+@pytest.mark.whole
 def test_readings_that_cannot_be_shared_are_refused():
     """Nine poses with one or two pulls cannot make four readings."""
     made = changed("diagnosis_reference", plan={"poses": 4, "readings": 4}, diagnosis={"poses": 9})

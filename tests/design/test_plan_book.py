@@ -109,6 +109,7 @@ def command(capsys, *words):
     return ended.value.code, *capsys.readouterr()
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("comma", "language"), [(True, "en"), (False, "en"), (True, "de"), (True, "fr")]

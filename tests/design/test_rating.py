@@ -102,6 +102,7 @@ def test_a_design_pulls_as_the_robot_is_rated():
         problem.build(hard, load("ur10e"))
 
 
+@pytest.mark.whole
 def test_a_force_that_the_robot_would_not_hold_is_told_and_the_robot_called_by_its_name():
     """The report says which pull and how many times the payload, as a fact and as a sentence."""
     text = load("kr500_rail").text.replace('name = "kr500_rail"', 'name = "lab_arm"', 1)

@@ -284,6 +284,7 @@ DESIGNS = [(robot, seed) for seed in range(1, 5) for robot in BODIED]
 FEW = {("kr500_rail", 1)}
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("robot", "seed"),
     [pytest.param(*one, marks=[pytest.mark.slow] * (one not in FEW)) for one in DESIGNS],

@@ -141,6 +141,7 @@ def proposal():
     return last
 
 
+@pytest.mark.whole
 def test_poses_without_a_pull_find_what_three_poses_cannot(proposal):
     """The plan file is rehearsed by a robot whose forearm is 5 mm longer than its table says."""
     plan = parse(plan_text(proposal, "short.toml"))

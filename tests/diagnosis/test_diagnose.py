@@ -235,6 +235,7 @@ def test_the_extended_model_gives_back_the_planted_size_and_the_springs():
     assert len(found.estimate.value) == len(before.value) + 1
 
 
+@pytest.mark.whole
 def test_what_the_diagnosis_says_fits_into_result_json_and_the_tables():
     """The answer is JSON without NaN, and the tables keep their promises."""
     found, cell, data, system, estimate = examined(27, "rail_roll")

@@ -237,6 +237,7 @@ def many():
     return out
 
 
+@pytest.mark.whole
 def test_springs_that_agree_have_the_chi_square_of_chance(many):
     """Over many worlds its mean is its degrees of freedom."""
     found = [held for *_, held in many]
@@ -245,6 +246,7 @@ def test_springs_that_agree_have_the_chi_square_of_chance(many):
     assert np.mean([one.chi2 for one in found]) == pytest.approx(6, abs=3.5 * np.sqrt(12 / 40))
 
 
+@pytest.mark.whole
 def test_intervals_of_both_together_hold_and_are_the_nearest(many):
     """95 % of the springs lie in them; the pulls alone err by more, in the same measure."""
     off = np.array([(both.value - truth) / both.std for _, both, truth, _ in many])

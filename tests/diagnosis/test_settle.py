@@ -114,6 +114,7 @@ def test_contamination_is_a_slope_and_no_cliff(count, size_m):
     assert len(named - true) <= 1
 
 
+@pytest.mark.whole
 def test_a_bad_reading_beside_a_cause_is_neither_of_both():
     """A carriage that rolls, and one reading of 1 mm: the cause, and the reading."""
     case = small(8, poses={"count": 9}, hidden={"effects": ["rail_roll=3x"]})
@@ -125,6 +126,7 @@ def test_a_bad_reading_beside_a_cause_is_neither_of_both():
     assert [effect.label for effect in end.diagnosis.modelled] == ["rail_roll"]
 
 
+@pytest.mark.whole
 def test_where_nobody_states_a_noise_the_others_say_which_readings_are_off():
     """Two of 54 loaded readings off by 2 mm, the scatter found in the rest: these, and no other."""
     case = small(7, poses={"count": 9}, tracker={"sigma_m": 3e-5, "stated": False})
@@ -137,6 +139,7 @@ def test_where_nobody_states_a_noise_the_others_say_which_readings_are_off():
     assert end.diagnosis.facts.bounds.tracker < 1
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("spoilt_pull", [True, False])
 def test_a_pose_that_is_read_as_one_settles(spoilt_pull):
@@ -160,6 +163,7 @@ def test_a_pose_that_is_read_as_one_settles(spoilt_pull):
     assert again.right.estimate.value == pytest.approx(end.right.estimate.value, rel=1e-12)
 
 
+@pytest.mark.whole
 def test_a_campaign_that_arrives_reduced_settles():
     """Displacements of the kept campaign, forces tripled in one pull: not green, nor an error."""
     raw = {path.name: path.read_bytes() for path in (KEPT / "fanuc_r2000ic").iterdir()}
@@ -179,6 +183,7 @@ def test_a_campaign_that_arrives_reduced_settles():
     assert str(verdict(end.diagnosis.facts)) not in ("adequate", "explained")
 
 
+@pytest.mark.whole
 def test_noise_of_twenty_times_the_stated_is_no_noise():
     """No reading is accused for it, no cause found, and yet it is not adequate."""
     end = settled(small(5, poses={"count": 9}, tracker={"sigma_m": 3e-5, "noise_scale": 20.0}))

@@ -234,6 +234,7 @@ def test_a_jump_is_sought_between_all_pulls_and_not_the_first_of_each_pose():
     assert size[-4] < max(at) < size[-3]
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("lost_n", [150.0])
 def test_a_scale_with_a_dead_band_is_named_and_leaves_the_springs_alone(lost_n):
     """Written into the log by hand: pulls below 1800 N read 150 N too little."""

@@ -141,6 +141,7 @@ def test_a_table_that_is_rough_everywhere_is_corrected_and_not_accused(causes):
     assert not replace(found, rough=False).corrects
 
 
+@pytest.mark.whole
 def test_stiffnesses_rest_on_the_table_that_is_proven():
     """Off a little everywhere: the answer and the machine handed over have the estimated table.
 
@@ -163,6 +164,7 @@ def test_stiffnesses_rest_on_the_table_that_is_proven():
         raw.robot, letters(raw.robot)), off, atol=1e-12)  # fmt: skip
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("label", "size"),
@@ -234,6 +236,7 @@ def rough(case, size, seed, **wrong):
     return asked(replace(case, robot=changed(case.robot, every, off)))
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("seed", [1, 2, 3])
 def test_a_table_rough_everywhere_is_carried_and_not_accused(seed, causes):

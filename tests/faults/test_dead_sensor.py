@@ -46,6 +46,7 @@ def with_forces(made, force):
     return written(made, "loads.csv", head, [[*row[:2], force, *row[3:]] for row in rows])
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("factor", [1e-9, 0.0, 1e-300])
 def test_displacements_of_a_dead_sensor(factor):
@@ -79,6 +80,7 @@ def test_one_force_copied_down_the_column(seed):
     assert found.hopeless
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("seed", range(3))
 @pytest.mark.parametrize("force", ["1200.00", "3000.00"])

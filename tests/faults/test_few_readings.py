@@ -28,6 +28,7 @@ def lost(made, pose):
     return written(made, "tracker.csv", head, new)
 
 
+@pytest.mark.whole
 def test_the_fullest_pose_has_no_displacement():
     """Its forces are known, its zeros are not: the next pose is pulled as another one was."""
     steps = [[1000.0, 2000.0, 3000.0, 1500.0], [1200.0, 3000.0], [1200.0, 3000.0]]
@@ -48,6 +49,7 @@ def test_base_reflectors_of_which_no_three_agree():
     assert np.isfinite(seen.t).all()
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("layout", ["uneven", "three"])
 @pytest.mark.parametrize("step", [1, 2])

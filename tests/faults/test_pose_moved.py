@@ -128,6 +128,7 @@ def test_the_engineer_is_told_to_measure_that_pose_again(said):
     assert "in pose 4 the effector moved by 0." in said.first_screen[0].text
 
 
+@pytest.mark.whole
 def test_a_cause_that_displaces_some_poses_is_no_knock():
     """Most of it in one pose; but then that pose is not alone."""
     made = files(1, hidden={"effects": ["link_bending:upper_arm=2x"]})

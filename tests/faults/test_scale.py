@@ -121,6 +121,7 @@ def test_a_tracker_knocked_during_a_pull_is_not_laid_on_the_scale():
     assert not screened({**files, "tracker.csv": knocked}).findings
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(("factor", "named"), [(0.8, 0), (4.0, 3)])
 def test_a_pose_that_is_off_by_one_factor_has_no_mistyped_readings(factor, named):
     """Nobody mistypes all its pulls alike, unless by more than any machine is soft."""

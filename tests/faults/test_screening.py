@@ -124,6 +124,7 @@ def test_an_outlier_is_seen_beside_a_fault_of_the_model():
     assert [(f.name, f.where) for f in found] == [("outlier", truth["outlier"])]
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("off_m", [0.0, 1e-3])
 def test_a_reading_that_a_cause_explains_comes_back(off_m):
@@ -305,6 +306,7 @@ def test_a_value_beyond_a_limit_that_readings_contradict_costs_its_pose():
     assert len(screened.case.joints) == len(rest)
 
 
+@pytest.mark.whole
 @pytest.mark.usefixtures("unseen")
 def test_the_answer_has_both_results(tmp_path):
     """result.json: bad_data, the corrected values at the top, as given under joint_springs."""

@@ -128,6 +128,7 @@ def raw(small_plan):
     return made
 
 
+@pytest.mark.whole
 def test_priors_change_odds_and_nothing_where_they_say_nothing(raw):
     """Odds of 1 and sizes of 1 give the answer to the last digit; others are said."""
     plain = answered("a", raw()).answer

@@ -92,6 +92,7 @@ def rippled():
     return readings, studied(readings), ripple
 
 
+@pytest.mark.whole
 def test_a_ripple_is_named_with_joint_kind_and_order(rippled):
     _, found, _ = rippled
 
@@ -129,6 +130,7 @@ def test_predictions_of_poses_never_measured_hold_the_truth(rippled):
     assert len(readings) == 420
 
 
+@pytest.mark.whole
 def test_nothing_is_named_where_there_is_nothing():
     found = studied(made(300, np.random.default_rng(8)))
 
@@ -137,6 +139,7 @@ def test_nothing_is_named_where_there_is_nothing():
     assert found.stages[-1].mean(Parting.BETWEEN) < 0.04e-3
 
 
+@pytest.mark.whole
 def test_a_reading_metres_off_is_left_out_and_moves_nothing():
     readings = made(300, np.random.default_rng(8))
     at = readings.at.copy()
@@ -216,6 +219,7 @@ def slipped():
     return readings, studied(readings)
 
 
+@pytest.mark.whole
 def test_a_joint_that_slipped_once_is_named_with_its_pose(slipped):
     """Though no other series could tell it: parts of joint space do."""
     _, found = slipped
@@ -228,6 +232,7 @@ def test_a_joint_that_slipped_once_is_named_with_its_pose(slipped):
     assert found.stages[-1].mean(Parting.BETWEEN) < 0.03e-3
 
 
+@pytest.mark.whole
 def test_predictions_are_of_the_robot_after_it_slipped(slipped):
     """Of no known time: whatever is predicted comes after what was read."""
     _, found = slipped
@@ -249,6 +254,7 @@ def test_predictions_are_of_the_robot_after_it_slipped(slipped):
     assert told.std[:, 0, :3].max() < 0.1e-3
 
 
+@pytest.mark.whole
 def test_a_step_of_torque_makes_no_prediction_uncertain_for_its_torque():
     """It is as high at any torque: only its amplitude is uncertain, as it is of a joint at rest."""
     found = studied(made(120, np.random.default_rng(8))).final
@@ -265,6 +271,7 @@ def test_a_step_of_torque_makes_no_prediction_uncertain_for_its_torque():
     assert predict(model, *asked).std.max() < 1.1 * predict(plain, *asked).std.max() + 1e-5
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("size", [2e-4, 0.05])
 def test_an_instrument_that_was_knocked_begins_a_series(size):

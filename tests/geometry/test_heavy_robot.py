@@ -75,6 +75,7 @@ def crooked():
     return Crooked(5)
 
 
+@pytest.mark.whole
 def test_poses_left_out_are_predicted_to_their_noise(crooked):
     """0.01 mm of the tracker and 0.01 mrad of each joint are some 0.04 mm at the tool."""
     model = loads(dumps(standing("made", crooked.found.final)), "positions.npz")
@@ -88,6 +89,7 @@ def test_poses_left_out_are_predicted_to_their_noise(crooked):
     assert 0.88 < inside.mean() < 0.99
 
 
+@pytest.mark.whole
 def test_weight_and_rail_are_named_before_laws_nobody_listed(crooked):
     found = crooked.found
 
@@ -104,6 +106,7 @@ def test_weight_and_rail_are_named_before_laws_nobody_listed(crooked):
         assert size[name] == pytest.approx(np.std(truth[:, axis]), rel=0.2)
 
 
+@pytest.mark.whole
 def test_a_crooked_rail_is_no_instrument_that_moved(crooked):
     assert crooked.found.moved == ()
     assert crooked.found.bad == ()
@@ -111,6 +114,7 @@ def test_a_crooked_rail_is_no_instrument_that_moved(crooked):
     assert steps[Step.CATALOGUE] < steps[Step.SPRINGS] / 2
 
 
+@pytest.mark.whole
 def test_a_moment_without_masses_is_a_product(crooked):
     """Mass and stiffness are not told apart without a load that is known."""
     (sag,) = (cause for cause in crooked.found.causes if cause.name == "gravity_sag")
@@ -159,6 +163,7 @@ def test_derivatives_by_weight_and_bearings_are_those_of_differences():
                 assert np.abs(slope - here.D[..., k]).max() < 0.02 * scale
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(3)
 @pytest.mark.parametrize(
     ("mistaken", "name", "where"),
@@ -212,6 +217,7 @@ def weighing(robot, mass):
     return replace(robot, joints=joints)
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("wrong", [True, False])
 def test_masses_of_the_file_are_believed_only_if_the_readings_agree(wrong):

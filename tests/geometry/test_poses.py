@@ -68,6 +68,7 @@ def answer():
     return answered("six", in_memory(made(poses=16, tracker=SIX))).answer
 
 
+@pytest.mark.whole
 def test_a_6d_campaign_is_adequate_and_its_springs_are_right(answer):
     """Six rows to a pull, noise from repeats and residuals, whatever is not said."""
     files = made(poses=16, tracker=SIX)
@@ -171,6 +172,7 @@ def test_the_rotation_of_a_pose_has_its_own_uncertainty():
     assert alike.loaded_cov[1] == pytest.approx(5e-5**2 * np.eye(3))
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(("kind", "verdict"), [
     ("laser_tracker", "unexplained"), ("camera", "adequate"), ("arm", "adequate"),
@@ -216,6 +218,7 @@ def test_an_instrument_that_cannot_be_is_refused(name):
         parse(text)
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     "hidden", ["link_twist:5=5e-3", "link_length:4=0.02", "joint_offset:3=3e-3"]

@@ -101,6 +101,7 @@ def test_joint_rows_that_are_shuffled_find_their_positions(right):
     assert np.allclose(joints(put_right), right[JOINTS])
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("column", "factor", "where"),
     [("z_mm", 1e-3, "z_m"), ("theta3_deg", np.pi / 180, "theta3_rad")],

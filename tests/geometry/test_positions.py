@@ -225,6 +225,7 @@ def test_the_picture_shows_where_the_robot_stands(hall):
     assert set(read["51_curve_readings"]["joint"]) == set(read["50_curves"]["joint"])
 
 
+@pytest.mark.whole
 def test_a_joint_that_errs_from_pose_to_pose_is_said(tmp_path):
     """Nothing explains it, and the readings are not called faultless."""
     folder = tmp_path / "data" / "raw" / "hall"

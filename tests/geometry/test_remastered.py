@@ -32,6 +32,7 @@ def stood(case):
     return made, standing(made.cell, made.reduced.data, 1.0, catalogue(case.robot))
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize(
     ("seed", "joint", "pose", "size"),
@@ -66,6 +67,7 @@ def test_no_zero_changed_in_a_clean_campaign(seed):
     assert all(not one.effect.form for one in found.causes)
 
 
+@pytest.mark.whole
 def test_a_changed_zero_is_found_beside_one_that_was_wrong_from_the_beginning():
     """Both by name: the table's entry, and the change."""
     case = relogged(clean(3, hidden=("joint_offset:3=4x",)), 5, 6, 2e-3)
@@ -74,6 +76,7 @@ def test_a_changed_zero_is_found_beside_one_that_was_wrong_from_the_beginning():
     assert said == {(3, ""), (5, "since pose 6")}
 
 
+@pytest.mark.whole
 def test_a_zero_that_is_wrong_since_it_changed_is_both():
     """The table's entry is wrong as the robot stands now, and was right before."""
     before = relogged(clean(3), 3, 7, 2e-3)
@@ -84,6 +87,7 @@ def test_a_zero_that_is_wrong_since_it_changed_is_both():
     assert [one.value[0] for one in found.causes] == pytest.approx([2e-3, 2e-3], abs=1e-4)
 
 
+@pytest.mark.whole
 def test_the_order_of_time_counts_and_not_that_of_numbers():
     """Poses numbered the other way round: those that were read later are those after it."""
     case = clean(4)

@@ -109,6 +109,7 @@ def test_a_robot_off_its_table_everywhere_is_not_accused():
     assert any(s.name == "joint_offset" for s in found.blind_spots)
 
 
+@pytest.mark.whole
 def test_an_innocent_robot_has_no_blind_spot_there():
     """Where the reflectors stand as the table says, a wrong zero of joint 3 would have shown."""
     found = said(clean())
@@ -151,6 +152,7 @@ def test_a_wrong_zero_is_named_beside_a_stated_uncertainty():
     assert found.unloaded_off_mm[1] < 0.05
 
 
+@pytest.mark.whole
 def test_within_its_stated_uncertainty_no_zero_is_wrong():
     """The same log, stated to be uncertain by as much."""
     files = logged(theta3_deg=0.1)

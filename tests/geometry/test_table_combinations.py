@@ -54,6 +54,7 @@ def test_what_places_the_robot_is_in_no_combination():
         assert not members & {"link_length:2", "link_offset:2", "link_offset:7", "joint_offset:7"}
 
 
+@pytest.mark.whole
 def test_combinations_are_off_by_what_is_stated():
     """Twenty robots, every combination, against what their entries really are off by."""
     pulls = []

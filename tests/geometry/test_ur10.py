@@ -48,6 +48,7 @@ def judged(model, readings):
     return off, told.std[:, 0, :3]
 
 
+@pytest.mark.whole
 def test_every_twentieth_pose_tells_the_table(campaign):
     """Too few for curves: table and springs, and poses between are nearer than by the table."""
     _, read = campaign

@@ -41,6 +41,7 @@ def root(tmp_path):
     return tmp_path
 
 
+@pytest.mark.whole
 def test_a_certificate_has_what_the_house_adds(root):
     """Logo, lines with what campaign.toml says, and annexes in its order, on page and paper."""
     look = looks(root)({"fields": {"order": "4711"}}, FACTS)

@@ -57,6 +57,7 @@ def designed(tmp_path_factory):
     return root
 
 
+@pytest.mark.whole
 def test_the_commands_that_a_design_prints_work_for_an_own_robot(designed, monkeypatch, capsys):
     """Robot file beside the problem, plan in data/plans: rehearsed and prepared as it says."""
     monkeypatch.chdir(designed)
@@ -182,6 +183,7 @@ def test_a_force_of_the_criterion_is_told_from_that_of_a_pose():
         spec.parse(PROBLEM.replace('kind = "D"', 'kind = "workspace"\nforce_n = [0, 0, -800]'))
 
 
+@pytest.mark.whole
 def test_a_plan_on_top_of_a_campaign_has_the_name_that_is_typed(tmp_path, monkeypatch, capsys):
     """`--name more --add-to practice` writes more.toml."""
     monkeypatch.chdir(tmp_path)
@@ -197,6 +199,7 @@ def test_a_plan_on_top_of_a_campaign_has_the_name_that_is_typed(tmp_path, monkey
     assert plans == ["more.problem.toml", "more.toml"]
 
 
+@pytest.mark.whole
 def test_the_picture_of_a_pose_stands_on_its_page(designed):
     """Heading, axes to drive to and picture of each pose are on one page of the sheet."""
     pdf = pypdfium2.PdfDocument(designed / "reports" / "plans" / "hall7" / "sheet.pdf")

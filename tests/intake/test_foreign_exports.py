@@ -565,6 +565,7 @@ def test_many_tables_of_any_make_are_read_right_or_asked():
     assert asked <= most
 
 
+@pytest.mark.whole
 def test_whoever_runs_is_told_of_two_faces_and_of_times_that_are_none(small_campaign):
     """A whole campaign in polar coordinates, every point read in both faces, its clock stopped."""
     rows = list(csv.DictReader(small_campaign.files["tracker.csv"].decode().splitlines()))

@@ -92,6 +92,7 @@ def test_the_package_says_that_it_is_typed():
     assert "py.typed" in packed["package-data"]["pipeline"]
 
 
+@pytest.mark.whole
 def test_a_notebook_shows_a_screen_and_no_bytes(ran, result):
     """A campaign and a result are shown in few lines; stiffnesses are found by their names."""
     campaign = pipeline.load_campaign(ran / "data" / "raw" / "small")

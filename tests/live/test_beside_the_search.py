@@ -24,6 +24,7 @@ def standing():
     return Standing.of(campaign, identify(campaign))
 
 
+@pytest.mark.whole
 def test_values_are_those_of_a_search(standing):
     """Within a tenth of their uncertainty, at a fraction of its price."""
     more = read(*SEVEN, *of_pose(8))
@@ -92,6 +93,7 @@ def test_after_a_quarter_more_poses_causes_are_sought_again(standing):
     assert isinstance(standing.beside(read(*SEVEN, *lines)), tuple)
 
 
+@pytest.mark.whole
 def test_the_last_planned_pose_is_searched_and_a_pause_too():
     """What is said in the end is the answer of `run`, to the last digit."""
     cut = {**OTHERS}
@@ -137,6 +139,7 @@ def test_what_nothing_explains_is_told_though_the_search_is_silent(standing):
     assert judged(read(*SEVEN), standing.result).suspects == ()
 
 
+@pytest.mark.whole
 def test_a_reading_that_is_shot_again_is_cleared_by_a_search():
     state = Live("demo")
     state.look(table(*SEVEN), 0.0)

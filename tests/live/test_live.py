@@ -56,6 +56,7 @@ def told():
     return out
 
 
+@pytest.mark.whole
 def test_a_pose_is_told_and_not_its_steps(told):
     assert told[0].pose == 2
     assert told[0].accepted
@@ -79,6 +80,7 @@ def test_a_reading_that_is_shot_again_replaces_it(told):
     assert told[4].accepted
 
 
+@pytest.mark.whole
 def test_a_pose_is_told_when_it_is_measured_and_not_when_the_next_begins():
     """Of the pose that has just begun nothing is said."""
     state, (first, *_) = Live("demo"), steps(2)
@@ -127,6 +129,7 @@ def test_the_end_is_the_run():
     assert worth == sorted(worth, reverse=True)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(("most_mm", "decided"), [(1.5, "pass"), (0.4, "fail"), (0.91, None)])
 def test_it_ends_when_the_tolerance_is_decided(most_mm, decided):
     """The demo deflects by 0.910 mm at its test pose."""
@@ -149,6 +152,7 @@ def test_an_update_is_one_line_of_json():
     assert keys <= set(json.loads(one.as_json()))
 
 
+@pytest.mark.whole
 def test_the_command_follows_a_file_that_another_program_writes(tmp_path):
     folder = tmp_path / "data" / "raw" / "hall"
     folder.mkdir(parents=True)

@@ -11,6 +11,7 @@ def warned(campaign):
     return judged(campaign, identify(campaign)).warnings
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     ("effect", "poses", "done"),
     [("scale_zero=2x", 8, "read it empty"), ("scale_hysteresis=2x", 4, "pull up only"),
@@ -38,6 +39,7 @@ def moved(line, at=None):
     return ",".join(there)
 
 
+@pytest.mark.whole
 def test_a_tracker_that_was_knocked_sends_one_to_the_base_reflectors():
     """Before the base is read again, also where its times say nothing, and after that."""
     poses = [one for k in range(1, 6) for one in of_pose(k)]

@@ -194,6 +194,7 @@ def joint_4():
     return soft_one_way()[3].answer.stiffness[3]
 
 
+@pytest.mark.whole
 def test_a_gear_that_is_stiffer_one_way_is_named_with_both_stiffnesses():
     """The cause, its place and both compliances, whose intervals hold the machine's."""
     _, true, _, run = soft_one_way()
@@ -211,6 +212,7 @@ def test_a_gear_that_is_stiffer_one_way_is_named_with_both_stiffnesses():
     assert abs(joint_4().by_sign.correlation) < 1
 
 
+@pytest.mark.whole
 def test_the_stiffness_is_that_of_the_test_poses_side():
     """Value, compliance and interval are those of one side, budget and model.toml agree."""
     *_, run = soft_one_way()
@@ -258,6 +260,7 @@ def test_a_prediction_has_the_stiffness_of_its_torque():
     assert np.max(np.abs(there / back - 1)) > 0.02
 
 
+@pytest.mark.whole
 def test_a_corrected_path_says_both_stiffnesses_and_where_each_holds():
     """Signs by moments about the axis; theta4 turns against A3, so minus is its positive torque."""
     _, true, _, run = soft_one_way()
@@ -314,6 +317,7 @@ def test_the_first_screen_and_the_table_say_which_way_the_axis_turns():
     assert row[titles.index("Turned towards plus")].text.startswith(shown)
 
 
+@pytest.mark.whole
 def test_pulls_that_turn_a_joint_one_way_leave_the_other_in_the_dark():
     """Of two sides of a spring one is seen: no cause, and it is among the blind spots."""
     rules = Rules(poses=12)
@@ -355,6 +359,7 @@ def heavy(robot):
     return text.replace('name = "kr500_rail"', 'name = "heavy"')
 
 
+@pytest.mark.whole
 def test_a_heavy_arm_has_its_kink_where_the_total_torque_is_zero():
     """The weights of the links hold joint 3 on one side: the form `total`, with both values."""
 

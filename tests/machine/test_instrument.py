@@ -173,6 +173,7 @@ def test_what_is_stated_comes_before_the_data_sheet(tables, source):
         assert side @ C @ side == pytest.approx(((15e-6 + 6e-6 * reach) / np.sqrt(3)) ** 2)
 
 
+@pytest.mark.whole
 def test_the_answer_says_where_the_noise_is_from():
     """By its data sheet, or that none is known, with the names that are near."""
     known = answered("known", made(instrument=MODEL)).answer

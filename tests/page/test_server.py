@@ -142,6 +142,7 @@ def test_no_name_leads_out_of_the_folder(demo, tmp_path, name):
     assert sorted(tmp_path.rglob("*")) == before
 
 
+@pytest.mark.whole
 def test_run_is_armed_by_the_check_and_disarmed_by_any_change(demo):
     """A file that is touched after it was checked is another campaign."""
     assert "check first" in demo.post("/c/hall/run").json()["problem"]
@@ -156,6 +157,7 @@ def test_run_is_armed_by_the_check_and_disarmed_by_any_change(demo):
     assert "check first" in demo.post("/c/hall/run").json()["problem"]
 
 
+@pytest.mark.whole
 def test_a_wrong_line_is_shown_beside_its_reason(demo, tmp_path):
     """And nothing runs."""
     path = tmp_path / "data" / "raw" / "hall" / "campaign.toml"
@@ -177,6 +179,7 @@ def until(client, *states, most_s=120):
     return now
 
 
+@pytest.mark.whole
 def test_a_run_gives_the_answer_of_the_command(demo, tmp_path):
     """The same result.json; a second Run while it runs is the same run."""
     demo.post("/c/hall/check")
@@ -241,6 +244,7 @@ def test_a_name_is_no_option(client, name):
     assert "plain name" in said.json()["problem"]
 
 
+@pytest.mark.whole
 def test_a_wrong_point_is_not_accepted(demo, tmp_path):
     """`check` says what to correct and to check again: nothing is armed."""
     path = tmp_path / "data" / "raw" / "hall" / "campaign.toml"
@@ -252,6 +256,7 @@ def test_a_wrong_point_is_not_accepted(demo, tmp_path):
     assert demo.post("/c/hall/run").status_code == 400
 
 
+@pytest.mark.whole
 def test_what_is_broken_in_the_terminal_is_mended_here(demo, tmp_path):
     """The text of campaign.toml is there, whatever it says."""
     path = tmp_path / "data" / "raw" / "hall" / "campaign.toml"
@@ -293,6 +298,7 @@ AT = "X 3240.228,Y 7819.707,Z 1368.394,A -117.033,B -23.82,C -102.579,E1 8500.0"
 DAT = f"DEFDAT part\nDECL E6POS XP1={{{AT}}}\nENDDAT\n"
 
 
+@pytest.mark.whole
 def test_the_points_of_a_program_are_read_beside_it(demo):
     """A .src says which are driven and how, its .dat where they are: one is corrected, by both."""
     demo.post("/c/hall/check")
@@ -313,6 +319,7 @@ def test_the_points_of_a_program_are_read_beside_it(demo):
     assert "plain" in corrected("part.src", SRC, "../part.dat", DAT)["problem"]
 
 
+@pytest.mark.whole
 def test_a_log_that_was_not_recognised_is_chosen_among_the_files(client, tmp_path):
     """Titles that nobody knows: its name is not to be typed."""
     drop(client, DEMO / "tracker.csv", DEMO / "joints.csv")

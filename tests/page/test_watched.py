@@ -3,6 +3,7 @@
 import json
 import time
 
+import pytest
 from test_server import DEMO, client, drop, outside  # noqa: F401  # fixtures
 
 from pipeline.page import drawing
@@ -17,6 +18,7 @@ def measured(poses):
     return "".join([TITLES, *base, *some])
 
 
+@pytest.mark.whole
 def test_poses_that_come_are_shown_until_it_is_stopped(client, tmp_path):  # noqa: F811
     drop(client, *(DEMO / one for one in ("loads.csv", "joints.csv", "campaign.toml")))
     export = tmp_path / "data" / "raw" / "hall" / "tracker.csv"

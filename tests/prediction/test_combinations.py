@@ -283,6 +283,7 @@ def test_no_reading_that_says_anything_is_no_rejection_either():
     assert "no stiffness and no combination" in " ".join(found.answer.verdict_sentence)
 
 
+@pytest.mark.whole
 def test_one_displacement_has_a_report():
     """All arrows begin in one place, from which no picture takes its shape."""
     q = np.array([[0.3, 0.2, -0.1, 0.5, -1.0, 0.3]])

@@ -81,6 +81,7 @@ def test_what_is_close_to_the_limit_is_undecided(d, u, said):
     assert decide(d, u, 1.0) == said
 
 
+@pytest.mark.whole
 def test_a_path_passes_and_fails_by_stretches(found):
     """Five points, the light ones first and last: pass, undecided, fail, pass; poses as filed."""
     answer, mm = found[0].answer, found[1]

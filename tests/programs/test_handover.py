@@ -113,6 +113,7 @@ def models(read_back):
     return [handed(campaign, read_back) for campaign in drawn]
 
 
+@pytest.mark.whole
 def test_the_offsets_correct_the_path_to_the_stated_uncertainty(path, models, true):
     """Thirty noisy campaigns: what is left on the true robot scatters as stated, no more."""
     points = path_rows(path, slice(None, None, 10))
@@ -128,6 +129,7 @@ def test_the_offsets_correct_the_path_to_the_stated_uncertainty(path, models, tr
     assert np.mean(squares) == pytest.approx(1.0, abs=0.3)
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(
     "seed", [0, *(pytest.param(k, marks=pytest.mark.slow) for k in range(1, 6))]
 )
@@ -278,6 +280,7 @@ def test_an_undetermined_spring_makes_predictions_uncertain_where_it_acts(demo):
     assert np.isfinite(blind.predict(q, [300.0, -500.0, 200.0], [0.0, 0.0, 0.3]).std).all()
 
 
+@pytest.mark.whole
 def test_a_prediction_is_that_of_draws_over_the_hypotheses(demo):
     """Draw a hypothesis by its weight, then its parameters: mean and spread are what is stated."""
     (one,) = IdentifiedModel.load(demo / "reports" / "kr500_demo" / "model.toml").hypotheses

@@ -471,6 +471,7 @@ TARGET = NAME.filter(lambda name: not (set(re.findall(r"[^\W_]+", name.lower()))
 """A row called mean, max or CENTROID is a statistic of others, and rejected as one."""
 
 
+@pytest.mark.whole
 @settings(max_examples=100, deadline=2000)
 @given(st.lists(st.tuples(NAME, TARGET, NUMBERS, NUMBERS, NUMBERS), min_size=1, max_size=8))
 def test_any_names_and_numbers_come_back(rows):

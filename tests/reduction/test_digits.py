@@ -53,6 +53,7 @@ def test_the_variance_of_the_last_digit_is_in_that_of_every_reading():
     assert (variances(rounded(files, 4)) == before).all()
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("seed", range(1, 7))
 def test_coarse_digits_are_no_noise_of_the_tracker_and_accuse_no_reflector(seed):
@@ -113,6 +114,7 @@ def test_a_coarse_scale_makes_each_force_less_certain():
     assert before == pytest.approx(4.0, rel=1e-3)
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("seed", range(1, 7))
 def test_many_readings_at_one_mark_of_a_coarse_scale_are_neither_copies_nor_noise(seed):

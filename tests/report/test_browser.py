@@ -292,6 +292,7 @@ def test_a_smuggled_script_does_not_run(browser, tmp_path):
     page.close()
 
 
+@pytest.mark.whole
 def test_it_prints_without_cutting_a_figure(opened, tmp_path):
     """On paper every figure stands whole on one page and no control is printed."""
     page = opened()

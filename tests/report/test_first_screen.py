@@ -229,7 +229,7 @@ def test_the_report_says_what_it_is_filed_by():
     assert "date" not in told["Not stated"].split("; ")
     assert told["Poses and pulls"] == "16 poses, 48 pulls of 1000 N to 3000 N"
     assert told["Temperature of rail and base"] == "21.5 °C"
-    assert told["Software"] == "pipeline 0.1.0"
+    assert told["Software"] == "pipeline 1.0.0"
 
 
 def test_a_label_is_called_as_the_controller_calls_its_axis():

@@ -576,6 +576,7 @@ def test_figures_follow_the_colours_of_the_page(html):
     assert re.findall(r"#[0-9a-f]{3,6}\b|\brgb\(", pictures) == []
 
 
+@pytest.mark.whole
 def test_no_title_is_cut_by_the_edge_of_its_figure(sample):
     """The longest name of a model, of a cause and of its place, in the narrowest plots."""
     model = {"model": "averaged"}

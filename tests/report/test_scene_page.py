@@ -315,6 +315,7 @@ def test_motion_is_left_out_where_it_is_not_wanted(opened):
     assert np.abs(dots(moving) - at_once).max() < 0.2
 
 
+@pytest.mark.whole
 def test_without_scripts_there_is_a_still(opened):
     """The picture, its words and its table are there where scripts are off; no dead button is."""
     page = opened(java_script_enabled=False)

@@ -106,6 +106,7 @@ def test_a_matplotlibrc_there_is_not_opened(tmp_path, module):
     assert (done.returncode, done.stderr) == (0, "")
 
 
+@pytest.mark.whole
 def test_pictures_are_the_same_whatever_matplotlib_was_told(tmp_path):
     """Also in a program that has imported it itself, settings of that folder and all."""
     (tmp_path / "matplotlibrc").write_text("lines.linewidth: 9\naxes.linewidth: 9\n")
@@ -122,6 +123,7 @@ def test_pictures_are_the_same_whatever_matplotlib_was_told(tmp_path):
     assert told.partition("\n")[2] == plain.partition("\n")[2]
 
 
+@pytest.mark.whole
 def test_processes_of_ours_take_no_module_from_there(trap, script, tmp_path):
     """`run --jobs` starts Python anew, which would look into the current folder first."""
     ran = carried_out(trap, script, "run", "x", "--root", tmp_path, "--jobs", 2, "--force")
@@ -169,6 +171,7 @@ engine.through_prefect(find(Path({root!r}), "."), True, str)
 """
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("root", [".", "../../.."])
 def test_prefect_reads_no_settings_there(trap, tmp_path, root):

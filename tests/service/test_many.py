@@ -126,6 +126,7 @@ def held(parcel):
     raise AssertionError(f"{lock} is not held")
 
 
+@pytest.mark.whole
 def test_a_campaign_is_locked_while_it_is_computed_elsewhere(tmp_path, monkeypatch):
     """And free afterwards; named twice, it is computed once."""
     shutil.copytree(KEPT, tmp_path / "data" / "raw" / "a")

@@ -259,6 +259,7 @@ def test_the_command_line_outdoes_the_preferences(tmp_path):
     assert preferences.load(tmp_path / "none") == Preferences()
 
 
+@pytest.mark.whole
 def test_watch_runs_what_arrives_until_ctrl_c(tmp_path):
     """A campaign copied while `watch` looks has its report; Ctrl-C ends it with 130."""
     (tmp_path / "data" / "raw").mkdir(parents=True)

@@ -33,6 +33,7 @@ def test_the_demo_is_what_its_plan_makes():
     assert b"[test_pose]\nq = [8.5, -10.0, 35.0, 39.0, 81.0, 22.0, -10.0]" in kept["campaign.toml"]
 
 
+@pytest.mark.whole
 def test_the_first_campaign_hides_a_roll_and_finds_it():
     """Exports and logs are the plan's, byte for byte; the roll that it hides is named and sized."""
     plan = parse((DATA / "plans" / "kr500_first.toml").read_text("utf-8"))

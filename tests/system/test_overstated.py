@@ -30,6 +30,7 @@ def right():
     return answered("right", campaign()).answer
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("stated", "said"),
@@ -54,6 +55,7 @@ def test_a_statement_a_thousand_times_too_large_is_told_and_not_used(right, stat
             assert 0.8 < mine.compliance_std / true.compliance_std < 1.5
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("stated", [{}, {"sigma_m": 9e-5}, {"sigma_m": 1.5e-4, "sigma_n": 10.0}])
 def test_a_cautious_statement_is_believed(right, stated):

@@ -29,6 +29,7 @@ def case():
     return small()
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("world", "name"),
@@ -52,6 +53,7 @@ def test_noise_of_another_family_is_named_and_accuses_nobody(world, name):
     assert said[-1].startswith("Nothing else detectable")
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize(("world", "out"), [("normal", True), ("student3", False)])
 def test_a_reading_is_judged_by_the_tails_beside_the_accepted_model(world, out):
     """20 sigma: out of the question where noise is normal, one reading in 5000 of Student's 3."""
@@ -86,6 +88,7 @@ def test_a_doubt_about_the_tails_is_none_about_a_reading_far_off():
         assert (unsure.rather.mistaken(12.0**2) > 0.9) is sure
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("off_m", [0.0, 1e-4])
 @pytest.mark.parametrize("world", ["normal", "wander10"])

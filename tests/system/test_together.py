@@ -111,6 +111,7 @@ def test_noise_is_judged_by_its_middle():
     assert together(Base.of(X, y / 10, key), suspects, 1.0).which.tolist() == []
 
 
+@pytest.mark.whole
 def test_clean_rows_hold_somebody_as_rarely_as_stated():
     """2000 draws of noise: at a rate of 2.5e-4 more than four would be a wonder."""
     rng = np.random.default_rng(9)

@@ -219,6 +219,7 @@ def test_intervals_of_payload_campaigns_cover():
     assert 0.90 < np.mean(inside) < 0.99
 
 
+@pytest.mark.whole
 def test_a_campaign_of_weights_has_an_answer_without_suspects_of_chain_and_scale():
     """Nothing of a chain or a scale is accused or a blind spot, and the springs are right."""
     raw = in_memory(hang(HUNG, more="[naming]\nmeasured = ['P1', 'P2', 'P3']\n")[0])
@@ -318,6 +319,7 @@ def torques(files, q, repeats, seed=1, offset=3.0, noise=0.5, sense=-1.0, arm=20
     return dict(files, **{"joints.csv": ("\n".join(lines) + "\n").encode()})
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("repeats", [True, False])
 def test_joint_torques_weigh_a_payload(repeats):
@@ -342,6 +344,7 @@ def test_joint_torques_weigh_a_payload(repeats):
     assert np.mean(np.array(p) < 0.2) < 0.5
 
 
+@pytest.mark.whole
 def test_a_payload_that_the_torques_contradict_is_said():
     """Stated a tenth too heavy; both stand in the answer, and the springs are those as stated."""
     files, _, _, q = hang(MOUNTED, more=payload_tables(heavier=1.1), poses=12)
@@ -356,6 +359,7 @@ def test_a_payload_that_the_torques_contradict_is_said():
     assert light.name == "light"
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(("stated", "accused"), [(143.0, {"light", "heavy"}), (130.0, set())])
 def test_two_payloads_that_disagree_are_rivals(stated, accused):
@@ -388,6 +392,7 @@ def test_a_payload_alone_has_no_mass_to_compare_with():
     }  # fmt: skip
 
 
+@pytest.mark.whole
 def test_a_centre_of_mass_elsewhere_is_named():
     """A tenth of a metre beside where campaign.toml has it, with the payload's name."""
     more = payload_tables()

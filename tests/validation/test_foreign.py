@@ -54,6 +54,7 @@ def ur5(tmp_path_factory):
     return result, result.positions.predict(q).position_m[:, 0], seen
 
 
+@pytest.mark.whole
 def test_the_ur5_is_predicted_better_than_by_any_peer(ur5):
     """At the same 200 poses, judged alike; the best peer, a learned one, by a tenth at least."""
     _, told, seen = ur5
@@ -66,6 +67,7 @@ def test_the_ur5_is_predicted_better_than_by_any_peer(ur5):
     assert mine == pytest.approx(peers["this project"]["mean_mm"], rel=0.02)
 
 
+@pytest.mark.whole
 def test_the_ur5_is_where_figaroh_has_it_but_for_the_laws_that_it_lacks(ur5):
     """Places differ by less than FIGAROH's own error; the twist of joint 4 by 0.2 mrad at most."""
     result, told, seen = ur5
