@@ -61,22 +61,22 @@ def done(root, name, number=1):
 def test_what_is_lost_doubled_or_unlike_is_counted(world, tmp_path):
     """Four campaigns came: one is whole, one done again, one other than these, one without."""
     audit = kills.Audit(tmp_path)
-    for name in ("c0000", "c0001"):
+    for name in ("robot0000", "robot0001"):
         done(tmp_path, name)
-    done(tmp_path, "c0002", number=2)
+    done(tmp_path, "robot0002", number=2)
     audit.look()
     audit.look()
     assert not audit.doubled
-    os.utime(tmp_path / "data" / "processed" / "c0001" / "manifest.json", ns=(1, 1))
+    os.utime(tmp_path / "data" / "processed" / "robot0001" / "manifest.json", ns=(1, 1))
     audit.look()
-    (tmp_path / "reports" / "c0000" / ".result.json.abcd1234").write_text("{")
-    world.completed = lambda: kills.Counter({"c0000": 1, "c0002": 2})
+    (tmp_path / "reports" / "robot0000" / ".result.json.abcd1234").write_text("{")
+    world.completed = lambda: kills.Counter({"robot0000": 1, "robot0002": 2})
 
     said = kills._told(world, audit, 4, kills.Counter(parent=3))
 
-    assert said["lost"] == ["c0003"]
-    assert said["doubled"] == {"c0001": 1}
-    assert said["completed twice"] == {"c0002": 2}
+    assert said["lost"] == ["robot0003"]
+    assert said["doubled"] == {"robot0001": 1}
+    assert said["completed twice"] == {"robot0002": 2}
     assert said["kinds of result.json"] == 2
     assert said["half-written"] == 1
     assert said["kills"] == {"parent": 3}
@@ -84,7 +84,7 @@ def test_what_is_lost_doubled_or_unlike_is_counted(world, tmp_path):
 
 def test_a_campaign_arrives_with_all_its_files(world, tmp_path):
     """In whatever order."""
-    kills.arrive(tmp_path / "data" / "raw", "c0000", {"a": b"1", "b": b"2"}, random.Random(1))
+    kills.arrive(tmp_path / "data" / "raw", "robot0000", {"a": b"1", "b": b"2"}, random.Random(1))
 
-    assert (tmp_path / "data" / "raw" / "c0000" / "a").read_bytes() == b"1"
-    assert (tmp_path / "data" / "raw" / "c0000" / "b").read_bytes() == b"2"
+    assert (tmp_path / "data" / "raw" / "robot0000" / "a").read_bytes() == b"1"
+    assert (tmp_path / "data" / "raw" / "robot0000" / "b").read_bytes() == b"2"
