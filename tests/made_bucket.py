@@ -11,7 +11,7 @@ LONG_AGO = 1_700_000_000
 """When every object was put there [s since 1970], where nothing else is said."""
 
 
-def handler(objects, listed=None, refused=(), times=None, changed=None):
+def handler(objects, listed=None, refused=(), times=None, changed=None, broken=None):
     """A handler of requests for one bucket.
 
     Args:
@@ -20,6 +20,7 @@ def handler(objects, listed=None, refused=(), times=None, changed=None):
         refused: Names of which nothing is given, as of archived objects.
         times: When an object was put there, by name, as listings tell it [s since 1970].
         changed: The same, as the object tells it itself.
+        broken: Status and code of an error that is answered, by name; that of the listing is empty.
     """
 
     class Handler(http.server.BaseHTTPRequestHandler):
@@ -28,7 +29,10 @@ def handler(objects, listed=None, refused=(), times=None, changed=None):
 
         def do_GET(self):
             query = parse_qs(urlsplit(self.path).query, keep_blank_values=True)
-            if "list-type" in query or not self._name():
+            listing = "list-type" in query or not self._name()
+            if wrong := (broken or {}).get("" if listing else self._name()):
+                self._answer(wrong[0], f"<Error><Code>{wrong[1]}</Code></Error>".encode())
+            elif listing:
                 said = {word: values[0] for word, values in query.items()}
                 told = {**objects, **(listed or {})}
                 self._answer(200, _listing(told, times or {}, **_known(said)))

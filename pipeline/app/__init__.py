@@ -2,6 +2,6 @@
 
 import os
 
-from pipeline.base.environment import OURS
+from pipeline.base.environment import OURS, unproxied
 
-os.environ |= OURS
+os.environ |= OURS | unproxied()

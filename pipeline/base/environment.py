@@ -23,6 +23,13 @@ with the number of threads the last digits change. No module is taken from the c
 `python -c` and `python -m` would, by which multiprocessing and Prefect start processes.
 """
 
+
+def unproxied() -> dict[str, str]:
+    """What keeps a proxy of the environment from being asked for pages of this machine itself."""
+    known = os.environ.get("no_proxy") or os.environ.get("NO_PROXY", "")
+    return {"no_proxy": ",".join([*filter(None, [known]), "127.0.0.1", "localhost"])}
+
+
 NOBODYS = "/"
 """A folder in which only those may write to whom the machine belongs; services stand there."""
 

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, ClassVar, TypeVar
 
 from pipeline.base.errors import Unfinished, UsageError
+from pipeline.base.shown import printable
 from pipeline.service.executor import SEE, Done, Sent, tried
 
 S = TypeVar("S")
@@ -87,8 +88,10 @@ class Cluster:
             return Done(item, None, Unfinished("its worker was lost again and again", SEE))
         except _dask().CancelledError:
             raise self._lost() from None
-        except Exception as problem:  # what cannot travel
-            return Done(item, None, problem)
+        except Exception as problem:  # of sending or reading it: `tried` keeps those of the work
+            words = printable(f"{type(problem).__name__}: {problem}", 200)
+            thing = f"what its worker has made of it cannot be read here ({words})"
+            return Done(item, None, Unfinished(thing, SEE))
 
 
 _ALONE = threading.Lock()

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import sys
 from typing import TYPE_CHECKING
@@ -30,7 +31,7 @@ def through_prefect(campaign: CampaignFolder, force: bool, tell: Tell) -> Answer
     server.has_room(home)
     if server.serving(campaign.root) is None and (said := server.mended(campaign.root)):
         say(said, sys.stderr)
-    server.settle(campaign.root)
+    (server.join if os.environ.get("PREFECT_API_URL") else server.settle)(campaign.root)
     there = CampaignFolder(campaign.root.absolute(), campaign.folder.absolute())
     with elsewhere():
         from pipeline.service.flow import identified, telling  # importing Prefect takes two seconds

@@ -9,6 +9,7 @@ from __future__ import annotations
 import contextlib
 import functools
 import os
+import re
 import warnings
 from collections.abc import Callable, Iterator
 from contextvars import ContextVar
@@ -17,6 +18,7 @@ from datetime import UTC, datetime
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
+from zoneinfo import ZoneInfo, ZoneInfoNotFoundError
 
 import httpx
 from prefect import artifacts, flow, runtime, tags, task
@@ -27,6 +29,7 @@ from prefect.client.schemas.filters import FlowFilter, FlowRunFilter
 from prefect.client.schemas.objects import State, StateType
 from prefect.deployments import run_deployment
 from prefect.exceptions import ObjectAlreadyExists, ObjectNotFound, PrefectException
+from prefect.schedules import Cron
 from prefect.states import Completed, Crashed, Failed, Scheduled
 from prefect.types.entrypoint import EntrypointType
 
@@ -238,7 +241,8 @@ def identified(campaign: CampaignFolder, force: bool = False) -> Answer:
     try:
         answer: Answer = _result(identify(str(campaign.root), str(campaign.folder), force))
     except (httpx.HTTPError, PrefectException, RuntimeError) as problem:
-        if isinstance(problem, RuntimeError) and "Prefect" not in str(problem):
+        ours = isinstance(problem, RuntimeError)
+        if ours and not re.search("Prefect|Failed to reach API", str(problem)):
             raise
         raise CannotWrite(
             f"Prefect's server does not keep this run ({problem}); see that its disk has room, or "
@@ -321,8 +325,18 @@ def deploy(pool: str, wanted: Service) -> None:
 
 def _planned(wanted: Service) -> dict[str, Any]:
     """What the scan is called, and when it runs."""
-    when = {"cron": wanted.cron} if wanted.cron else {"interval": wanted.interval_s}
-    return {"name": _DEPLOYED, **when}
+    if wanted.cron:  # by the clock on the wall, summer time and all; Prefect alone means UTC
+        return {"name": _DEPLOYED, "schedule": Cron(wanted.cron, timezone=_zone())}
+    return {"name": _DEPLOYED, "interval": wanted.interval_s}
+
+
+def _zone() -> str:
+    """The name of this machine's time zone; UTC where it has none."""
+    here = os.path.realpath("/etc/localtime").rpartition("/zoneinfo/")[2]
+    for name in (os.environ.get("TZ", "").removeprefix(":"), here):
+        with contextlib.suppress(ZoneInfoNotFoundError, ValueError, OSError):
+            return ZoneInfo(name).key
+    return "UTC"
 
 
 def clear() -> None:

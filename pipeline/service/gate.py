@@ -13,6 +13,7 @@ import asyncio
 import base64
 import json
 import os
+import resource
 import secrets
 import sys
 from collections.abc import Iterable
@@ -164,6 +165,7 @@ def main(folder: str, port: str) -> None:
 
 
 async def _served(apps: dict[int, Any]) -> None:
+    _with_room()
     servers = [
         uvicorn.Server(
             uvicorn.Config(
@@ -178,6 +180,18 @@ async def _served(apps: dict[int, Any]) -> None:
         for port, app in apps.items()
     ]
     await asyncio.gather(*(server.serve() for server in servers))
+
+
+_CONNECTIONS = 2**16
+"""Open at a time at most, where the system allows so many: all that one address can begin."""
+
+
+def _with_room() -> None:
+    """Take all connections that one may have: who asks nothing cannot use up the usual 1024."""
+    few, most = resource.getrlimit(resource.RLIMIT_NOFILE)
+    wanted = _CONNECTIONS if most == resource.RLIM_INFINITY else min(most, _CONNECTIONS)
+    if few != resource.RLIM_INFINITY and few < wanted:
+        resource.setrlimit(resource.RLIMIT_NOFILE, (wanted, most))
 
 
 if __name__ == "__main__":

@@ -15,11 +15,11 @@ from dataclasses import dataclass
 from functools import partial
 from pathlib import Path
 from tempfile import TemporaryDirectory
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from pipeline.app.outcome import Meant, Outcome, Several, failed, named, outcome
 from pipeline.base import files
-from pipeline.base.errors import UsageError
+from pipeline.base.errors import Unfinished, UsageError
 from pipeline.service.executor import Done, Executor, Processes
 from pipeline.store.campaign import MANIFEST, CampaignFolder, find, label
 
@@ -203,9 +203,37 @@ def _received(done: Done[Parcel, _Made], campaign: CampaignFolder) -> Answer:
 
     with campaign.remembering(done.item.key):
         made = done.result
-    tables = dict(made.processed)
-    manifest = json.loads(tables.pop(MANIFEST))
+    manifest, tables = _whole(made, done.item)
     for name, content in tables.items():
         files.write(campaign.processed / name, content)
     campaign.publish(manifest | {"source": campaign.source}, made.reports)
     return read(campaign)
+
+
+def _whole(made: _Made, parcel: Parcel) -> tuple[dict[str, Any], dict[str, bytes]]:
+    """The manifest and tables that came back, if they are of this parcel and as they were made.
+
+    Raises:
+        Unfinished: They are of another one, or were changed or cut on their way.
+    """
+    try:
+        tables = dict(made.processed)
+        manifest: dict[str, Any] = json.loads(tables.pop(MANIFEST))
+        parts = (
+            (f"data/processed/{parcel.name}", tables),
+            (f"reports/{parcel.name}", made.reports),
+        )
+        came = {
+            f"{folder}/{name}": files.sha256(content)
+            for folder, inside in parts
+            for name, content in inside.items()
+        }
+        whole = (manifest["key"], manifest["outputs"]) == (parcel.key, came)
+    except (AttributeError, KeyError, TypeError, ValueError):
+        whole = False
+    if not whole:
+        raise Unfinished(
+            "what its worker has sent is not what is to be made of it",
+            "run it again, and see to that worker's installation, memory and disk",
+        )
+    return manifest, tables

@@ -163,7 +163,11 @@ def settle(root: Path) -> None:
     the one of `pipeline serve` where it runs, else on one of its own, which ends with it. The last
     two are closed to other origins, and to whoever does not know the password. Logs go to Prefect's
     page in full; on the screen they would bury the one sentence that matters.
+
+    Raises:
+        UsageError: The environment names a proxy that Prefect cannot work with.
     """
+    _see_proxies()
     given = os.environ.setdefault
     given("PREFECT_HOME", str(root.resolve() / HOME))
     given("PREFECT_PROFILES_PATH", os.devnull)
@@ -187,6 +191,21 @@ def settle(root: Path) -> None:
     if password is not None:
         given("PREFECT_SERVER_API_AUTH_STRING", password)
         given("PREFECT_API_AUTH_STRING", password)
+
+
+def _see_proxies() -> None:
+    """Prefect's client has a connection for each proxy, also where none of them is asked."""
+    if {*urllib.request.getproxies()} <= {"no"}:
+        return
+    import httpx
+
+    try:
+        httpx.Client().close()
+    except (ImportError, ValueError, httpx.InvalidURL) as problem:
+        raise UsageError(
+            f"Prefect cannot work with the proxies of the environment ({problem}): correct or "
+            "unset http_proxy, https_proxy and all_proxy, or use --engine local or watch"
+        ) from problem
 
 
 def _logging() -> str:

@@ -25,6 +25,11 @@ _OURS = ("s3", "gs", "gcs", "abfs", "abfss", "file")
 _KEYS = "give a key that may: AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or a profile"
 _REFUSALS = (
     ("NO_SUCH_BUCKET", "there is no such bucket", "make it, or correct the address"),
+    (
+        "SLOW_DOWN|SERVICE_UNAVAILABLE|INTERNAL_FAILURE|THROTTL",
+        "it is busy or out of order",
+        "run it again in a moment, as watch and serve do",
+    ),
     ("ACCESS_DENIED|INVALID_|SIGNATURE|TOKEN|UNRECOGNIZED|CREDENTIAL", "access is denied", _KEYS),
     (
         "NETWORK|TIMEOUT|TIMED OUT|RESOLVE|REFUSED|UNREACHABLE|CONNECT|NO RESPONSE",
@@ -130,6 +135,11 @@ class Store:
     def _reading(self) -> Iterator[None]:
         try:
             yield
+        except (
+            FileNotFoundError
+        ) as problem:  # taken out meanwhile, or one of its machines is behind
+            thing = f"{self.shown} lists what is not there"
+            raise InputError(thing, "run it again in a moment", passing=True) from problem
         except (OSError, ValueError, ImportError) as problem:
             thing, way_out = _said(problem)
             raise InputError(

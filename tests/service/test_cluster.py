@@ -44,7 +44,7 @@ def cluster(tmp_path):
     address = f"tcp://127.0.0.1:{free_port()}"
     options = ["--no-dashboard", "--host", "127.0.0.1"]
     environment = os.environ | {
-        "PYTHONPATH": f"{HERE}{os.pathsep}{HERE / 'tests'}",
+        "PYTHONPATH": f"{HERE}{os.pathsep}{Path(__file__).parent}",
         "DASK_DISTRIBUTED__SCHEDULER__ALLOWED_FAILURES": "2",
     }
     commands = [[*DASK, "scheduler", *options, "--port", address.rpartition(":")[2]]]
@@ -90,19 +90,31 @@ def test_a_killed_worker_costs_nothing(cluster, tmp_path):
     assert (there / "data" / "processed" / NAMES[-1] / "rejection.json").is_file()
 
 
+class Unreadable:
+    """What a worker can send and nobody can take."""
+
+    def __reduce__(self):
+        return int, ("no number",)
+
+
 def halved(item):
     if item == 1:
         os.kill(os.getpid(), signal.SIGKILL)
     if item == 3:
         raise ValueError("three is odd")
+    if item == 5:
+        return Unreadable()
     return item / 2
 
 
 def test_what_an_item_raises_comes_back_as_its_problem(cluster):
     """And stops none of the others."""
-    found = {done.item: done for done in Cluster(cluster[0]).results(halved, [0, 2, 3, 4])}
+    found = {done.item: done for done in Cluster(cluster[0]).results(halved, [0, 2, 3, 4, 5])}
 
-    assert {k: done.value for k, done in found.items()} == {0: 0.0, 2: 1.0, 3: None, 4: 2.0}
+    values = {0: 0.0, 2: 1.0, 3: None, 4: 2.0, 5: None}
+    assert {k: done.value for k, done in found.items()} == values
+    with pytest.raises(Unfinished, match=r"cannot be read here \(ValueError: invalid"):
+        raise found[5].problem
     assert "in halved" in found[3].problem.__notes__[0]
 
 

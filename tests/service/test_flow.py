@@ -96,3 +96,68 @@ def kept(root, question):
     """Rows of Prefect's own database."""
     with contextlib.closing(sqlite3.connect(root / ".prefect" / "prefect.db")) as base:
         return sorted(base.execute(question))
+
+
+PLANNED = """
+import os, sys
+from datetime import UTC, datetime
+from pathlib import Path
+from pipeline.base.preferences import Service
+from pipeline.service import server
+server.settle(Path(sys.argv[1]))
+from prefect.server.schemas.schedules import CronSchedule
+from pipeline.service import flow
+import asyncio
+when = flow._planned(Service(cron="30 2 * * *"))["schedule"]
+there = CronSchedule(cron=when.cron, timezone=when.timezone)
+begin = datetime.fromisoformat(sys.argv[2])
+for one in asyncio.run(there.get_dates(4, begin)):
+    print(one.astimezone(UTC).strftime("%d %H:%M"))
+"""
+
+
+@pytest.mark.parametrize(
+    ("zone", "begin", "utc"),
+    [
+        # 29 March 2026 has no half past two in Berlin: once all the same, where Prefect puts it
+        ("Europe/Berlin", "2026-03-27T12:00+00:00", "28 01:30, 29 00:30, 30 00:30, 31 00:30"),
+        # 25 October has two: once
+        ("Europe/Berlin", "2026-10-23T12:00+00:00", "24 00:30, 25 00:30, 26 01:30, 27 01:30"),
+        ("Asia/Kolkata", "2026-03-27T12:00+00:00", "27 21:00, 28 21:00, 29 21:00, 30 21:00"),
+        ("UTC", "2026-03-27T12:00+00:00", "28 02:30, 29 02:30, 30 02:30, 31 02:30"),
+    ],
+)
+def test_a_cron_line_means_the_clock_on_the_wall(tmp_path, zone, begin, utc):
+    """Of this machine, winter and summer; Prefect's own understanding of a bare line is UTC."""
+    clean = {k: v for k, v in os.environ.items() if not k.startswith("PREFECT_")}
+    done = subprocess.run(
+        [sys.executable, "-c", PLANNED, tmp_path, begin],
+        capture_output=True,
+        text=True,
+        env=clean | {"TZ": zone, "PYTHONPATH": str(HERE)},
+        timeout=300,
+        check=False,
+    )
+
+    assert ", ".join(done.stdout.splitlines()) == utc, done.stderr
+
+
+@pytest.mark.parametrize("address", ["http://127.0.0.1:9/api", "not an address"])
+def test_a_server_that_does_not_answer_is_a_sentence(tmp_path, address):
+    """Before Prefect is begun, which would end in an error of its own."""
+    root = project(tmp_path, "a")
+    clean = {k: v for k, v in os.environ.items() if not k.startswith("PREFECT_")}
+    done = subprocess.run(
+        [sys.executable, "-m", "pipeline", "run", "--root", root],
+        capture_output=True,
+        text=True,
+        cwd=HERE,
+        env=clean | {"PYTHONPATH": str(HERE), "PREFECT_API_URL": address},
+        timeout=300,
+        check=False,
+    )
+
+    assert done.returncode == 2
+    assert done.stderr == (
+        f"a: no Prefect server answers at {address}: start it, or correct PREFECT_API_URL.\n"
+    )

@@ -2,14 +2,23 @@
 
 import asyncio
 import base64
+import contextlib
+import os
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
 
 import httpx
 import pytest
 from starlette.responses import PlainTextResponse
 
+from bench.bench_service import free_port
 from pipeline.service import server, supervisor
 from pipeline.service.gate import Door, Gate, reports
 
+HERE = Path(__file__).parents[2]
 PORT = 4200
 OWN = {"host": f"127.0.0.1:{PORT}"}
 
@@ -185,3 +194,40 @@ def test_the_first_page_says_how_campaigns_stand(tmp_path):
     assert "half" in answer.text
     assert answer.headers["refresh"] == "10"
     assert asked(tmp_path / "reports").text == "the report"
+
+
+SERVED = """
+import asyncio, resource, sys
+from pipeline.service import gate
+resource.setrlimit(resource.RLIMIT_NOFILE, (64, resource.getrlimit(resource.RLIMIT_NOFILE)[1]))
+asyncio.run(gate._served({int(sys.argv[2]): gate.reports(sys.argv[1])}))
+"""
+
+
+def test_who_connects_and_asks_nothing_keeps_nobody_out(tmp_path):
+    """Three times as many half requests as a process may open files: the next is answered."""
+    (tmp_path / "a.txt").write_text("the report")
+    port = free_port()
+    command = [sys.executable, "-c", SERVED, str(tmp_path), str(port)]
+    with contextlib.ExitStack() as stack:
+        running = stack.enter_context(
+            subprocess.Popen(command, env=os.environ | {"PYTHONPATH": str(HERE)})
+        )
+        stack.callback(running.kill)
+        for _ in range(200):
+            one = stack.enter_context(connected(port))
+            one.sendall(b"GET / HTTP/1.1\r\n")
+        answer = httpx.get(f"http://127.0.0.1:{port}/a.txt", timeout=10, trust_env=False)
+
+    assert answer.text == "the report"
+
+
+def connected(port):
+    """A connection, once somebody listens."""
+    until = time.monotonic() + 60
+    while True:
+        try:
+            return socket.create_connection(("127.0.0.1", port), timeout=5)
+        except OSError:
+            assert time.monotonic() < until
+            time.sleep(0.2)

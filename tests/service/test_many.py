@@ -7,7 +7,7 @@ import signal
 import subprocess
 import sys
 import time
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import partial
 from pathlib import Path
 from typing import ClassVar
@@ -20,6 +20,7 @@ from pipeline.app import cli
 from pipeline.app.shell import run_all, status
 from pipeline.service import many
 from pipeline.service.executor import Here, Processes
+from pipeline.store.campaign import find
 
 HERE = Path(__file__).parents[2]
 KEPT = HERE / "data" / "raw" / "fanuc_r2000ic"
@@ -156,6 +157,53 @@ def test_a_worker_with_other_code_is_refused(tmp_path, monkeypatch):
     assert refused.exit_code == 2
     assert "requirements.lock" in refused.complaints[0]
     assert not (tmp_path / "reports").exists()
+
+
+def _changed(made, name, content):
+    return replace(made, reports=made.reports | {name: content})
+
+
+LIES = {
+    "of another campaign": lambda made: replace(
+        made, processed={k: v.replace(b'"key": "', b'"key": "0') for k, v in made.processed.items()}
+    ),
+    "one digit changed": lambda made: _changed(
+        made, "result.json", made.reports["result.json"].replace(b"1", b"2", 1)
+    ),
+    "cut": lambda made: _changed(made, "model.toml", made.reports["model.toml"][:-1]),
+    "an answer missing": lambda made: replace(
+        made, reports={k: v for k, v in made.reports.items() if k != "model.toml"}
+    ),
+    "one too many": lambda made: _changed(made, "../../../outside", b"x"),
+    "no manifest": lambda made: replace(made, processed={}),
+    "a manifest of nothing": lambda made: replace(made, processed={"manifest.json": b"[]"}),
+    "nothing": lambda _: None,
+    "no result at all": lambda _: {"key": 1},
+}
+
+
+@pytest.fixture(scope="module")
+def honest(tmp_path_factory):
+    """What a worker makes of the kept campaign."""
+    root = tmp_path_factory.mktemp("honest")
+    shutil.copytree(KEPT, root / "data" / "raw" / "a")
+    raw = find(root, "a").read()
+    with without_pages():
+        return many.computed(many.Parcel("a", raw.key, dict(raw.files)))
+
+
+@pytest.mark.parametrize("lie", [None, *LIES])
+def test_what_a_worker_has_not_made_of_it_is_not_kept(tmp_path, monkeypatch, honest, lie):
+    """Of another campaign, or changed on its way: a sentence, and no file; the true one is kept."""
+    shutil.copytree(KEPT, tmp_path / "data" / "raw" / "a")
+    monkeypatch.setattr(many, "computed", lambda _: LIES[lie](honest) if lie else honest)
+
+    (done,) = many.outcomes(NearlyHere(), tmp_path, ["a"])
+
+    assert done.exit_code == (6 if lie else 0)
+    assert ("not what is to be made" in "".join(done.complaints)) is bool(lie)
+    assert (tmp_path / "reports").exists() is not bool(lie)
+    assert not (tmp_path / "outside").exists()
 
 
 def working(process, root):

@@ -2,12 +2,14 @@
 
 import contextlib
 import http.server
+import importlib.util
 import os
 import sqlite3
 import threading
 
 import pytest
 
+from pipeline.base.errors import UsageError
 from pipeline.service import server as service
 
 
@@ -109,3 +111,16 @@ def test_a_server_works_that_can_look_something_up(code, sound):
             assert service.works(f"http://127.0.0.1:{server.server_port}/api") == sound
         finally:
             server.shutdown()
+
+
+@pytest.mark.parametrize("proxy", ["socks5h://127.0.0.1:9", "::::"])
+def test_a_proxy_that_prefect_cannot_take_is_a_sentence(tmp_path, monkeypatch, proxy):
+    """Before it is imported, which would end in an error of its own; a usual one is taken."""
+    monkeypatch.setattr(os, "environ", os.environ.copy())
+    os.environ["ALL_PROXY"] = proxy
+    if importlib.util.find_spec("socksio") and proxy.startswith("socks"):
+        pytest.skip("httpx can speak to such a proxy here")
+    with pytest.raises(UsageError, match="all_proxy"):
+        service.settle(tmp_path)
+    os.environ["ALL_PROXY"] = "http://127.0.0.1:9"
+    service.settle(tmp_path)

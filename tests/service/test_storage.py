@@ -455,6 +455,27 @@ def test_more_than_a_campaign_has_is_not_read(made, tmp_path, asked):
     assert not (tmp_path / "data" / "raw" / "b").exists()
 
 
+@pytest.mark.slow  # it is asked again and again for some seconds
+@pytest.mark.parametrize(
+    "answer", [(429, "SlowDown"), (500, "InternalError"), (503, "ServiceUnavailable")]
+)
+def test_a_storage_that_is_out_of_order_is_waited_for(made, tmp_path, answer):
+    """Whether it lists nothing or gives nothing: a sentence that fits, nothing half, then all."""
+    objects = GOOD | {"raw/b/campaign.toml": b"x"}
+    made(objects, broken={"": answer})
+    (nothing,) = mirror.fetch(tmp_path, WHERE)
+    made(objects, broken={"raw/b/campaign.toml": answer})
+    (one,) = mirror.fetch(tmp_path, WHERE)
+
+    for problem in (nothing, one):
+        assert problem.passing
+        assert "busy or out of order); run it again in a moment" in said([problem])[0]
+    assert {path.parent.name for path in tmp_path.rglob("campaign.toml")} == {"Aa", "z"}
+    made(objects)
+    assert mirror.fetch(tmp_path, WHERE) == []
+    assert (tmp_path / "data" / "raw" / "b" / "campaign.toml").read_bytes() == b"x"
+
+
 @pytest.mark.parametrize("age_s", [0, 60])
 def test_an_old_object_is_not_taken_for_the_new_one(made, tmp_path, age_s):
     """A storage of several machines may list the new one and give the old one for a while."""
@@ -472,6 +493,22 @@ def test_an_old_object_is_not_taken_for_the_new_one(made, tmp_path, age_s):
 
     assert mirror.fetch(tmp_path, WHERE) == []
     assert here.read_bytes() == new
+
+
+def test_an_object_that_is_only_listed_is_asked_for_again(made, tmp_path):
+    """Its campaign waits as a whole, the others are copied, and the sentence is about it."""
+    name = "raw/b/joints.csv"
+    objects = GOOD | {"raw/b/campaign.toml": b"x"}
+    made(objects, listed={name: b"y"})
+    (stale,) = mirror.fetch(tmp_path, WHERE)
+
+    assert stale.campaign == "b"
+    assert stale.passing
+    assert "lists what is not there; run it again in a moment" in said([stale])[0]
+    assert {path.parent.name for path in tmp_path.rglob("campaign.toml")} == {"Aa", "z"}
+    made(objects | {name: b"y"})
+    assert mirror.fetch(tmp_path, WHERE) == []
+    assert (tmp_path / "data" / name).read_bytes() == b"y"
 
 
 JUNK = [

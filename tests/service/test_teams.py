@@ -138,7 +138,7 @@ def team(tmp_path, postgres):
         )
         assert (done.returncode, done.stderr) == (0, "")
         command = "prefect worker start --pool robots --limit 2"
-        assert done.stdout == f"PIPELINE_ROOT={root} {command}\n"
+        assert done.stdout == f"cd / && PIPELINE_ROOT={root} {command}\n"
         yield root, settings | {"PIPELINE_ROOT": str(root)}
 
 
