@@ -73,6 +73,8 @@ def far(seen: Linearised, family: Family, base: tuple[int, int] = (0, 0), used: 
     away, others = _away(beyond.base, readings, distance)
     pose, target = _places(seen, readings)
     others = np.vstack([others, np.zeros((base[1], 3))])
+    if not len(others):
+        return Far.none()
     p = _chance(len(away) + base[0], len(others), family.away(distance, others))
     return Far(pose[away], target[away], p, base[0])
 

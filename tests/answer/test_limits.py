@@ -84,6 +84,7 @@ def flipped(pose, joint):
     return "\n".join([head, *rows, ""]).encode()
 
 
+@pytest.mark.whole
 def test_a_row_that_no_robot_can_take_and_its_readings_contradict_is_a_mistake():
     """A sign that was left out is bad data with its line, not a pose that is quietly missing."""
     values = logged("theta3_deg")

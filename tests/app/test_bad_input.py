@@ -120,6 +120,7 @@ LIKE_ANOTHER = {"comma", "text for a number", "load without pose", "duplicate re
 """Each is kept out by the same hand as another case, and takes a whole answer to see."""
 
 
+@pytest.mark.sampled(8)
 @pytest.mark.parametrize(
     "name", [pytest.param(n, marks=[pytest.mark.slow] * (n in LIKE_ANOTHER)) for n in CASES]
 )

@@ -158,6 +158,7 @@ def test_status_of_nothing_says_so(tmp_path, say):
     assert "pipeline init" in err
 
 
+@pytest.mark.whole
 def test_status_of_a_campaign_that_cannot_be_read_is_5(done, say):
     """Its sentence comes with the exit code of `run`, and with what its report is worth."""
     edit(done / "data" / "raw" / "c" / "campaign.toml", "format = 1", "format = 9")

@@ -30,7 +30,6 @@ from pipeline.reduction.pose_of_interest import place_of_interest
 from pipeline.run import answered, ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
-from pipeline.system import detect
 from pipeline.system.beside import by_products
 from pipeline.system.detect import threshold
 from pipeline.system.estimate import identify
@@ -361,18 +360,6 @@ def test_the_largest_of_more_columns_than_rows_is_drawn_as_rarely_as_stated():
     least = [view(rng.standard_normal(ROWS))[1].p().min() for _ in range(3000)]
 
     assert np.mean(np.array(least) < each) == pytest.approx(0.02, abs=3 * np.sqrt(0.02 / 3000))
-
-
-def test_of_many_columns_the_rows_tell_what_the_products_do():
-    """Coordinates C of what the base leaves D of the columns: C'C = D'D, in as few as D spans."""
-    made, _ = many(6, 260)(np.zeros(ROWS))
-    unit = made.A[:, BASE:-1] / np.linalg.norm(made.A[:, BASE:-1], axis=0)
-    left = unit - made.A[:, :BASE] @ np.linalg.lstsq(made.A[:, :BASE], unit, rcond=None)[0]
-
-    found = detect._coordinates(made, made.base, ROWS - BASE)
-
-    assert found.shape == (ROWS - BASE, 520)
-    np.testing.assert_allclose(found.T @ found, left.T @ left, atol=1e-10)
 
 
 def test_structure_within_poses_is_no_law():

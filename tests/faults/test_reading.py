@@ -281,7 +281,7 @@ def test_clean_draws_are_accused_no_more_often_than_the_rate(given, shifted, mon
             outliers(
                 SimpleNamespace(
                     case=given.case, reduced=given.reduced, zeros=zeros, system=given.system,
-                    estimate=estimate,
+                    estimate=estimate, cell=given.cell,
                 )
             )
         )  # fmt: skip

@@ -57,6 +57,7 @@ CONTRADICTIONS = {
 }
 
 
+@pytest.mark.whole
 @pytest.mark.parametrize("lines", CONTRADICTIONS.values(), ids=CONTRADICTIONS)
 def test_what_contradicts_calls_the_search(standing, lines):
     assert isinstance(standing.beside(read(*SEVEN, *lines)), tuple)

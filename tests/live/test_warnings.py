@@ -61,6 +61,7 @@ def test_a_tracker_that_wanders_is_told_and_nobody_blames_the_robot(wandering):
     assert not any("robot" in one for one in said)
 
 
+@pytest.mark.whole
 def test_scatter_with_far_readings_is_not_of_the_robot(wandering):
     """So few poses show a tracker that wanders as heavy tails."""
     (said,) = warned(load_campaign(wandering(5), name="hall"))

@@ -227,6 +227,7 @@ def test_the_stiffness_is_that_of_the_test_poses_side():
         assert model.stiffness(3)[:2] == (pytest.approx(mine.value), pytest.approx(mine.std))
 
 
+@pytest.mark.whole
 def test_a_joint_is_pulled_by_the_sign_that_is_told():
     """The side of the test pose, by moments: lever of the load point times the force."""
     *_, run = soft_one_way()
@@ -296,6 +297,7 @@ def test_the_tangent_at_zero_torque_is_between_both():
     np.testing.assert_allclose(none.compliance, mean, rtol=1e-6, atol=1e-12)
 
 
+@pytest.mark.whole
 def test_the_first_screen_and_the_table_say_which_way_the_axis_turns():
     """theta4 turns against A3: the stiffness against positive torques is that towards minus."""
     *_, run = soft_one_way()

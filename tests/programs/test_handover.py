@@ -203,6 +203,7 @@ def test_compensate_writes_the_offsets_that_the_demo_path_needs(demo, path, true
     assert table["left_mm"].max() < 1e-3
 
 
+@pytest.mark.whole
 def test_predicted_intervals_hold_in_the_whole_workspace(models, true):
     """Other poses, other forces, another tip: 95 % intervals of thirty campaigns hold the truth."""
     rng = np.random.default_rng(7)

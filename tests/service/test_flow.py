@@ -116,6 +116,7 @@ for one in asyncio.run(there.get_dates(4, begin)):
 """
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("zone", "begin", "utc"),
     [

@@ -192,6 +192,7 @@ def honest(tmp_path_factory):
         return many.computed(many.Parcel("a", raw.key, dict(raw.files)))
 
 
+@pytest.mark.sampled(1)
 @pytest.mark.parametrize("lie", [None, *LIES])
 def test_what_a_worker_has_not_made_of_it_is_not_kept(tmp_path, monkeypatch, honest, lie):
     """Of another campaign, or changed on its way: a sentence, and no file; the true one is kept."""

@@ -435,6 +435,7 @@ SLIPS = {
 }  # fmt: skip
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("name", SLIPS)
 def test_a_slip_in_the_loads_is_found_and_put_right(name):
