@@ -40,6 +40,9 @@ from pipeline.system.whitened import Whitened
 _FLIPS = 3000
 """Copies whose poses have other signs: the smallest p is a third of `alarms.LAW`."""
 
+_COUNTED = 20
+"""Poses up to which copies are drawn without replacement: beyond, none comes twice."""
+
 _DRAWS = 1000
 """Draws of scatter."""
 
@@ -230,33 +233,53 @@ def _by_structure(view: Whitened, now: Scores, rng: np.random.Generator) -> Arra
     """Chance of so much anywhere with the residuals of whole poses at random signs, (n,).
 
     T_j = g' N^+ g of each copy, g = sum over poses of s_p D_p' P y. Blocks of other ranks compare
-    by -dof / 2 ln(1 - T / rest) - rank / 2 ln dof (Schwarz, Annals of Statistics 6, 1978).
+    by -dof / 2 ln(1 - T / rest) - rank / 2 ln dof (Schwarz, Annals of Statistics 6, 1978), rest
+    being what the base leaves of the copy. Against the rest of y, 15 of 100 clean campaigns of
+    twelve poses were below 0.1.
     """
     base = Base.of(view.A[:, view.base], view.A[:, -1])
     left = base.blocks.rows(base.left)
     D = base.beyond(view.A[:, view.first : view.first + len(view.owner)])
-    parts = np.zeros((view.poses + 1, D.shape[1]))
-    np.add.at(parts, view.pose, D * left[:, None])  # priors, -1, are the last
-    signs = rng.choice([-1.0, 1.0], (_FLIPS, len(parts)))
+    parts, known = (_of_poses(view, X * left[:, None]) for X in (D, base.blocks.rows(base.Q)))
+    signs = _signs(len(parts), rng)
+    rest = base.rest - np.sum((signs @ known) ** 2, axis=1)
     at = view.at
     size, axes = linear.directions(now.cov)
     g = parts[:, np.maximum(at - view.first, 0)] * (at >= 0)
     half = np.einsum("pni,nij->pnj", g, axes) * np.sqrt(np.maximum(size, 0.0))
-    most = np.full(_FLIPS, -np.inf)
+    most = np.full(len(signs), -np.inf)
     for rank in np.unique(now.rank[now.rank > 0]):
         mine = half[:, now.rank == rank]
         drop = np.sum(
-            (signs @ mine.reshape(len(parts), -1)).reshape(_FLIPS, -1, at.shape[1]) ** 2, axis=2
+            (signs @ mine.reshape(len(parts), -1)).reshape(len(signs), -1, at.shape[1]) ** 2, axis=2
         )
-        most = np.maximum(most, _likelihood(drop.max(axis=1), rank, now))
-    own = _likelihood(now.drop, now.rank, now)
-    return np.asarray((1 + (most[:, None] >= own * (1 - 1e-9)).sum(axis=0)) / (1 + _FLIPS))
+        most = np.maximum(most, _likelihood(drop.max(axis=1) / rest, rank, now.dof))
+    own = _likelihood(now.drop / now.rest, now.rank, now.dof)
+    return np.asarray((1 + (most[:, None] >= own * (1 - 1e-9)).sum(axis=0)) / (1 + len(signs)))
 
 
-def _likelihood(drop: Array, rank: Array | Ints, now: Scores) -> Array:
-    """Gain in log likelihood of drops of the sum of squares, less its expectation by chance."""
-    share = np.clip(drop / now.rest, 0.0, 1 - 1e-12)
-    return np.asarray(-0.5 * now.dof * np.log1p(-share) - 0.5 * rank * np.log(now.dof))
+def _signs(n: int, rng: np.random.Generator) -> Array:
+    """Other signs of n parts, shape (c, n), no two alike up to a common sign, none all alike.
+
+    The data themselves among the copies of few poses would be counted as their own rivals.
+    """
+    if n > _COUNTED:
+        return np.asarray(rng.choice([-1.0, 1.0], (_FLIPS, n)))
+    drawn = 1 + rng.permutation(2 ** (n - 1) - 1)[:_FLIPS]
+    return np.asarray(1.0 - 2.0 * (drawn[:, None] >> np.arange(n) & 1), dtype=float)
+
+
+def _of_poses(view: Whitened, rows: Array) -> Array:
+    """Sums over the rows of each pose, (p + 1, any); those of priors, pose -1, are the last."""
+    sums = np.zeros((view.poses + 1, rows.shape[1]))
+    np.add.at(sums, view.pose, rows)
+    return sums
+
+
+def _likelihood(share: Array, rank: Array | Ints, dof: int) -> Array:
+    """Gain in log likelihood of parts of the sum of squares, less its expectation by chance."""
+    explained = np.clip(share, 0.0, 1 - 1e-12)
+    return np.asarray(-0.5 * dof * np.log1p(-explained) - 0.5 * rank * np.log(dof))
 
 
 def _carries(case: SearchCase, found: Found, rng: np.random.Generator) -> bool:

@@ -557,3 +557,14 @@ def test_outside_of_where_it_was_taught_a_law_is_as_uncertain_as_it_is_large():
     np.testing.assert_allclose(told.std[1], height[1], rtol=0.02, atol=1e-7)
     np.testing.assert_array_equal(again.cov, told.cov)
     assert model.hypotheses[0].beside_springs == (one,)
+
+
+@pytest.mark.parametrize(("poses", "copies"), [(1, 0), (4, 7), (12, 2047), (13, 3000), (40, 3000)])
+def test_copies_of_few_poses_are_all_different_and_none_is_the_campaign(poses, copies):
+    """Up to a common sign, which changes no square: no draw alone refuses a law of twelve poses."""
+    signs = search._signs(poses, np.random.default_rng(5))
+    alike = {tuple(row) for row in (signs * signs[:, :1]).tolist()}
+
+    assert signs.shape == (copies, poses)
+    assert len(alike) == copies
+    assert (1.0,) * poses not in alike
