@@ -40,6 +40,7 @@ def found(fanuc):
     return diagnose(cell, data, estimate, where, np.random.default_rng(1))
 
 
+@pytest.mark.whole
 def test_a_physical_cause_predicts_left_out_poses_better(found):
     """Left out, 0.2339 mm fall by far more than a fifth, for certain by some; no spring pushes."""
     worth = found.causes[0].gain

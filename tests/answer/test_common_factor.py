@@ -82,6 +82,7 @@ def test_a_range_counts_from_its_nearer_end():
     assert said_of([1 / 3] * 6, RANGED, lower).value == pytest.approx(1 / 3)
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(("factor", "told"), [(2.5, True), (1.0, False), (30.0, True)])
 def test_forces_written_too_large_are_told_on_the_first_screen(factor, told):

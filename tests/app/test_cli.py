@@ -149,6 +149,7 @@ def test_a_bar_shows_on_the_terminal_and_stdout_stays_data(tmp_path):
     assert b"b: campaign.toml: " in shown
 
 
+@pytest.mark.whole
 def test_init_asks_on_a_terminal(tmp_path):
     """Name, robot and the two uncertainties go into campaign.toml; stdout is the folder."""
     command = [sys.executable, "-m", "pipeline", "init", "--root", str(tmp_path)]

@@ -124,6 +124,7 @@ def test_what_becomes_of_stdout_is_no_internal_error(shell, code, said):
     assert "internal error" not in done.stderr
 
 
+@pytest.mark.whole
 def test_init_asks_again_for_what_is_no_size(tmp_path):
     """Words and negative numbers are no uncertainty; a decimal comma is as good as a point."""
     command = [*PIPELINE, "init", "a", "--root", str(tmp_path)]

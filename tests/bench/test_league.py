@@ -677,6 +677,7 @@ def test_the_picture_of_names_is_in_the_order_of_the_catalogue():
     )
 
 
+@pytest.mark.whole
 def test_a_secret_beyond_any_sensible_size_is_not_played():
     """It is said so, and no campaign is computed."""
     roll = next(one for one in fixtures(League()) if one.secrets == ("rail_roll",))

@@ -113,6 +113,7 @@ def test_a_hidden_effect_is_named(planted, label):
     assert found.estimate.p_value > 1e-3
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("planted", "pair"),
@@ -131,6 +132,7 @@ def test_twins_are_never_named_singly(planted, pair):
     assert cause.probability < 0.7
 
 
+@pytest.mark.whole
 def test_what_is_stated_of_a_stiffness_holds_with_the_twin_too():
     """Joint 6 tilts, its twin may be named: every interval holds the true spring, all say so."""
     true = [7e7, 4.2e6, 6e6, 3.5e6, 6.5e5, 6e5, 4.2e5]
@@ -170,6 +172,7 @@ def test_what_comes_nearest_predicts_better_and_is_not_believed():
     assert all(one.reduction > 0 for one in found.alone)
 
 
+@pytest.mark.whole
 def test_two_laws_of_a_gear_that_a_plan_hardly_tells_ask_for_a_pull():
     """Where no torque falls below a gear's knee, lost motion and a knee are one: both are given."""
     found, *_ = examined(22, "joint_lost_motion:4=2x")

@@ -127,6 +127,7 @@ def test_a_turned_base_turns_forces_and_displacements_back(off, causes, stood):
     assert np.abs(seen - springs).max() > 1e-3 * np.abs(springs).max()
 
 
+@pytest.mark.whole
 def test_a_table_that_is_rough_everywhere_is_corrected_and_not_accused(causes):
     """Every entry a little off: no cause, but left-out poses prove the estimated table better."""
     rough = asked(small(3, poses={"count": 16}, hidden={"effects": ROUGH}))

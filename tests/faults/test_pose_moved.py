@@ -63,6 +63,7 @@ def said():
     return answered("knocked", in_memory(knocked(files(), "pose04_rep1_loaded"))).answer
 
 
+@pytest.mark.whole
 def test_a_knock_between_zero_and_pulls_is_named_with_its_pose(said):
     """The zero of that pose is left out, and springs are those of the clean campaign."""
     case = case_of(files())

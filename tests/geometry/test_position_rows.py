@@ -73,6 +73,7 @@ def test_two_rows_that_stand_for_each_other_are_named_with_their_lines(right):
     assert np.allclose(joints(put_right), right[JOINTS])
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("first", [20, 0, 45])
 def test_joint_rows_off_by_one_are_named_from_where_on_they_are(right, first):
@@ -101,6 +102,7 @@ def test_joint_rows_that_are_shuffled_find_their_positions(right):
     assert np.allclose(joints(put_right), right[JOINTS])
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("column", "factor", "where"),
@@ -124,6 +126,7 @@ def test_a_unit_that_changes_in_mid_file_is_named_with_the_line(right):
     assert np.allclose(1e3 * put_right["x"], right["x_mm"])
 
 
+@pytest.mark.whole
 def test_columns_that_stand_for_each_other_are_named(right):
     q = right[JOINTS].to_numpy()[:, [0, 3, 2, 1, 4, 5]]
 

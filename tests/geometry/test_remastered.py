@@ -107,6 +107,7 @@ def test_the_order_of_time_counts_and_not_that_of_numbers():
     assert one.value[0] == pytest.approx(2e-3, abs=4 * one.std[0])
 
 
+@pytest.mark.whole
 def test_a_campaign_in_which_a_joint_was_mastered_anew_is_explained():
     """From its files: the joint log is written with another zero up to pose 7."""
     plan = Plan(name="anew", seed=11, poses={"count": 12}, pulls={"steps_n": [1500.0, 3000.0]})

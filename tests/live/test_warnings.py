@@ -53,6 +53,7 @@ def test_a_tracker_that_was_knocked_sends_one_to_the_base_reflectors():
         assert any("read the base reflectors again" in one for one in said)
 
 
+@pytest.mark.whole
 def test_a_tracker_that_wanders_is_told_and_nobody_blames_the_robot(wandering):
     """Each state is displaced by a further random step of 0.04 mm per axis."""
     said = warned(load_campaign(wandering(10), name="hall"))

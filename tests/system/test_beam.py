@@ -49,6 +49,7 @@ def test_a_tracker_of_its_data_sheet_has_no_tails(world):
     assert parts["along_beam"]["found_over_stated"] < parts["across_beam"]["found_over_stated"]
 
 
+@pytest.mark.whole
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize(
     ("world", "tailed"), [("at960_student3", True), ("vantage_bursts", True), ("ot2_rms", False)]
