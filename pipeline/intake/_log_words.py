@@ -197,12 +197,16 @@ def of_joints(
     if found.keys() - {"pose"} != {*called} or len(called) < len(axes):
         return None
     if "pose" not in found:
-        counting = _counting(cells(), [title for title, _ in found.values()])
-        apart = [one for one in counting if len({*cells()[one]}) == len(cells()[one])]
-        if len(apart) != 1:
+        if (counter := _counter(cells(), [title for title, _ in found.values()])) is None:
             return None
-        found["pose"] = apart[0], ()
+        found["pose"] = counter, ()
     return _ours({called.get(role, role): said for role, said in found.items()})
+
+
+def _counter(cells: Mapping[str, Sequence[str]], taken: Sequence[str]) -> str | None:
+    """The only other column of whole numbers that are all different."""
+    apart = [one for one in _counting(cells, taken) if len({*cells[one]}) == len(cells[one])]
+    return apart[0] if len(apart) == 1 else None
 
 
 def _first(

@@ -70,9 +70,15 @@ def propose_logs(files: Mapping[str, bytes]) -> Logs:
             said = _added(said, name, new, said.joints)
         if form:
             said = _added(said, name, {"loads": name, "load_columns": form.columns}, said.loads)
+    return replace(said, decimal_commas=_with_commas(files, said))
+
+
+def _with_commas(files: Mapping[str, bytes], said: Logs) -> tuple[str, ...]:
+    """Logs whose decimal mark only the other files of the folder tell: a comma in all of them."""
     marks = {name: _mark(name, data) for name, data in files.items() if not name.endswith(".toml")}
-    left = tuple(name for name in (said.loads, said.joints) if name and marks[name] == "?")
-    return replace(said, decimal_commas=left if {*marks.values()} - {"", "?"} == {","} else ())
+    if {*marks.values()} - {"", "?"} != {","}:
+        return ()
+    return tuple(name for name in (said.loads, said.joints) if name and marks[name] == "?")
 
 
 def _mark(name: str, data: bytes) -> str:

@@ -173,16 +173,20 @@ def _header(file: Text, line: int) -> LogHeader:
     content = file.line(line)
     delimiter = delimiter_of(content, " ")
     titles = _cut(content, delimiter)
+    none = ("",) * len(titles)
     below = _cut(file.line(line + 1), delimiter) if line < len(file) else []
-    units = [_unit_below(cell) for cell in below]
-    no_units = len(units) != len(titles) or not any(units) or {u.lower() for u in units} - _BELOW
-    behind = ("",) * len(titles)
-    if no_units:
-        behind = tuple(map(_unit_behind, below)) if len(below) == len(titles) else behind
-        units = list(behind) if any(behind) else [""] * len(titles)
-    pairs = zip(titles, units, strict=True)
-    joined = (f"{title} [{u}]" if u and not _parted(title)[1] else title for title, u in pairs)
-    return LogHeader(line, line + (1 if no_units else 2), delimiter, tuple(joined), behind)
+    if len(below) != len(titles):
+        below = list(none)
+    units = tuple(map(_unit_below, below))
+    of_units = any(units) and {unit.lower() for unit in units} <= _BELOW
+    behind = none if of_units else tuple(map(_unit_behind, below))
+    joined = map(_with_unit, titles, units if of_units else behind)
+    return LogHeader(line, line + (2 if of_units else 1), delimiter, tuple(joined), behind)
+
+
+def _with_unit(title: str, unit: str) -> str:
+    """A title with the unit of its column, where it has none itself."""
+    return f"{title} [{unit}]" if unit and not _parted(title)[1] else title
 
 
 def _unit_behind(cell: str) -> str:

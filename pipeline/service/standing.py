@@ -75,10 +75,9 @@ def _of(campaign: CampaignFolder, look: service.Looked | None) -> Standing:
     there = (campaign.reports / "index.html").is_file()
     address = f"{quote(os.fsencode(campaign.name))}/index.html" if there else ""
     name = printable(campaign.name, 80)
-    if look is not None and look.ended is None and look.campaign == name:
-        return Standing(name, State.RUNNING, look.alive, "at work", address)
-    if watch.attended(campaign):
-        return Standing(name, State.RUNNING, None, "at work", address)
+    alive = _alive(look, name)
+    if alive is not None or watch.attended(campaign):
+        return Standing(name, State.RUNNING, alive, "at work", address)
     if seen.print != watch.fingerprint(campaign.folder):
         new = "new" if seen.verdict is None else "changed since it was last run"
         return Standing(name, State.WAITING, None, f"{new}: the next look takes it", address)
@@ -89,6 +88,12 @@ def _of(campaign: CampaignFolder, look: service.Looked | None) -> Standing:
         return Standing(name, State.REJECTED, seen.tried, seen.said, address)
     told = VERDICTS.get(seen.verdict or "", (seen.said, ""))[0]
     return Standing(name, State.DONE, seen.tried, told, address)
+
+
+def _alive(look: service.Looked | None, name: str) -> float | None:
+    """When the look that is at a campaign was last alive; None where none is."""
+    at_it = look is not None and look.ended is None and look.campaign == name
+    return look.alive if look is not None and at_it else None
 
 
 def _incomplete(root: Path, known: set[str]) -> Iterator[Standing]:
