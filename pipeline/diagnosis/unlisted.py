@@ -41,7 +41,7 @@ _FLIPS = 3000
 """Copies whose poses have other signs: the smallest p is a third of `alarms.LAW`."""
 
 _COUNTED = 20
-"""Poses up to which copies are drawn without replacement: beyond, none comes twice."""
+"""Parts up to which copies are drawn without replacement: beyond, one in 2^20 is the campaign."""
 
 _DRAWS = 1000
 """Draws of scatter."""
@@ -234,8 +234,8 @@ def _by_structure(view: Whitened, now: Scores, rng: np.random.Generator) -> Arra
 
     T_j = g' N^+ g of each copy, g = sum over poses of s_p D_p' P y. Blocks of other ranks compare
     by -dof / 2 ln(1 - T / rest) - rank / 2 ln dof (Schwarz, Annals of Statistics 6, 1978), rest
-    being what the base leaves of the copy. Against the rest of y, 15 of 100 clean campaigns of
-    twelve poses were below 0.1.
+    being what the base leaves of the copy: it explains more of one than of y, which it was fitted
+    to, and against the rest of y chance would pass for a law more often than stated.
     """
     base = Base.of(view.A[:, view.base], view.A[:, -1])
     left = base.blocks.rows(base.left)

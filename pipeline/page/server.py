@@ -14,8 +14,8 @@ import tomllib
 import traceback
 from collections.abc import AsyncIterator, Awaitable, Callable, Iterator, Mapping
 from dataclasses import dataclass, field
-from difflib import SequenceMatcher
-from itertools import zip_longest
+from itertools import accumulate, zip_longest
+from operator import add, itemgetter
 from pathlib import Path
 from typing import Any
 from urllib.parse import quote
@@ -557,11 +557,23 @@ async def correct(state: _State, request: Request) -> Response:
 
 
 def _side_by_side(old: list[str], new: list[str]) -> Iterator[dict[str, Any]]:
-    """The lines that differ, each with its number in the old program; what is new stands alone."""
-    for tag, a, b, c, d in SequenceMatcher(None, old, new, autojunk=False).get_opcodes():
-        pairs = zip_longest(old[a:b], new[c:d], fillvalue="") if tag != "equal" else ()
-        for k, (before, after) in enumerate(pairs, a + 1):
-            yield {"line": k, "old": before, "new": after}
+    """The lines that differ, each with its number in the old program; what is new stands alone.
+
+    A correction changes lines and puts in some at one place: where the fewest others then differ.
+    """
+    more = max(len(new) - len(old), 0)
+    before = accumulate(map(_unlike, old, new), initial=0)  # where they come behind
+    behind = [*accumulate(map(_unlike, reversed(old), reversed(new)), initial=0)][::-1]
+    at = min(enumerate(map(add, before, behind)), key=itemgetter(1))[0] if more else len(old)
+    apart = [*old[:at], *[""] * more, *old[at:]]
+    for k, (one, other) in enumerate(zip_longest(apart, new, fillvalue="")):
+        if one != other:
+            yield {"line": min(k, max(k - more, at)) + 1, "old": one, "new": other}
+
+
+def _unlike(old: str, new: str) -> int:
+    """How far a line is another: a motion with other coordinates still begins with its word."""
+    return (old != new) + (old.split(None, 1)[:1] != new.split(None, 1)[:1])
 
 
 async def _body(request: Request, most: int) -> bytes:

@@ -302,6 +302,19 @@ def test_a_line_that_is_put_in_moves_no_other():
     ]  # fmt: skip
 
 
+@pytest.mark.parametrize("at", [0, 3, 30_000])
+def test_a_long_program_with_lines_put_in_differs_where_it_was_changed(at):
+    """Every other of 60 000 lines is a motion that was moved, those between are all alike."""
+    old = [f"LIN {k}" if k % 2 else "WAIT" for k in range(60_000)]
+    new = [f"{line}.5" if line != "WAIT" else line for line in old]
+
+    rows = [*server._side_by_side(old, [*new[:at], "; one", "; two", *new[at:]])]
+
+    put_in = [(row["line"], row["new"]) for row in rows if not row["old"]]
+    assert put_in == [(at + 1, "; one"), (at + 1, "; two")]
+    assert [row["line"] for row in rows if row["old"]] == [*range(2, 60_001, 2)]
+
+
 SRC = "DEF part()\n$BASE=$NULLFRAME\n$TOOL=$NULLFRAME\nLIN XP1\nEND\n"
 AT = "X 3240.228,Y 7819.707,Z 1368.394,A -117.033,B -23.82,C -102.579,E1 8500.0"
 DAT = f"DEFDAT part\nDECL E6POS XP1={{{AT}}}\nENDDAT\n"
