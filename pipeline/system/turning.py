@@ -27,7 +27,7 @@ from pipeline.system.system import Errors, System
 from pipeline.system.variance import UNTOLD
 
 _TURNED = "turned"
-"""Name of the sources of `TRACKED` where they act on a rotation."""
+"""Name of the sources `tracker` and `zero` where they act on a rotation."""
 
 _FEWEST = 24
 """Minimum number of contrasts to resolve two noises: a dozen each, as one noise needs."""
