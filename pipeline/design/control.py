@@ -1,7 +1,7 @@
 """Readings of a plan that are not controlled by others, before anything is measured.
 
-The plan's readings as c = B x + G e with the scatter that it states; redundancy and smallest
-detectable errors need no c (`system.reliability`). Chain and base reflectors are not part of a
+The plan's readings as c = B x + G e with the scatter that it states; redundancy and minimal
+detectable biases need no c (`system.reliability`). Chain and base reflectors are not part of a
 plan's scatter and are not included.
 """
 
@@ -33,7 +33,7 @@ class Control:
         pull: Number of its pull in the pose, from 1; 0 for a zero.
         target: Its reflector; empty for the scale.
         r: Redundancy number.
-        visible: Smallest detectable error [m] or [N]; infinite where uncontrolled.
+        visible: Minimal detectable bias [m] or [N]; infinite where uncontrolled.
         moves: Largest effect of that error on a stiffness, in standard uncertainties.
         most: Number of the joint of that stiffness, from 1.
     """

@@ -34,8 +34,9 @@ class Sight:
 
     Attributes:
         name: Label of the cause, or of its twins joined by " = ".
-        detected_from: Size from which it is detected in 80 % of the cases, in typical sizes; inf if
-            at no size. For its main mathematical form, the first in the catalogue.
+        detected_from: Minimal detectable magnitude (detected in 80 % of the cases), in typical
+            sizes; inf if it is detected at no size. For its main mathematical form, the first in
+            the catalogue.
         named_from: Size from which it is separated from every rival in any form, in typical sizes.
         rival: The cause it is hardest to separate from, empty when nothing hides it.
         needs: What would settle it.

@@ -88,7 +88,8 @@ class _Progress(Locked):
         rounds: Rounds in total.
         best: The best plan so far, None when no plan yet keeps all limits.
         pool: Good poses with their anchors in unit coordinates, for the certificate, (p, n + f).
-        nearest: The plan that comes closest to the limits, while there is no `best`.
+        nearest: The latest plan whose least certain compliance is known best, for when there is no
+            `best`.
     """
 
     round: int
@@ -237,7 +238,7 @@ def rounded(problem: Problem, plan: Plan) -> Plan:
 
 
 def undetermined(problem: Problem, nearest: Plan) -> InputError:
-    """The error where even the nearest plan leaves some joint undetermined."""
+    """The error where even the plan with the smallest uncertainties leaves a joint undetermined."""
     worst = int(np.argmax(nearest.relative_std))
     joint, spec = problem.robot.joints[worst], problem.spec
     return InputError(
