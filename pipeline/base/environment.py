@@ -2,8 +2,7 @@
 
 The current folder may contain anybody's campaign. Prefect reads `.env`, `prefect.toml` and
 `pyproject.toml` there, Matplotlib `matplotlibrc`, and their content can start programs. Libraries
-that
-do so are therefore imported and used in another folder.
+that do so are therefore imported and used in another folder.
 """
 
 from __future__ import annotations

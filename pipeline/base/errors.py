@@ -50,7 +50,8 @@ class InputError(PipelineError):
     Attributes:
         file: File name relative to the campaign folder, or None.
         line: Line in that file counted from 1, or None.
-        thing: What is wrong. way_out: What to do about it, or a question that says so.
+        thing: What is wrong.
+        way_out: What to do about it, or a question that says so.
         passing: True if trying again a little later may help.
         key: Path of the entry of a TOML file that it concerns, which gives the line.
     """

@@ -1,8 +1,7 @@
 """Translation of printed documents: the certificate and the measurement sheet.
 
 Both are composed in English. Each of their texts is looked up in a gettext catalogue, as a whole,
-or
-as a text with `{}` for its variable parts, which are looked up in turn. A catalogue entry that
+or as a text with `{}` for its variable parts, which are looked up in turn. A catalogue entry that
 begins or ends with a space, a comma or a semicolon is used next to another text. Text that is in no
 catalogue, such as a name or a sentence of the user's, is left unchanged. English needs no
 catalogue.

@@ -2,11 +2,9 @@
 
 Columns are scaled to comparable units (each parameter by its typical magnitude, rows by standard
 uncertainties). A column shorter than `_ROUNDING` times the longest is treated as zero: a joint that
-no
-pull loads moves the targets by rounding only. All others are normalised to unit length, so that
-units do not affect what the data determine, and a direction counts if it is longer than
-`_ROUNDING` times the longest. Products N = X'X contain squared lengths: there the limit is
-`PRODUCTS`.
+no pull loads moves the targets by rounding only. All others are normalised to unit length, so that
+units do not affect what the data determine, and a direction counts if it is longer than `_ROUNDING`
+times the longest. Products N = X'X contain squared lengths: there the limit is `PRODUCTS`.
 """
 
 from __future__ import annotations

@@ -1,8 +1,7 @@
 """Display and storage of foreign text: it must not control a terminal or break a file.
 
 `printable` is for people, `in_json`, `in_toml` and `in_xml` are for files. Our own sentences put
-what to
-type between backticks; `runs` and `quoted` show it without them.
+what to type between backticks; `runs` and `quoted` show it without them.
 """
 
 from __future__ import annotations

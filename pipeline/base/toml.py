@@ -1,8 +1,7 @@
 """Reading and writing of TOML, and merging of records.
 
 Written by hand, because people read and edit these files: the library tomli-w puts every number of
-a
-list on a line of its own, five lines for a point of the tool.
+a list on a line of its own, five lines for a point of the tool.
 """
 
 from __future__ import annotations

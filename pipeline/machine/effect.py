@@ -182,8 +182,7 @@ class Effect:
     """Attributes common to all effects.
 
     A cause may be in the catalogue in several mathematical forms (a dead zone, a rounded step):
-    they
-    share name and place, and the diagnosis names the cause, not the form.
+    they share name and place, and the diagnosis names the cause, not the form.
 
     Attributes:
         name: Identifier of the cause, such as `rail_roll`.
@@ -236,7 +235,7 @@ class Effect:
 
     @property
     def label(self) -> str:
-        """`rail_roll`, or `joint_tilt:2` where it has a place."""
+        """`rail_roll`, or `joint_tilt:2` if it has several possible places."""
         return self.name if self.where is None else f"{self.name}:{self.where}"
 
     @property

@@ -146,8 +146,7 @@ def correlated(position: Array, variance: Array) -> Array | None:
     """Covariances of readings whose axis variances are stated but whose correlations are not.
 
     C = b I + (a - b) d d' has v_i = b + (a - b) d_i^2, where a and b are the variances along the
-    beam
-    and across it, fitted to each reading by least squares: software of trackers leaves out the
+    beam and across it, fitted to each reading by least squares: software of trackers leaves out the
     correlations where it states three standard uncertainties.
 
     Args:

@@ -274,8 +274,8 @@ def _reached(robot: Robot, tool: Array, bodies: Capsules, seen: bool) -> tuple[l
     """Directions and capsules that restrict the line from each point of the effector.
 
     A point that sits in or on capsules of its own link is restricted to leave them outwards, into
-    the
-    half space beyond the point, where the distance only grows; its line must not cross all others.
+    the half space beyond the point, where the distance only grows. Its line must not cross any of
+    the other capsules.
     """
     cones, crossed = list[_Cone](), np.zeros((len(tool), len(bodies)), dtype=bool)
     flange = robot.flange
@@ -297,8 +297,7 @@ def _pairs(robot: Robot, bodies: Capsules) -> tuple[Ints, list[tuple[str, str]]]
     """Capsules that must not touch, (2, p), and pairs of links that cannot be checked.
 
     Left out are capsules of the same link, of adjacent links among those that have capsules, and
-    pairs
-    that touch with every joint at zero, or at the limit nearest to it.
+    pairs that touch with every joint at zero, or at the limit nearest to it.
     """
     at = configure(robot, np.clip(np.zeros(robot.n), robot.lower, robot.upper)[None])
     order = np.unique(bodies.carrier, return_inverse=True)[1]

@@ -5,10 +5,9 @@ For the robot's table, points of its tool and compliances under its own weight, 
     estimate = truth + e,    e ~ N(0, C),
 
 with the full joint covariance C. Pulls use it in two ways: quantities about which they have no
-better
-information (table and tool) are errors common to all pulls, and quantities they also determine
-(springs, elements) become additional rows. Together this is the least-squares estimate from all
-readings, as both are linear about the estimate from positions.
+better information (table and tool) are errors common to all pulls, and quantities they also
+determine (springs, elements) become additional rows. Together this is the least-squares estimate
+from all readings, as both are linear about the estimate from positions.
 """
 
 from __future__ import annotations
@@ -36,7 +35,7 @@ _ROUNDS = 20
 """Maximum number of reweighting iterations; each after the first changes the factor less than the
 previous one."""
 _LEAST = 0.01
-"""Lower bound of the common factor of all springs [1]; an arm a hundred times lighter is
+"""Lower bound of the common factor of all springs [1]; an arm a hundred times heavier than usual is
 implausible."""
 
 

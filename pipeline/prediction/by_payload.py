@@ -18,8 +18,7 @@ def by_payload(settings: Settings, data: Measured, system: System) -> dict[str, 
     """Held-out rms error [m] per coordinate for each payload or weight; {} with one load.
 
     r = c_k - B_k x, with x estimated from the rows of all other loads with their own covariance;
-    None
-    if these leave a parameter undetermined that moves the rows of k.
+    None if these leave a parameter undetermined that moves the rows of k.
 
     Args:
         settings: Settings with the names of the payloads.

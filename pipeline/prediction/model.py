@@ -132,8 +132,7 @@ class IdentifiedModel(Locked):
     their weights, and their spread is part of its covariance.
 
     Effects of the measurement alone (scale, tracker, noise) are not part of it; having been
-    estimated
-    together with the springs, they contribute to their covariance.
+    estimated together with the springs, they contribute to their covariance.
 
     Attributes:
         campaign: Campaign from which it was identified.
@@ -380,10 +379,8 @@ def _found(cell: Cell, values: Array) -> Tool:
     """The tool with its points where the effects put them, rather than as in campaign.toml.
 
     An effect that moves points of the tool without changing the force states their true place, and
-    users
-    who ask for the load point or a target mean the true one. The shift must be constant in the
-    flange
-    frame, tested at two poses.
+    users who ask for the load point or a target mean the true one. The shift must be constant in
+    the flange frame, tested at two poses.
     """
     apart = np.array([np.zeros(cell.robot.n), np.full(cell.robot.n, 0.7)])
     pulls = Pulls.at(apart, np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]))

@@ -33,8 +33,7 @@ def beside_pulls(force_n: Array, pulled: tuple[float, float] | None) -> list[str
     """Warning if forces [N], shape (m,), are outside the range of the pulls, as a list.
 
     A model is valid where it was tested: above the largest pull its error grows with the force. If
-    all
-    forces are below the smallest pull by the ratio of two units, they may be in another unit.
+    all forces are below the smallest pull by the ratio of two units, they may be in another unit.
     """
     if pulled is None or pulled[0] / _LBF_N < (hardest := float(force_n.max())) <= pulled[1]:
         return []

@@ -137,10 +137,9 @@ def predict(
     """Predict the targets at joint values, with the uncertainty of the true position.
 
     F_b is the frame realised by the instrument: a displacement of the whole robot relative to its
-    base,
-    which no reading resolves, is not an error. The uncertainty includes parameters, laws and the
-    unmodelled error of each joint, but not the noise of a reading. Outside the range of its data a
-    curve has an uncertainty of its own size.
+    base, which no reading resolves, is not an error. The uncertainty includes parameters, laws and
+    the unmodelled error of each joint, but not the noise of a reading. Outside the range of its
+    data a curve has an uncertainty of its own size.
 
     Args:
         model: Model of a campaign.

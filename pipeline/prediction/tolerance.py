@@ -69,8 +69,7 @@ def tip(model: IdentifiedModel, q: Array, force: Array, shown: Shown) -> TipDefl
     """Deflection of the load point and its standard uncertainty.
 
     u is the larger of the model's uncertainty along the deflection, (n' C n)^1/2 with n = d/|d|,
-    and
-    of the held-out error.
+    and of the held-out error.
 
     Args:
         model: The identified model.

@@ -6,9 +6,8 @@ robot was pulled, a force displaces targets by
     d(q, f) = sum over hypotheses of w (S_h p_h),        p_h = springs and causes,
 
 including laws that weight does not show. This replaces S x, where x are the springs and elements
-that
-positions have in common with p_h. Parameters estimated jointly from both have a single value, and
-the other parameters e of p_h are correlated with it,
+that positions have in common with p_h. Parameters estimated jointly from both have a single value,
+and the other parameters e of p_h are correlated with it,
 
     e = e_h + G (x - x_h) + r,    G = cov(e, x) cov(x)^-1,    r independent of all positions.
 """

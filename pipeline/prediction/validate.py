@@ -28,11 +28,9 @@ def validate(
     mu_t = |A_t (x_drawn - x)| / |A_t x|, Eq. (22), A_t (3, k) [m per unit of x] at target t, F_b.
     Every pose has a draw of its own, once x_drawn ~ N(x, cov(x)) and once as in Eq. (23),
     x_i = 1 / k_i with k_i ~ N(1 / x_i, u(x_i)^2 / x_i^4), each stiffness independently (Monte Carlo
-    as
-    in JCGM 101:2008). Parameters that are not identifiable keep their values. If several hypotheses
-    may
-    be true, the prediction is their average, and each pose draws one of them by its weight; mu then
-    includes its deviation from the average. Only elastic causes take part.
+    as in JCGM 101:2008). Parameters that are not identifiable keep their values. If several
+    hypotheses may be true, the prediction is their average, and each pose draws one of them by its
+    weight; mu then includes its deviation from the average. Only elastic causes take part.
 
     Args:
         hypotheses: Possible sets of causes, weights sum to one.

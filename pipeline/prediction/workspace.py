@@ -34,10 +34,8 @@ def workspace(
 
     Shoulder and elbow, the first two neighbouring joints with parallel axes, go through their
     ranges, up to 90 degrees from the test pose and on its side of the stretched arm; all other
-    joints
-    stay as in the test pose. The worst direction is the first singular vector of the 3 x 3
-    compliance of
-    the load point.
+    joints stay as in the test pose. The worst direction is the first singular vector of the 3 x 3
+    compliance of the load point.
 
     Args:
         hypotheses: Possible sets of causes, weights sum to one; the uncertainty is infinite where
@@ -91,7 +89,7 @@ def _seen(here: Configuration, cell: Cell, pair: tuple[int, int]) -> tuple[Bools
     axis, from_shoulder = here.axes[:, shoulder, :, 2], point - here.origin[:, shoulder]
     bend = np.einsum("mi,mi->m", axis, np.cross(from_shoulder, point - here.origin[:, elbow]))
     reach, up = _plane(here, shoulder, from_shoulder[0])
-    inside = bend * (bend[0] or 1.0) > 0  # the test pose counts even if its arm is stretched
+    inside = bend * (bend[0] or 1.0) > 0  # if it is stretched: positive bend
     inside[0] = True
     return inside, np.stack([from_shoulder @ reach, point @ up], axis=1)
 
@@ -128,7 +126,7 @@ def arm_in_plane(cell: Cell, test: Where) -> pd.DataFrame:
 
 
 def _softest(hypotheses: Sequence[ModelHypothesis], q: Array) -> tuple[Array, Array, Array]:
-    """Largest deflection per newton (m,), its standard uncertainty (m,), direction (m, 3), F_b."""
+    """Largest deflection per newton (m,), its standard uncertainty (m,), its direction (m, 3)."""
     m = len(q)
     force = np.tile(_FORCE_N * np.eye(3), (m, 1))
     pulls = Pulls.at(np.repeat(q, 3, axis=0), force)

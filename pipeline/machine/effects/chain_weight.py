@@ -1,10 +1,9 @@
 """Weight W of chain and scale: half of it acts downwards on the robot, unseen by the scale.
 
 The chain pulls the robot with H u - (W/2) e_z, where H u is the tension at the middle of its
-weight.
-A scale reads the tension at its own place, S = H - s (W/2) u_z; so S u - (W/2) (e_z - s u_z u)
-acts,
-and only the component of the weight across the pull does not depend on the place of the scale.
+weight. A scale reads the tension at its own place, S = H - s (W/2) u_z, so that
+S u - (W/2) (e_z - s u_z u) acts, and only the component of the weight across the pull does not
+depend on the place of the scale.
 """
 
 from functools import partial
@@ -17,7 +16,7 @@ from pipeline.machine.effects._anatomy import direction
 from pipeline.machine.robot import Robot
 
 _SIDE = {"scale at the robot": 1.0, "scale amid the chain": 0.0, "scale at the anchor": -1.0}
-"""s: part of half the weight along the pull that the scale reads in excess (+1) or misses (-1)
+"""s: coefficient of half the weight along the pull in the reading, by the place of the scale
 [1]."""
 
 

@@ -1,8 +1,7 @@
 """The arm sags under its own weight, unseen by the joint log.
 
 Before the pull joint j is displaced by c_j tau_g,j; under the pull the torque of gravity changes
-with
-the deflection, which adds c_j sum_k G_jk c_k tau_k with G = d tau_g / dq.
+with the deflection, which adds c_j sum_k G_jk c_k tau_k with G = d tau_g / dq.
 """
 
 from dataclasses import dataclass

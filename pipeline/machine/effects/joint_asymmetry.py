@@ -3,8 +3,8 @@
 In addition to c tau the joint turns by
 
 - pull: dc |tau|
-- total: dc (|tau + tau_w| - |tau_w|), where tau_w is the torque of the arm's own weight before the
-pull
+- total: dc (|tau + tau_w| - |tau_w|), where tau_w is the torque of the arm's own weight before
+  the pull
 
 The compliance is c + dc for positive and c - dc for negative torque; c alone is that of neither
 direction. In `total` the pull may carry the torque across zero: the displacement is the difference

@@ -4,9 +4,8 @@ In addition to c tau the joint turns by
 
 - pull: b tanh(tau / tau_b)
 - total: b (tanh((tau + tau_w) / tau_b) - tanh(tau_w / tau_b)), where tau_w is the torque of the
-arm's
-  own weight before the pull: flanks that the weight holds in contact stay so until the pull takes
-  the torque across zero
+  arm's own weight before the pull: flanks that the weight holds in contact stay so until the pull
+  takes the torque across zero
 """
 
 import numpy as np

@@ -3,8 +3,7 @@
 c_tilt_x and c_tilt_y turn about x_j and y_j of the joint's frame, after its own motion, through the
 seat of the bearing on the joint's axis. The kinematic table does not give this seat: it puts the
 frame of the first revolute joint at the height of the shoulder, but the bearing may sit there, in
-the
-base at the other end of the link's offset, or in between.
+the base at the other end of the link's offset, or in between.
 
 Nor does the table give the directions in which a housing is softest. The oblique form allows any
 direction across the joint's axis,

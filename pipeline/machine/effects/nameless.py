@@ -221,8 +221,7 @@ def remembered(pulls: Pulls, torque: Array, fades_s: float) -> Array:
     """Load memory m of each joint before each pull, between 0 and 1, shape (m, k).
 
     T dm/dt = |tau| / max |tau| - m, where tau is the torque of the previous pull, held until the
-    next
-    one; zero between two poses. The first pull has no memory.
+    next one; zero between two poses. The first pull has no memory.
 
     Args:
         pulls: The pulls.

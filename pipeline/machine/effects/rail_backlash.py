@@ -6,8 +6,7 @@ The available travel depends on where the carriage came to rest within the play:
 
 with rest = +1 at the end of the play that a positive pull runs into, -1 at the other one. This
 holds if only the tooth flanks hold the carriage. If friction holds it, a pull across the rail
-leaves
-it in place, and only a pull towards the free play moves it over:
+leaves it in place, and only a pull towards the free play moves it over:
 
     travel along the rail = -rest b tanh(max(-rest f_y, 0) / f_r).
 """

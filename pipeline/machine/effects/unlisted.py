@@ -87,8 +87,7 @@ def effects(robot: Robot, loaded: Loaded, odds: float = 1.0) -> tuple[Effect, ..
     """Every law that these pulls could show, each with its share of the odds that there is one.
 
     All families of laws have equal odds, and so have the members of a family. Most of these
-    hundreds
-    are never reported: `worded` adds the words to those that are.
+    hundreds are never reported: `worded` adds the words to those that are.
     """
     laws = list(_laws(robot, loaded))
     members = Counter(law.family for law in laws)
@@ -101,8 +100,7 @@ def extensions(robot: Robot, loaded: Loaded, one: Effect) -> tuple[Effect, ...]:
 
     An imperfect gear has harmonics, and a part may follow several functions of one variable: the
     residual of a law is attributed to the same law first. Its odds are shared among the extensions,
-    one
-    half by its harmonics, which are integer multiples of its frequency.
+    one half by its harmonics, which are integer multiples of its frequency.
     """
     law = one.law
     assert law is not None
@@ -717,8 +715,7 @@ def beyond(robot: Robot, one: Effect, values: Array) -> tuple[Effect, Array]:
     """Uncertainty of a law outside the range of the data: effect and covariance about zero.
 
     Its standard uncertainty there equals the amplitude of the law: deflections of its height, or of
-    its
-    own parameters if it is a function of torque or force only.
+    its own parameters if it is a function of torque or force only.
 
     Args:
         robot: The robot.

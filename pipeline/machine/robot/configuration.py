@@ -130,8 +130,7 @@ def cross(a: Array, b: Array) -> Array:
     """Vector product over the last axis, for shapes (m, ..., 3).
 
     As for all arrays of a `Configuration`, poses are contiguous in memory: numpy then works on long
-    rows,
-    three times as fast as its own product on rows of three.
+    rows, three times as fast as its own product on rows of three.
     """
     m, *inner = np.broadcast_shapes(a.shape, b.shape)
     out = np.empty((*inner, m)).transpose(len(inner), *range(len(inner)))

@@ -1,13 +1,11 @@
 """Entries ("letters") of a robot's kinematic table: their error twists, and the corrected table.
 
 An error d of letter k is a small motion along or about an axis of a frame that some joint carries,
-so
-that to first order a point p of the flange moves by d (omega_k x p + v_k), with its twist in F_b.
-Names of letters do not depend on the convention of the table: lengths and twists lie along and
-about
-x, offsets and zeros along and about z. Between axes that are nearly parallel a second rotation,
-about
-y, keeps lengths and offsets small (Hayati and Mirmirani, J. Robotic Systems 2, 1985).
+so that to first order a point p of the flange moves by d (omega_k x p + v_k), with its twist in
+F_b. Names of letters do not depend on the convention of the table: lengths and twists lie along and
+about x, offsets and zeros along and about z. Between axes that are nearly parallel a second
+rotation, about y, keeps lengths and offsets small (Hayati and Mirmirani, J. Robotic Systems 2,
+1985).
 """
 
 from __future__ import annotations

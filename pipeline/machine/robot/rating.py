@@ -50,8 +50,7 @@ def share(robot: Robot, load_point: Array) -> float:
     """Appropriate pull of a robot relative to the reference set-up [1].
 
     In proportion to its payload, and limited to what moves the load point by `_MOST_M`; 1 if its
-    file
-    states neither payload nor stiffness.
+    file states neither payload nor stiffness.
 
     Args:
         robot: The robot.
@@ -95,8 +94,7 @@ def refuse_unheld(
     """Refuse forces that no such robot can hold, as when newtons are taken for kilonewtons.
 
     They exceed `ABSURD` times the weight of the payload; if that is not stated, they turn a joint
-    of
-    nominal stiffness by more than `TWIST_RAD`.
+    of nominal stiffness by more than `TWIST_RAD`.
 
     Args:
         robot: The robot.

@@ -1,9 +1,8 @@
 """Wrenches and torques of the weight of links and payload.
 
 A link is described by its mass m and first moment m c in its frame: its weight has the wrench
-(moment
-about the origin of F_b, force) = ((m o + R m c) x g, m g), linear in both, and a joint carries the
-sum over the links after it.
+(moment about the origin of F_b, force) = ((m o + R m c) x g, m g), linear in both, and a joint
+carries the sum over the links after it.
 """
 
 from __future__ import annotations
@@ -69,8 +68,7 @@ def stiffening(here: Configuration, gravity: Array, moments: Array) -> Array:
     """Derivative of the torques of the links' weight by the joint values, G = d tau_g / dq.
 
     Joint k moves everything it carries, of mass M_k and first moment P_k about the origin of F_b,
-    by
-    v_k + w_k x r, and changes the torque of its weight about a preceding joint j by
+    by v_k + w_k x r, and changes the torque of its weight about a preceding joint j by
 
         G_jk = w_j . ((M_k v_k + w_k x P_k) x g),    j <= k,    G_kj = G_jk,
 
@@ -122,8 +120,7 @@ def payload_torques(here: Configuration, gravity: Array, mass: Array, centre: Ar
     """Derivatives of the torque of a payload's weight with respect to its mass and centre.
 
     With r = o + F c in F_b, tau_j = J_j(r)' m g: with respect to m it is J_j(r)' g, and to
-    coordinate k
-    of the centre w_j . (F e_k x m g), w_j the axis of a revolute joint.
+    coordinate k of the centre w_j . (F e_k x m g), w_j the axis of a revolute joint.
 
     Args:
         here: The robot at m joint vectors.
