@@ -46,44 +46,44 @@ NotNegative = Annotated[float, Field(ge=0, le=1e12)]
 """The same, or zero."""
 
 Seconds = Annotated[float, Field(ge=0, le=1e6)]
-"""Time between two readings [s]: a week has 6e5."""
+"""Time between two readings [s]; for comparison, a week has 6e5."""
 Length = Annotated[float, Field(ge=-1e5, le=1e5)]
-"""A coordinate or a distance [m]: 100 m of hall in millimetres."""
+"""A coordinate or a distance [m]; the bound is a hall of 100 m in millimetres."""
 Degrees = Annotated[float, Field(ge=-1e5, le=1e5)]
-"""An angle [deg]: 280 turns."""
+"""An angle [deg]; the bound is 280 turns."""
 JointValue = Length
 """Value of a joint [m] or [deg]."""
 AxisValue = Annotated[float, Field(ge=-1e6, le=1e6)]
 """Value of a controller's axis as displayed [mm] or [deg]."""
 Force = Annotated[float, Field(ge=-1e7, le=1e7)]
-"""A force or a component of one [N]: a thousand tonnes."""
+"""A force or a component of one [N]; the bound is the weight of a thousand tonnes."""
 LEAST_FORCE = 1e-6
 """Minimum pull [N]: no instrument resolves the effect of a micronewton on a robot."""
 Pull = Annotated[float, Field(gt=0, le=1e7), _visible(LEAST_FORCE)]
 """A force that is not zero [N]."""
 Stiffness = Annotated[float, Field(gt=0, le=1e18), _visible(1e-3)]
-"""Stiffness of a joint [N/m] or [N m/rad]: a cube of steel of a metre has 2e11, a rubber band
-1e1."""
+"""Stiffness of a joint [N/m] or [N m/rad]; for comparison, a steel cube of a metre has 2e11, a
+rubber band 1e1."""
 
 Scatter = Annotated[float, Field(gt=0, le=10), _visible(1e-10)]
-"""Standard uncertainty of a reading [m]: from less than an atom to more than a room."""
+"""Standard uncertainty of a reading [m]; the bounds are less than an atom and more than a room."""
 Uncertainty = Annotated[float, Field(ge=0, le=10)]
 """Standard uncertainty of a length [m] or of an angle [rad]."""
 Relative = Annotated[float, Field(ge=0, lt=1)]
 """Standard uncertainty relative to a length or force [1]: with 1 not even its sign is known."""
 ForceUncertainty = Annotated[float, Field(ge=0, le=1e7)]
-"""Standard uncertainty of a force [N]: up to the largest force."""
+"""Standard uncertainty of a force [N]; the bound is the largest force."""
 STANDARD_GRAVITY = 9.80665
 """Standard acceleration of gravity [m/s^2]; CGPM 1901. From equator to pole it is 9.780 to 9.832
 (WGS 84)."""
 LEAST_MASS = 1e-7
 """Minimum mass of a weight [kg]: its weight is a micronewton."""
 Temperature = Annotated[float, Field(ge=-50, le=100)]
-"""Temperature of a hall [degC]; kelvins and Fahrenheit of most halls exceed it."""
+"""Temperature of a hall [degC]; in kelvin or degrees Fahrenheit most halls exceed the bound."""
 Mass = Annotated[float, Field(gt=0, le=1e6), _visible(LEAST_MASS)]
-"""Mass of a weight or payload [kg]: a thousand tonnes."""
+"""Mass of a weight or payload [kg]; the bound is a thousand tonnes."""
 MassUncertainty = Annotated[float, Field(ge=0, le=1e6)]
-"""Standard uncertainty of a mass [kg]: up to the largest mass."""
+"""Standard uncertainty of a mass [kg]; the bound is the largest mass."""
 
 
 def _plain(name: str) -> str:

@@ -54,10 +54,8 @@ class Room(Locked):
         floor: Height of the floor in F_b [m], None if not given.
         cones: Directions from which reflectors and load point can be reached.
         bodies: Capsules of robot and effector.
-        pairs: Indices of capsules that must not touch each other, the shorter one first, shape (2,
-            p).
-        crossed: Capsules that the line of each point must not cross, points as in `_Cone`, shape (1
-            + t, c).
+        pairs: Capsules that must not touch each other, the shorter one first, shape (2, p).
+        crossed: Capsules that the line of each point (as in `_Cone`) must not cross, (1 + t, c).
         lifted: Capsules that some joint lifts, shape (c,): the others stand on the floor.
     """
 

@@ -79,12 +79,12 @@ class Stance(Locked):
         points: Measured points of the tool [m], flange frame, by name, t of them.
         compliance: Compliance of each joint [m/N] or [rad/(N m)], shape (n,).
         told: Joints whose compliance the weight determines, shape (n,).
-        held: Elastic elements besides the joints whose compliance is estimated.
+        held: Elastic elements besides the joints that the data call for, with estimated parameters.
         yields: Their parameters, one after the other, shape (e,).
         cov: C, of springs, elements, letters of the table and points, (n + e + k + 3 t) squared.
         unloaded: Controller joint values (m, n) -> deviation of the joints from them (m, n), and of
-            the points from where the corrected table then puts them [m], F_b, (m, t, 3); if no pull
-            reads one of the points, all that were read.
+            the points from where the corrected table puts them [m], F_b, (m, t, 3); of all targets
+            if `points` is empty.
         factor: Variance of the common factor by which all springs may be softer with masses lighter
             by the same factor, which leaves positions unchanged; 0 if the robot file states the
             masses [1].

@@ -2,7 +2,8 @@
 
 - held: friction carries part of the torque in both directions, -h sgn(tau) branch
 - left over: part of the wind-up remains while unloading, h sgn(tau) on the way down
-- bow: a loop that closes at zero and at the pose's peak torque, h 4 (t - t^2), t = tau / peak
+- bow: a loop that closes at zero and at the pose's peak torque, h sgn(tau) 4 (t - t^2) on the way
+  down, t = |tau| / peak
 - sliding: the joint lags its torque by -h z; z evolves along the load steps of the pose,
   dz = (1 - z sgn(dtau)) dtau / s (Dahl), which integrates to an exponential on each monotonic part
 

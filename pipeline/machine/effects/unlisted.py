@@ -39,12 +39,11 @@ _ORDERS = tuple(range(1, 21))
 of one campaign do not resolve finer waves."""
 
 _COUPLED = (1, 2, 3)
-"""Periods per turn of another joint [1]: what rotates with it loads this joint once, twice or three
-times per turn."""
+"""Periods per turn of another joint: what rotates with it loads this joint once, twice or three
+times."""
 
 _PER_RAIL = (1, 2, 3, 4, 5, 6)
-"""Periods over the length of rail that the poses span [1]: supports, joints between rail
-segments."""
+"""Periods over the length of rail that the poses span: supports, joints between rail segments."""
 
 _STEPS = 12
 """Maximum number of step positions that are tried."""
