@@ -17,7 +17,7 @@ from pipeline.machine.room import Room
 from pipeline.machine.segments import closest, dot, length
 
 _ROUNDED = 1e-3
-"""Minimum gap of random poses [m] or [1]: they are printed rounded to 1e-4 deg."""
+"""Minimum gap of random poses [m or 1]: they are printed rounded to 1e-4 deg."""
 
 
 @dataclass(frozen=True, eq=False)

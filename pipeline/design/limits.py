@@ -21,7 +21,7 @@ from pipeline.machine.robot.configuration import velocity
 from pipeline.machine.room import Room
 
 _MARGIN_M = 1e-3
-"""Margin that the search keeps, so that its penalty cannot end on the wrong side [m] or [1]."""
+"""Margin that the search keeps, so that its penalty cannot end on the wrong side [m or 1]."""
 _AMPLE = 2 * _MARGIN_M
 """Slack above which its exact value does not matter [m] or [1]."""
 

@@ -27,7 +27,7 @@ SOFT, HARD = 50.0, 2e4
 _QUICKER = 3
 """Factor by which the first round follows fewer plans to their end."""
 _ROUNDED = 1e-9
-"""Tolerance of limits for rounding of unit coordinates [m] or [rad]."""
+"""Tolerance of limits for rounding of unit coordinates [m or rad]."""
 _STD_MARGIN = 0.995
 """Fraction of the largest allowed uncertainty that the search aims at [1]."""
 

@@ -25,9 +25,9 @@ XYZ = ["x_m", "y_m", "z_m"]
 _OFF = ["dx_m", "dy_m", "dz_m"]
 
 _STEPS = 20
-"""Maximum number of Gauss-Newton steps [1]; from the closed form three or four suffice."""
+"""Maximum number of Gauss-Newton steps; from the closed form three or four suffice."""
 _STILL = 1e-15
-"""Step below which the iteration has converged [m] or [rad]; it changes no number of the size of a
+"""Step below which the iteration has converged [m or rad]; it changes no number of the size of a
 hall."""
 _ONE_PLACE = 1e-9
 """Second width of the readings over the first of the nominal points below which all are on one line

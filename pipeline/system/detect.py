@@ -65,7 +65,7 @@ def threshold(
 
 
 _AT_ONCE = 4_000_000
-"""Maximum count of random numbers drawn at once [1]: 32 MB."""
+"""Maximum count of random numbers drawn at once: 32 MB."""
 
 
 def _least(drop: Array, rank: Ints, rest: Array, dof: int) -> Array:

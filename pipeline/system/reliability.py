@@ -165,7 +165,7 @@ class _BaseReliability(Locked):
 
 
 _PIECE = 20_000
-"""Maximum number of base readings treated at once [1]: their effects on thirty quantities are 15
+"""Maximum number of base readings treated at once: their effects on thirty quantities are 15
 MB."""
 
 
