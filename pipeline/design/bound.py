@@ -1,7 +1,7 @@
 """Lower bound of the figure of any plan, from the continuous design.
 
-Let g be the criterion's information function and Z a support of it at some information M (see
-`Criterion.support`). Then for every plan of m_0 poses, whatever its poses and their anchor,
+Let g be the criterion's information function and Z a support of it at some information M
+(see `Criterion.support`). Then for every plan of m_0 poses, whatever its poses and their anchor,
 
     g(M_plan) <= trace(Z M_plan) <= m_0 max_q trace(Z I(q)),
 
@@ -70,8 +70,8 @@ class Worst(Locked):
 
 
 _Oracle = Callable[[Array, bool], Worst]
-"""From Z (n, n), and whether to search harder than usual: the pose with the largest trace(Z
-I(q))."""
+"""From Z (n, n), and whether to search harder than usual: the pose with the largest
+trace(Z I(q))."""
 
 
 def certify(

@@ -337,8 +337,8 @@ def _gauss_newton(
 ) -> tuple[Array, Array, float, Array]:
     """One step (rotation, shift at the centre), its covariance, chi2 and the centre.
 
-    (w, s) = N^-1 sum_i D_i' W_i r_i with N = sum_i D_i' W_i D_i, W_i = (R C_i R')^-1 and D_i (w, s)
-    = w x (R p_i + t - p) + s, p the centre of the placed readings; w [rad], s [m], F_b.
+    (w, s) = N^-1 sum_i D_i' W_i r_i with N = sum_i D_i' W_i D_i, W_i = (R C_i R')^-1 and
+    D_i (w, s) = w x (R p_i + t - p) + s, p the centre of the placed readings; w [rad], s [m], F_b.
     """
     placed = points @ R.T + t
     centre = placed.mean(axis=0)

@@ -82,8 +82,8 @@ class Draws(Locked):
 
     Attributes:
         reading_n: Readings of the scale [N], shape (n, m).
-        force_n: True force along the chain, as an exact scale would show it, F_b [N], shape (n, m,
-            3).
+        force_n: True force along the chain, as an exact scale would show it, F_b [N], shape
+            (n, m, 3).
         gain_error: True relative gain error of the scale, shape (n,).
         base: Base reflectors at start and end, shape (n, 2, b, 3).
         zero: Unloaded targets, shape (n, p, z, t, 3).

@@ -18,8 +18,8 @@ class Threshold:
     """Threshold of the F tests of the suspects.
 
     Attributes:
-        p: Limit for one suspect, such that the smallest p of all stays above it with probability 1
-            - `alarms.SUSPECT`.
+        p: Limit for one suspect, such that the smallest p of all stays above it with probability
+            1 - `alarms.SUSPECT`.
         independent: Equivalent number of independent tests.
     """
 

@@ -37,8 +37,8 @@ CRITICAL = float(special.ndtri(1 - _ALPHA / 2))
 """|w| from which a reading is suspected [1]."""
 
 _SHIFT = CRITICAL + float(special.ndtri(_POWER))
-"""Mean of |w| at which it is detected with probability `_POWER` [1]: z(1 - `_ALPHA` / 2) +
-z(`_POWER`)."""
+"""Mean of |w| at which it is detected with probability `_POWER` [1]:
+z(1 - `_ALPHA` / 2) + z(`_POWER`)."""
 
 
 @dataclass(frozen=True, eq=False)
