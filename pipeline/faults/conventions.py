@@ -227,7 +227,7 @@ def unloaded(case: Case) -> pd.DataFrame:
 
 
 def pairs(case: Case, rows: pd.DataFrame) -> tuple[Array, Array, Ints]:
-    """Readings (n, 3) in the tracker's frame, their places by the table in F_b, and their groups."""
+    """Readings (n, 3) in the tracker's frame, their places by the table in F_b, their groups."""
     poses, at = np.unique(rows["pose"].to_numpy(int), return_inverse=True)
     target = pd.Index(case.settings.measured).get_indexer(pd.Index(rows["target"]))
     points = configure(case.robot, case.q(poses)).points(case.tool.points)
