@@ -1,4 +1,4 @@
-"""The carriage on its rail yields: one spring about or along each of the rail's three axes."""
+"""Compliance of the carriage on its rail: a spring about or along each of the rail's three axes."""
 
 from __future__ import annotations
 
@@ -12,16 +12,16 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import rotation_about, translation_along
 
 ALONG, ACROSS, UP = range(3)
-"""Axes of the rail, as `rail_axes` gives them."""
+"""Indices of the rail's axes in `rail_axes`."""
 
 
 def rotation(loaded: Loaded, axis: int) -> Array:
-    """Screw of a carriage that turns about an axis of the rail, shape (m, 1, 6)."""
+    """Screw of a rotation of the carriage about an axis of the rail, shape (m, 1, 6)."""
     return rotation_about(carriage(loaded), rail_axes(loaded)[axis])[:, None]
 
 
 def translation(loaded: Loaded, axis: int) -> Array:
-    """Screw of a carriage that shifts along an axis of the rail, shape (m, 1, 6)."""
+    """Screw of a translation of the carriage along an axis of the rail, shape (m, 1, 6)."""
     return translation_along(rail_axes(loaded)[axis])[:, None]
 
 
@@ -38,7 +38,7 @@ _SOURCE = {
     "rad/(N m)": "rotation column (a x (p - o)) (a . ((l - o) x f)); size an estimate for "
     "roller carriages",
 }
-"""Where the formula comes from, by the unit of the compliance."""
+"""Source of the formula, by the unit of the compliance."""
 
 
 def _spring(
@@ -107,9 +107,9 @@ _SPRINGS = (
         signature="cannot be distinguished from the compliance of joint 2, whose axis it shares",
     ),
 )
-"""Springs that are missing from Eq. (3); the yaw shares the axis of joint 2."""
+"""Springs that Eq. (3) omits; the yaw shares the axis of joint 2."""
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
-    """All of them; none on a robot without a rail."""
+    """All springs of the carriage; none on a robot without a rail."""
     return _SPRINGS if rail(robot) else ()

@@ -1,8 +1,8 @@
-"""The gravity compensator stiffens the shoulder, by an amount that depends on its angle.
+"""The gravity compensator stiffens the shoulder by an amount that depends on its angle.
 
 The compliance of the shoulder joint is c + c_cos cos(theta) + c_sin sin(theta): the first harmonic
-of a spring or gas strut beside the gear; or with the second one, which a strut near its dead
-centre has.
+of a spring or gas strut in parallel with the gear; a second form adds the second harmonic, as of a
+strut near its dead centre.
 """
 
 from pipeline.base.arrays import Array, Parameter

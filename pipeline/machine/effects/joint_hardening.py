@@ -1,6 +1,6 @@
-"""A gear grows stiffer (or softer) with its torque: a law that is not a straight line.
+"""A gear stiffens (or softens) with its torque: a nonlinear torsion curve.
 
-Beside c tau the joint turns by
+In addition to c tau the joint turns by
 
 - cubic, quadratic: h tau (|tau| / tau_rated)^e, e = 2 or 1
 - low knee, high knee: h sgn(tau) (|tau| - tau_knee) beyond the knee at 20 % or 50 % of tau_rated

@@ -1,8 +1,8 @@
-"""Points of the tool are elsewhere than campaign.toml says: p + R_7 d.
+"""Points of the tool are elsewhere than campaign.toml states: p + R_7 d.
 
 - load point:      where the chain pulls
 - measuring point: what the tracker follows, all targets by the same d
-- both:            one point that is pulled at and followed
+- both:            one point at which the chain pulls and which the tracker follows
 """
 
 from typing import Any
@@ -24,13 +24,13 @@ from pipeline.machine.robot import Robot
 
 
 def _wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
-    """The load point that is true, the force as read; a payload has a centre of its own."""
+    """True load point and measured force; a payload, with its own centre of mass, is unaffected."""
     here = (loaded.pulls.by != MOUNTED)[:, None]
     return loaded.load_point + here * (loaded.configuration.flange_axes @ values), loaded.force
 
 
 def points(loaded: Loaded, values: Array) -> Array:
-    """The targets where they are."""
+    """True positions of the targets."""
     shift = loaded.configuration.flange_axes @ values
     return np.asarray(loaded.points + shift[:, None])
 

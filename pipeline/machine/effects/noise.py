@@ -1,4 +1,4 @@
-"""Readings scatter more than stated: their standard uncertainty times 1 + s."""
+"""Scatter of the readings larger than stated: standard uncertainty times 1 + s."""
 
 from pipeline.base.arrays import Parameter
 from pipeline.machine.effect import PULLED, Noise
@@ -30,5 +30,5 @@ _ALL = (
 
 
 def effects(robot: Robot) -> tuple[Noise, ...]:
-    """Both, the same on any robot."""
+    """Both noise effects, the same on any robot."""
     return _ALL

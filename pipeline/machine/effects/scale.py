@@ -1,4 +1,4 @@
-"""The spring scale reads wrong: by a fraction, by its zero, or more the harder it is pulled."""
+"""Errors of the spring scale: gain, zero, or curvature (error quadratic in the force)."""
 
 from collections.abc import Callable
 
@@ -11,17 +11,17 @@ from pipeline.machine.robot import Robot
 
 
 def gain(loaded: Loaded, values: Array) -> tuple[Array, Array]:
-    """Load point and force that act: f (1 + g)."""
+    """Acting load point and force: f (1 + g)."""
     return loaded.load_point, loaded.force * (1 + loaded.pulls.pulled * values[0])
 
 
 def zero(loaded: Loaded, values: Array) -> tuple[Array, Array]:
-    """Load point and force that act: f + f_0 u, u along f."""
+    """Acting load point and force: f + f_0 u, u along f."""
     return loaded.load_point, loaded.force + loaded.pulls.pulled * values[0] * direction(loaded)
 
 
 def curvature(loaded: Loaded, values: Array) -> tuple[Array, Array]:
-    """Load point and force that act: f (1 + e |f| / 1 kN)."""
+    """Acting load point and force: f (1 + e |f| / 1 kN)."""
     size = np.linalg.norm(loaded.force, axis=1, keepdims=True)
     return loaded.load_point, loaded.force * (1 + loaded.pulls.pulled * values[0] * size / 1000.0)
 
@@ -34,7 +34,7 @@ def _scale(
     needs: str,
     source: str,
 ) -> Wrench:
-    """What is wrong with the readings of a pull."""
+    """An error of the measured force of pulls by the chain."""
     return Wrench(
         name=f"scale_{wrench.__name__}",
         noun=f"{noun} of the spring scale",
@@ -78,5 +78,5 @@ _ALL = (
 
 
 def effects(robot: Robot) -> tuple[Wrench, ...]:
-    """All of them, the same on any robot."""
+    """All scale effects, the same on any robot."""
     return _ALL

@@ -1,13 +1,13 @@
-"""The load cell remembers: its reading depends on how the force was reached.
+"""Hysteresis of the load cell: its reading depends on how the force was reached.
 
 - by branch:  the true force is f (1 + h b), b = +1 while the turnbuckle tightens, -1 slackening
 - slackening: f (1 + h) on the way down, f as read on the way up
-- loop:       f + h (f_peak - |f|) u on the way down, f_peak the hardest pull of the pose
+- loop:       f + h (f_peak - |f|) u on the way down, f_peak the largest force of the pose
 - constant:   f + f_h b u, u along the chain
-- by step:    f (1 + h (k - 1)) in the k-th pull of a pose: the cell creeps while it hangs
+- by step:    f (1 + h (k - 1)) in the k-th pull of a pose: the cell creeps under load
 
-Nobody knows from the deflections which way is read right: the first two differ by a gain, and where
-they fit alike, the stiffnesses are averaged over both.
+Deflections do not show which direction is read correctly: the first two differ by a gain, and where
+they fit equally well, the stiffnesses are averaged over both.
 """
 
 from collections.abc import Callable

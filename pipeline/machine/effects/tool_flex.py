@@ -1,4 +1,4 @@
-"""The effector or its flange joint bends: two rotations at the flange, about the tool's x and y."""
+"""Compliance of the effector or its flange joint: rotations about the flange's x and y axes."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ def _screws(loaded: Loaded) -> Array:
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
-    """One effect, behind the last joint."""
+    """One effect, after the last joint."""
     c = compliance(robot, robot.n)
     return (
         Elastic(
