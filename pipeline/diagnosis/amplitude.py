@@ -126,8 +126,8 @@ def _profile(
 ) -> tuple[float, float]:
     """95 % interval: values at which chi-square, everything else refitted, rises by 3.84.
 
-    With S(z) the smallest sum of squares at z, each end is z +- 1.96 u sqrt(3.84 / D), where D =
-    (S(z +- 1.96 u) - S(z)) / s^2, at least 1: one secant step towards the profile likelihood
+    With S(z) the smallest sum of squares at z, each end is z +- 1.96 u sqrt(3.84 / D), where
+    D = (S(z +- 1.96 u) - S(z)) / s^2, at least 1: one secant step towards the profile likelihood
     interval (Venzon and Moolgavkar, Applied Statistics 37, 1988), which suffices for the
     nonlinearity of forces and geometry. Elastic causes are linear in their parameters and do not
     need it.

@@ -57,7 +57,7 @@ LEAST = 0.02
 """Probability below which rivals are ignored [1]."""
 
 _SHOWN = 5
-"""Maximum number of causes listed as possible sole cause [1]."""
+"""Maximum number of causes listed as possible sole cause."""
 
 _FURTHER = "pipeline.design.undecided:to_measure"
 """Proposes the poses to measure next, if the outbuilding `design` is present."""

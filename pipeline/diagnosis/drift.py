@@ -29,8 +29,8 @@ from pipeline.system.noise import TOLERATED
 from pipeline.system.wander import Wander
 
 _ROUNDS = 100
-"""Number of rounds from which on they are not tested for separate motions [1]; only a motion in
-time is."""
+"""Number of rounds from which on they are not tested for separate motions; only a motion in time
+is."""
 
 _LEVER_M = 10.0
 """Lever at which rotations are expressed as translations [m], for the conditioning."""
@@ -97,9 +97,9 @@ def drift(
 def _knocked(law: Drift, base: Base, table: pd.DataFrame, white: Array, rigid: Array) -> Drift:
     """The result, with the rounds between which the tracker moved significantly, if there are any.
 
-    y_k = p_t(k) + v_r(k) + w_r(k) x (p_k - p_0) + e_k, with v_r and w_r of each round: P[chi2 >
-    drop] < alarms.MOVED, where this explains all differences between the rounds, and the largest
-    step moves the reflectors by more than `AWAY` standard uncertainties, rms.
+    y_k = p_t(k) + v_r(k) + w_r(k) x (p_k - p_0) + e_k, with v_r and w_r of each round:
+    P[chi2 > drop] < alarms.MOVED, where this explains all differences between the rounds, and the
+    largest step moves the reflectors by more than `AWAY` standard uncertainties, rms.
     """
     after = _rounds(table)
     if not 0 < len(after) < _ROUNDS:
@@ -140,7 +140,7 @@ def _stated_at(unloaded: Array, registration: Registration) -> Array:
 
 
 def _moved(base: Base, motions: Array, amounts: Sequence[Array]) -> Beside:
-    """Whitened rigid motions, scaled by each of several amounts per reading, beside the base."""
+    """Whitened rigid motions, scaled by each of several amounts per reading, given the base."""
     columns = np.array(amounts).reshape(-1, len(motions), 1, 1) * motions
     shape = 1, 3 * len(motions), len(amounts), 6
     return base.beside(np.moveaxis(columns, 0, 2).reshape(shape)).of_block(0)

@@ -24,7 +24,7 @@ from pipeline.system.system import Errors, Estimate, System
 from pipeline.system.whitened import with_laws
 
 _SEED = 20261122
-"""Seed of the draws [1]; another one changes numbers within their stated scatter."""
+"""Seed of the draws; another one changes numbers within their stated scatter."""
 
 _USUAL = 2.5
 """Standard deviation of an undetected cause in typical magnitudes [1]: the second largest of the

@@ -24,7 +24,7 @@ from pipeline.system.shape import Shape
 from pipeline.system.whitened import Whitened, whiten
 
 _MOST = 3
-"""Maximum number of causes named at once [1]; more count as an unknown one."""
+"""Maximum number of causes named at once; more count as an unknown one."""
 
 WORTH = 3.0
 """Minimum log evidence of a further cause [1], 20 to 1."""
@@ -34,18 +34,18 @@ _BETTER = 0.1
 rounding, stay."""
 
 _MOVES = 12
-"""Maximum number of successive exchanges [1]; the evidence grows with each, so few are made."""
+"""Maximum number of successive exchanges; the evidence grows with each, so few are made."""
 
 _FIRST = 12
-"""Number of the likeliest causes tried as the first of a pair, with every other one [1]: one of two
-causes that were mistaken for a single one stands out by itself beside those that stay."""
+"""Number of the likeliest causes tried as the first of a pair, with every other one: one of two
+causes that were mistaken for a single one stands out by itself given those that stay."""
 
 _ASKED = 20
-"""Maximum number of the best exchanges that are checked for physically possible magnitudes [1]."""
+"""Maximum number of the best exchanges that are checked for physically possible magnitudes."""
 
 _FURTHER = 0.1
-"""Factor on the detection threshold below which a suspect not worth naming contradicts the model
-[1]: the residuals were searched once more after each cause that was named."""
+"""Factor on the detection threshold below which a suspect not worth naming contradicts the
+model [1]: the residuals were searched once more after each cause that was named."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -192,13 +192,13 @@ class Found(Locked):
         view: `plain` with the laws of the accepted causes uncertain by their tolerance.
         first: The campaign whitened at the joint springs alone.
         single: Causes that could be the only one, likeliest first.
-        scores: Statistics of the suspects beside the joint springs alone.
+        scores: Statistics of the suspects given the joint springs alone.
         threshold: Detection threshold calibrated for them.
         lack_first: Lack of fit of the joint springs alone.
         lack: Lack of fit of the model with the causes.
         left: Smallest p-value of a further suspect.
         accepted: Indices of the accepted suspects.
-        p_values: P-value of each accepted cause beside all others.
+        p_values: P-value of each accepted cause given all others.
         rivals: For each accepted cause, itself and those that could replace it, likeliest first.
         strange: For each accepted cause, what could replace it from outside the catalogue; empty
             where nothing competes.
@@ -292,13 +292,13 @@ def search(case: SearchCase, start: Array, rng: np.random.Generator) -> Found:
 
 @dataclass(frozen=True, eq=False)
 class _Stand:
-    """A set of accepted causes, and the statistics of the others beside them.
+    """A set of accepted causes, and the statistics of the others given them.
 
     Attributes:
         seen: The campaign linearised there.
         plain: The same, whitened.
         view: The same, with the laws of the accepted causes uncertain by their tolerance.
-        now: Statistics of the suspects beside them, in `view`.
+        now: Statistics of the suspects given them, in `view`.
         lack: Lack of fit in `view`.
         p: P-values of the suspects' F tests in `plain`, shape (n,).
     """
@@ -348,8 +348,7 @@ def _open(end: _Stand, limit: Threshold) -> bool:
 def _fewer(case: SearchCase, end: _Stand, limit: Threshold, refused: dict[str, None]) -> _Stand:
     """Backward search where the maximum number of causes leaves something: add one, then drop.
 
-    A cause that stood for a mixture of others is the first to become dispensable beside all of
-    them.
+    A cause that stood for a mixture of others is the first to become dispensable given all of them.
     """
     if len(end.seen.model.accepted) < _MOST or not _open(end, limit):
         return end
@@ -420,7 +419,7 @@ def joined(case: SearchCase, accepted: Sequence[int], more: int) -> tuple[int, .
 
 
 def given(suspects: Sequence[Effect], now: Scores, beside: Sequence[int]) -> Scores:
-    """Statistics beside some causes; extensions of an accepted law get their prior odds.
+    """Statistics given some causes; extensions of an accepted law get their prior odds.
 
     The prior odds of place and variable, which that law has paid, are not counted twice.
     """
@@ -470,7 +469,7 @@ def _exchange(case: SearchCase, seen: Linearised, limit: float = 0.0) -> Lineari
     Args:
         case: The case.
         seen: The campaign linearised at the initial causes.
-        limit: P-value that each of two causes must reach beside the other to take the place of one.
+        limit: P-value that each of two causes must reach given the other to take the place of one.
     """
     tried = {frozenset(seen.model.accepted)}
     for _ in range(_MOVES):
@@ -488,7 +487,7 @@ class _Move:
     """Causes that leave, and those that take their places.
 
     Attributes:
-        gain: Change of log evidence minus `WORTH` for each cause, beside those that stay.
+        gain: Change of log evidence minus `WORTH` for each cause, given those that stay.
         out: Places of those that leave.
         into: Their replacement: none, one or two.
     """
@@ -536,7 +535,7 @@ def _better(
 def _may_stand(
     case: SearchCase, view: Whitened, causes: Sequence[int], one: int, limit: float
 ) -> bool:
-    """Whether a cause has a possible magnitude beside the others and a p-value within the limit."""
+    """Whether a cause has a possible magnitude given the others and a p-value within the limit."""
     now = _beside(case, view, tuple(i for i in causes if i != one))
     return bool(now.p()[one] <= limit) and _possible(case, now, one)
 
@@ -584,7 +583,7 @@ def _leading(case: SearchCase, now: Scores, free: Sequence[int]) -> list[int]:
 
 
 def _chained(case: SearchCase, view: Whitened, rest: Sequence[int], causes: Sequence[int]) -> float:
-    """Log evidence of causes beside others: the likeliest first, each next one given those before.
+    """Log evidence of causes given others: the likeliest first, each next one given those before.
 
     It does not depend on the order in which the causes were found.
     """
@@ -599,7 +598,7 @@ def _chained(case: SearchCase, view: Whitened, rest: Sequence[int], causes: Sequ
 
 
 def _beside(case: SearchCase, view: Whitened, causes: Sequence[int]) -> Scores:
-    """Statistics of every suspect beside springs and some causes."""
+    """Statistics of every suspect given springs and some causes."""
     base = np.concatenate([np.arange(view.first), view.columns(causes)])
     return given(case.suspects, view.beside(base), causes)
 

@@ -14,7 +14,7 @@ from pipeline.system.elimination import coefficients
 from pipeline.system.whitened import Whitened
 
 _ASKED = 6
-"""Number of nameless effects that are tested for predicting as well [1]."""
+"""Number of nameless effects that are tested for predicting as well."""
 
 
 def alone(

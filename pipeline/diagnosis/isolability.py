@@ -29,7 +29,7 @@ class Twins:
 
     Attributes:
         of_stiffness: Effects whose signatures are all within those of the joint springs.
-        pairs: Pairs of effects with the same signature beside the joint springs.
+        pairs: Pairs of effects with the same signature given the joint springs.
         unmoved: Effects that move nothing when the robot is pulled.
     """
 

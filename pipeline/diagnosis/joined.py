@@ -159,8 +159,8 @@ class _Places(NamedTuple):
     """Correspondence between a stance and the parameters of a hypothesis.
 
     Attributes:
-        rows: Springs and elements of the stance that are parameters of the hypothesis, too, shape
-            (r,).
+        rows: Springs and elements of the stance that are parameters of the hypothesis, too,
+            shape (r,).
         columns: Their indices among its parameters, shape (r,).
         fresh: Elements that the hypothesis lacks; their parameters are appended to its own.
         fresh_yields: Parameters of these.

@@ -65,7 +65,7 @@ def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> 
 
 
 _WRONG = 0.01
-"""Deviation of a DH parameter from which on it is an error of the table [m] or [rad]: Nubiola and
+"""Deviation of a DH parameter from which on it is an error of the table [m or rad]: Nubiola and
 Bonev found at most 2 mm and mrad as delivered (`geometry.estimate.ROUGH`)."""
 
 

@@ -10,10 +10,9 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.reduction.register import XYZ
 
 _MANY = 1000
-"""Number of readings above which they are averaged in rounds [1]: all pairs of a thousand are 8
-MB."""
+"""Number of readings above which they are averaged in rounds: all pairs of a thousand are 8 MB."""
 _ROUNDS = 100
-"""Number of time spans, hence rounds, into which the readings are averaged [1]."""
+"""Number of time spans, hence rounds, into which the readings are averaged."""
 _OFF = ["dx_m", "dy_m", "dz_m"]
 
 

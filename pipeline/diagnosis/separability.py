@@ -23,7 +23,7 @@ def separation(M: Array, base: Ints, at: Ints) -> Array:
         d_ab^2 = trace(S_aa - S_ab S_bb^+ S_ba) / k,    d_aa^2 = trace(S_aa) / k,
 
     with S the products of whitened columns after elimination of the base, parameters in typical
-    magnitudes: the root of the noncentrality of the test of a beside b (Baarda, A Testing Procedure
+    magnitudes: the root of the noncentrality of the test of a given b (Baarda, A Testing Procedure
     for Use in Geodetic Networks, 1968).
 
     Args:

@@ -34,11 +34,11 @@ from pipeline.system.linearised import linearise
 from pipeline.system.shape import Shape, shape, tails
 
 _SEED = 20261103
-"""Seed of the draws [1]; another one changes numbers within their stated scatter."""
+"""Seed of the draws; another one changes numbers within their stated scatter."""
 
 _ROUNDS = 6
-"""Maximum number of changes of the mistakes [1]; if states recur in a cycle they are equally good,
-and the one with the fewest mistakes is used."""
+"""Maximum number of changes of the mistakes; if states recur in a cycle they are equally good, and
+the one with the fewest mistakes is used."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -108,7 +108,7 @@ def _stand(held: Screened, given: Fitted, step: Step) -> Settled:
 
 
 def _screened(files: Screened, end: Settled) -> Screened:
-    """Readings and pulls screened given the causes, with the noise estimated beside these."""
+    """Readings and pulls screened, and the noise estimated, given the causes."""
     said, family = end.diagnosis, _tails(files, end)
     cell, start = files.case.cell, files.case.robot.nominal_compliance
     richer = cell.with_effects(*said.modelled)
@@ -121,7 +121,7 @@ def _screened(files: Screened, end: Settled) -> Screened:
 
 
 def _tails(files: Screened, end: Settled) -> Family | None:
-    """Tails of all readings beside the accepted model, including those that noise may have moved.
+    """Tails of all readings given the accepted model, including those that noise may have moved.
 
     None where no noise is stated, so that it is estimated from the residuals only.
     """
@@ -150,7 +150,7 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosed:
 
 
 def _weighed(end: Settled, step: Step) -> Settled:
-    """The campaign weighted by the noise that is estimated beside the accepted model.
+    """The campaign weighted by the noise that is estimated given the accepted model.
 
     First its shape; where the model lacks something, only if such noise is likely whatever the
     machine does, and completes the model. Then its scale: where the residuals exceed the stated
@@ -178,13 +178,13 @@ def _weighed(end: Settled, step: Step) -> Settled:
 def _noise_likely(right: Fitted, said: Diagnosed) -> bool:
     """Whether heavier tails or a wander are likelier than not, whatever the machine does.
 
-    It is tested beside everything that a machine could do, which leaves few residuals to show it;
-    if not likely there, beside the accepted model with a stiffness of its own for each pose.
+    It is tested given everything that a machine could do, which leaves few residuals to show it; if
+    not likely there, given the accepted model with a stiffness of its own for each pose.
     """
     return right.shape.likely or _beside(right, said, loose=True).likely
 
 
 def _beside(right: Fitted, said: Diagnosed, loose: bool = False) -> Shape:
-    """Shape of the noise beside the accepted model; `loose` as of `shape`."""
+    """Shape of the noise given the accepted model; `loose` as of `shape`."""
     seen = replace(said.seen, data=right.shape.off(said.seen.data))
     return shape(seen, said.seen.model.accepted, loose)

@@ -39,27 +39,27 @@ from pipeline.system.evidence import Scores
 from pipeline.system.whitened import Whitened
 
 _FLIPS = 3000
-"""Number of copies with flipped signs of poses [1]: the smallest p is a third of `alarms.LAW`."""
+"""Number of copies with flipped signs of poses: the smallest p is a third of `alarms.LAW`."""
 
 _COUNTED = 20
-"""Number of parts up to which copies are drawn without replacement [1]; above it, only one in 2^20
+"""Number of parts up to which copies are drawn without replacement; above it, only one in 2^20
 copies equals the data."""
 
 _DRAWS = 1000
-"""Number of draws of scatter [1]."""
+"""Number of draws of scatter."""
 
 _WITHIN = 7.0
 """Difference in log evidence from the best law up to which a law is kept [1], 1000 to 1."""
 
 _FORMS = 6
-"""Maximum number of laws kept of one place [1]; on few poses, aliases of the true wave are among
+"""Maximum number of laws kept of one place; on few poses, aliases of the true wave are among
 them."""
 
 _MOST = 6
-"""Maximum number of places kept [1]."""
+"""Maximum number of places kept."""
 
 _SEED = 20261123
-"""Seed of separate draws [1], so that campaigns without such laws keep their other draws."""
+"""Seed of separate draws, so that campaigns without such laws keep their other draws."""
 
 
 def beyond(case: SearchCase, found: Found, start: Array) -> tuple[SearchCase, Found]:
@@ -90,7 +90,7 @@ def _extended(
 ) -> tuple[SearchCase, Found]:
     """Add further shapes of the accepted laws to the suspects, where they are significant.
 
-    They are sought beside these laws alone: other accepted causes may be what a law lacks.
+    They are sought given these laws alone: other accepted causes may be what a law lacks.
     """
     mine = tuple(i for i in found.accepted if case.suspects[i].law is not None)
     model = found.first.model
@@ -171,7 +171,7 @@ def _likely(
     laws: tuple[Effect, ...],
     rng: np.random.Generator,
 ) -> dict[Effect, float]:
-    """Laws that are significant beside some causes, likeliest first, each with its p-value.
+    """Laws that are significant given some causes, likeliest first, each with its p-value.
 
     Args:
         case: The case.
@@ -217,7 +217,7 @@ def _with_room(laws: Sequence[Effect], ranked: Sequence[int]) -> Iterator[int]:
 def _view(
     case: SearchCase, found: Found, accepted: tuple[int, ...], laws: tuple[Effect, ...]
 ) -> Whitened:
-    """The campaign beside some causes, with every law as a further suspect.
+    """The campaign given some causes, with every law as a further suspect.
 
     Causes of the catalogue are valid within their tolerance only: what lies within it needs no
     further law. What an accepted law lacks is for its further shapes (`_extended`).
@@ -237,7 +237,7 @@ def _by_structure(view: Whitened, now: Scores, rng: np.random.Generator) -> Arra
 
     T_j = g' N^+ g of each copy, g = sum over poses of s_p D_p' P y. Blocks of different ranks are
     compared by -dof / 2 ln(1 - T / rest) - rank / 2 ln dof (Schwarz, Annals of Statistics 6, 1978),
-    with rest the residual of the copy beside the base. That is smaller than the residual of y, to
+    with rest the residual of the copy given the base. That is smaller than the residual of y, to
     which the base was fitted; with the latter, chance would pass for a law more often than stated.
     """
     base = Base.of(view.A[:, view.base], view.A[:, -1])
@@ -288,7 +288,7 @@ def _likelihood(share: Array, rank: Array | Ints, dof: int) -> Array:
 def _carries(case: SearchCase, found: Found, rng: np.random.Generator) -> bool:
     """Whether every accepted law certainly improves predictions of left-out poses.
 
-    At 95 %, poses drawn with replacement, beside everything else that is accepted; over all poses,
+    At 95 %, poses drawn with replacement, given everything else that is accepted; over all poses,
     or over those whose values lie within the range of the other poses.
     """
     laws = [i for i in found.accepted if case.suspects[i].law is not None]

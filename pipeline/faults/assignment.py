@@ -25,7 +25,7 @@ _NOWHERE = 10.0
 so that as many other contents as possible find theirs."""
 
 _ENDED = 4
-"""Minimum number of contents in a cycle with one content that fits nowhere [1], as a missing or
+"""Minimum number of contents in a cycle with one content that fits nowhere, as a missing or
 repeated row causes."""
 
 
@@ -95,7 +95,7 @@ def standing(ring: Ring | None, one: str) -> str:
 
 
 _FEW = 6
-"""Maximum number of lines named in a sentence [1]; `readings` has all of them."""
+"""Maximum number of lines named in a sentence; `readings` has all of them."""
 
 
 def lines(at: Sequence[str]) -> str:

@@ -25,8 +25,7 @@ from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import BASE_REFLECTORS
 
 _MOST = 1000
-"""Maximum number of assignments that are tried [1]; a layout with more of them identifies no
-name."""
+"""Maximum number of assignments that are tried; a layout with more of them identifies no name."""
 
 
 def base_names(case: Case) -> list[Mistake]:

@@ -33,12 +33,12 @@ _AGREES = 0.01
 """Minimum p-value of the remaining readings for them to agree [1]."""
 
 _ROUNDS = 100
-"""Maximum number of rounds for which motions of the tracker are distinguished from bad readings
-[1]; with more, one round determines less than a hundredth of the tracker's pose, and motions are a
+"""Maximum number of rounds for which motions of the tracker are distinguished from bad readings;
+with more, one round determines less than a hundredth of the tracker's pose, and motions are a
 drift."""
 
 _REFLECTORS = 3
-"""Minimum number of reflectors that determine the pose of the tracker [1]."""
+"""Minimum number of reflectors that determine the pose of the tracker."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -62,7 +62,7 @@ class _Readings(Locked):
         return Base.of(self.X[used].reshape(-1, self.X.shape[2]), self.y[used].ravel())
 
     def each(self, used: Bools) -> Beside:
-        """Shift of every used reading by itself [m], beside the base."""
+        """Shift of every used reading by itself [m], given the base."""
         white, y = self.white[used], self.y[used].ravel()
         X = self.X[used].reshape(-1, self.X.shape[2])
         base = Base.of(X, y, key=np.repeat(np.arange(len(white)), 3))
@@ -133,8 +133,9 @@ def base_outlier(registration: Registration, scale: float) -> list[Mistake]:
 def _stands_out(one: _Readings, limit: float) -> bool:
     """Whether any reading reduces the sum of squares by more than `limit`.
 
-    With H = Q Q' of its rows and r its residual, the reduction is r' (1 - H)^-1 r <= r' r / (1 - tr
-    H); if this bound is below the limit for all readings, no further test is needed.
+    With H = Q Q' of its rows and r its residual, the reduction is
+    r' (1 - H)^-1 r <= r'r / (1 - tr H); if this bound is below the limit for all readings, no
+    further test is needed.
     """
     every = np.ones(len(one.y), dtype=bool)
     base = one.base(every)
@@ -162,7 +163,7 @@ def _findings(free: _Free, table: pd.DataFrame, scale: float) -> Iterator[Mistak
 
 
 def shifts(registration: Registration, scale: float, which: Ints) -> Beside:
-    """Base readings shifted in groups [m], F_b, beside the pose of the tracker.
+    """Base readings shifted in groups [m], F_b, given the pose of the tracker.
 
     Args:
         registration: Pose of the tracker.
@@ -268,7 +269,7 @@ def _exchanged(one: _Readings, free: set[int]) -> set[int]:
 
 
 def _drops(one: _Readings, free: set[int]) -> tuple[Array, Beside]:
-    """Reduction by every reading beside those that are free, -1 for these, shape (m,)."""
+    """Reduction by every reading given those that are free, -1 for these, shape (m,)."""
     used = np.ones(len(one.y), dtype=bool)
     used[sorted(free)] = False
     found = one.each(used)
@@ -287,7 +288,7 @@ def _lost(table: pd.DataFrame, near: Bools) -> Bools:
 
 
 def _told(one: _Readings, table: pd.DataFrame, free: set[int], lost: Bools, limit: float) -> _Free:
-    """The freed readings, each tested beside the others; insignificant ones are used again."""
+    """The freed readings, each tested given the others; insignificant ones are used again."""
     drops, sizes, decided = {}, {}, True
     for k in sorted(free):
         drop, found = _drops(one, free - {k})

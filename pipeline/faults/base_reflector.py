@@ -21,7 +21,7 @@ from pipeline.reduction.register import XYZ, Registration, agreed, register
 from pipeline.system import alarms
 
 _FEWEST = 4
-"""Minimum number of reflectors [1]; with fewer the others cannot outvote one."""
+"""Minimum number of reflectors; with fewer the others cannot outvote one."""
 
 _AGREE = 0.01
 """Minimum p-value of the others for them to agree [1]. A target whose removal leaves a misfit less

@@ -21,7 +21,7 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.stations import with_rounds_exchanged
 
 _MOST = 30
-"""Maximum number of rounds of which all pairs are tried [1]; nobody moves a tracker so often."""
+"""Maximum number of rounds of which all pairs are tried; nobody moves a tracker so often."""
 
 
 def base_rounds(case: Case) -> list[Mistake]:

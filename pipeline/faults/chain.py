@@ -1,6 +1,6 @@
 """Bad readings of the two reflectors on the chain, by their distance and by their direction.
 
-Both tests free one pull beside the fit to all (see `system.beside`): deleted residuals, externally
+Both tests free one pull in the fit to all (see `system.beside`): deleted residuals, externally
 studentised (Cook and Weisberg, Residuals and Influence in Regression, 1982), for the largest of all
 pulls. A chain may stretch with the force and be hung differently in every pose. Its direction may
 change with the force, as the load point yields; with its inverse, as a chain sags; or with the
@@ -30,10 +30,10 @@ from pipeline.system.beside import Base, Beside
 from pipeline.system.blocks import Blocks
 
 _TESTS = 2
-"""Number of tests that share the false-alarm rate [1]: distance and direction."""
+"""Number of tests that share the false-alarm rate: distance and direction."""
 
 _FEWEST = 8
-"""Minimum number of pulls that determine the scatter of a chain [1]."""
+"""Minimum number of pulls that determine the scatter of a chain."""
 
 _HUNG = 0.05
 """P-value below which lengths differ between poses because the chain was hung differently [1]."""
@@ -272,7 +272,7 @@ def _distance(chain: _Chain) -> _Off | None:
 
 
 def _each(X: Array, y: Array) -> Beside:
-    """Every row free beside the columns X: deleted residuals."""
+    """Every row free given the columns X: deleted residuals."""
     return Base.of(X, y).beside(np.eye(len(y))[None, :, :, None]).of_block(0)
 
 
@@ -308,7 +308,7 @@ def _direction(chain: _Chain) -> _Off | None:
 
 
 def _turns(chain: _Chain, pulls: Ints, course: Array) -> tuple[Array, Array, Array, Array]:
-    """Every pull's direction free beside a straight course in each pose.
+    """Every pull's direction freed from a straight course in each pose.
 
     w = a_p + b_p x + e for the two coordinates w [rad] across the mean direction of pose p, in the
     tracker's frame, x the course over its largest value.

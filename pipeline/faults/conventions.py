@@ -30,14 +30,14 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ, agreeing
 
 GROSS_ANCHORED_M = 0.3
-"""Deviation from the table in a base frame, however poor its reflectors, from which on it is gross
-[m]."""
+"""Deviation from the table in a base frame, however poor its reflectors, from which on it is
+gross [m]."""
 
 _BASE = 3
-"""Minimum number of base reflectors that determine a frame [1]."""
+"""Minimum number of base reflectors that determine a frame."""
 
 FEWEST_POSES = 3
-"""Minimum number of poses [1]; with fewer, a rigid motion can hide a wrong table."""
+"""Minimum number of poses; with fewer, a rigid motion can hide a wrong table."""
 
 UNITS = {
     1e3: ("m", "the numbers are metres and were read as millimetres"),

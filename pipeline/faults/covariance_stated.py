@@ -34,7 +34,7 @@ from pipeline.system.restricted import PaddedRows, lowest
 from pipeline.system.whiten import whitener
 
 _FEWEST = 30
-"""Minimum number of contrasts to judge covariances by [1]."""
+"""Minimum number of contrasts to judge covariances by."""
 
 _ROUND = 0.1
 """Minimum range of the variances along the axes, over their mean [1]; below it no frame changes

@@ -38,10 +38,10 @@ _BY_CHANCE = 4.0
 """Standard errors within which a displacement along the predicted one counts as none [1]."""
 
 _FEWEST = 9
-"""Minimum number of coordinates for a finding [1]: three displacements."""
+"""Minimum number of coordinates for a finding: three displacements."""
 
 _COPIED = 3
-"""Minimum number of equal values that count as copied [1]."""
+"""Minimum number of equal values that count as copied."""
 
 _UNLIKE = 1.3
 """Minimum ratio of displacements in a pose that friction cannot cause at equal forces [1]."""
@@ -50,8 +50,8 @@ _ALONG = 0.98
 """Minimum cosine between two pulls of a pose in the same direction [1]: their chain stays hung."""
 
 _CLEAR = 20.0
-"""Minimum displacement that is compared with another one, in standard uncertainties of the tracker
-[1]."""
+"""Minimum displacement that is compared with another one, in standard uncertainties of the
+tracker [1]."""
 
 
 def dead(asked: Screening) -> list[Mistake]:

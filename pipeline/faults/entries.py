@@ -47,12 +47,12 @@ which no robot in use exceeds. They rotate the flange by s at a metre, and the r
 _CELL_M = 5.0
 """Lever of the rotation of the robot's foot or rail in F_b by its errors [m]."""
 _MOST_POSES = 24
-"""Maximum number of poses used [1]; more do not help to identify one entry."""
+"""Maximum number of poses used; more do not help to identify one entry."""
 _STEPS = 3
-"""Number of Gauss-Newton steps [1]; starting from readings without the wrong entry, two suffice."""
+"""Number of Gauss-Newton steps; starting from readings without the wrong entry, two suffice."""
 _FAR = 6.0
-"""Deviation in standard deviations, or over the usual misfit, from which a state is left out
-[1]."""
+"""Deviation in standard deviations, or over the usual misfit, from which a state is left
+out [1]."""
 _RIVAL = 0.05
 """Minimum probability of an entry to be listed [1]."""
 _UNITS = {"mm": 1e-3, "in": 25.4e-3}

@@ -31,13 +31,13 @@ _LEAST_M = 1e-4
 """Minimum expected deviation of readings from the table [m]."""
 
 _MOST = 400
-"""Number of poses above which no log is written by hand [1]."""
+"""Number of poses above which no log is written by hand."""
 
 _SOFT = 0.9
 """Quantile of the pulls whose distance from the unloaded robot counts as usual [1]."""
 
 _FITTED = 3
-"""Number of fits of the readings to the table [1]."""
+"""Number of fits of the readings to the table."""
 
 _OTHERWISE = 0.5
 """Additional cost of an exchange with a group of the other state, or of another load step [1]; it

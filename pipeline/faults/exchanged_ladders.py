@@ -23,7 +23,7 @@ from pipeline.faults.mistake import Mistake
 from pipeline.system import alarms, odds
 
 _FEWEST = 2
-"""Minimum number of pulls of a pose for its forces to be more than one row [1]."""
+"""Minimum number of pulls of a pose for its forces to be more than one row."""
 
 
 @dataclass(frozen=True, eq=False)

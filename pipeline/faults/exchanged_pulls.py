@@ -37,8 +37,8 @@ from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
 
 FEWEST, MOST = 6, 400
-"""Minimum and maximum number of pulls [1]: fewer do not single one out, and a longer log is not
-written by hand."""
+"""Minimum and maximum number of pulls: fewer do not single one out, and a longer log is not written
+by hand."""
 
 _MODEL = 0.003
 """Minimum fraction of a force by which the joint springs miss a pull [1]."""
@@ -51,10 +51,10 @@ _APART = 5.0
 have the readings of another state [1]."""
 
 _ROWS = 4
-"""Minimum number of rows that are off by one from some row on [1]; fewer are exchanges."""
+"""Minimum number of rows that are off by one from some row on; fewer are exchanges."""
 
 _ROUNDS = 12
-"""Maximum number of reweightings, or of assignments [1]."""
+"""Maximum number of reweightings, or of assignments."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -279,8 +279,8 @@ def _usual(fit: _OrderFit) -> bool:
 
 
 SPREAD = 0.1
-"""Maximum usual misfit from the joint springs as a fraction of the force, where forces are right
-[1]: friction, clearance and transmission errors are below."""
+"""Maximum usual misfit from the joint springs as a fraction of the force, where forces are
+right [1]: friction, clearance and transmission errors are below."""
 
 
 def _sorted(moved: PullMoves, least: float) -> tuple[_OrderFit, list[Ring]] | None:
@@ -311,8 +311,8 @@ def _happens(ring: Ring, pose: Ints, most: bool) -> bool:
 
 
 _OF_POSES = 2
-"""Maximum number of poses whose rows are exchanged at a time [1]: two entries, or all of one pose
-for all of another."""
+"""Maximum number of poses whose rows are exchanged at a time: two entries, or all of one pose for
+all of another."""
 
 
 def _both(fit: _OrderFit, ring: Ring, least: float) -> bool:

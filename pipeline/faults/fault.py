@@ -68,7 +68,7 @@ class Screening:
 
     @cached_property
     def family(self) -> Family:
-        """Tails of the readings; if unknown, estimated beside everything a machine could do."""
+        """Tails of the readings; if unknown, estimated given everything a machine could do."""
         if self.accepted is not None:
             return self.accepted
         data, springs = self.reduced.data, self.case.cell

@@ -26,8 +26,8 @@ _USUAL = 10.0
 deflect by centimetres in every pull."""
 
 _STATES = 3
-"""Minimum number of readings of a target in a pose, or of distances over all poses, for a median
-[1]."""
+"""Minimum number of readings of a target in a pose, or of distances over all poses, for a
+median."""
 
 
 def gross(case: Case) -> list[Mistake]:

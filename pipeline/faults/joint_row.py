@@ -39,7 +39,7 @@ _LEAST_M = 1e-3
 """Minimum deviation caused by a wrong row [m]."""
 
 _FEWEST_GOOD = 5
-"""Minimum number of poses that must agree before another is tested against them [1]."""
+"""Minimum number of poses that must agree before another is tested against them."""
 
 PART, MOST = 4, 12
 """A wrong row is sought in at most one of `PART` poses, and in at most `MOST` poses [1]."""

@@ -20,7 +20,7 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
 _PULLS = 3
-"""Minimum number of pulls of a pose that determine how its chain is hung [1]."""
+"""Minimum number of pulls of a pose that determine how its chain is hung."""
 
 _USUAL = 10.0
 """Deviation of a length from the usual one, in median deviations, above which it is gross [1]:

@@ -102,7 +102,7 @@ def of_group(case: Case, group: str, targets: Collection[str]) -> tuple[str, ...
 
 
 _FAR = 1000.0
-"""Maximum number of standard deviations stated in a sentence [1]."""
+"""Maximum number of standard deviations stated in a sentence."""
 
 
 def apart(sigmas: float) -> str:

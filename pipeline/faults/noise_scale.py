@@ -17,9 +17,10 @@ def noise_scale(
 ) -> tuple[float, int]:
     """Scatter of the effector's readings against each other over the stated one, robustly.
 
-    s = median|w| / 0.6745 of the whitened contrasts w, then five iterations of s^2 = mean(w^2) /
-    0.9733 over |w| <= 3 s, with 0.9733 the variance of a standard normal truncated at 3. At least
-    one: a certificate may be conservative, but chance must not create outliers.
+    s = median|w| / 0.6745 of the whitened contrasts w, then five iterations of
+    s^2 = mean(w^2) / 0.9733 over |w| <= 3 s, with 0.9733 the variance of a standard normal
+    truncated at 3. At least one: a certificate may be conservative, but chance must not create
+    outliers.
 
     Returns:
         The factor, and the number of contrasts that it is estimated from.

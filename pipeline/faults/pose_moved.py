@@ -28,7 +28,7 @@ _ALONE = 0.01
 """P-value of a motion of another pose below which both belong to the machine [1]."""
 
 _FEWEST = 2
-"""Minimum number of displaced pulls [1]; a single one may as well have another force."""
+"""Minimum number of displaced pulls; a single one may as well have another force."""
 
 
 def moved(asked: Screening) -> list[Mistake]:

@@ -39,19 +39,19 @@ _LEAST_M = 1e-4
 """Minimum expected deviation of targets from their predictions [m]."""
 
 _MOST = 1500
-"""Maximum number of units of rows of which an assignment is sought [1]: two million costs."""
+"""Maximum number of units of rows of which an assignment is sought: two million costs."""
 
 _SHUFFLED = 400
-"""Maximum number of units if the frame of the instrument is sought as well [1]."""
+"""Maximum number of units if the frame of the instrument is sought as well."""
 
 _FEW = 60
-"""Maximum number of units used to test whether a whole column is wrong [1]."""
+"""Maximum number of units used to test whether a whole column is wrong."""
 
 _TRIMMED = 12
-"""Maximum number of fits to the better half [1]."""
+"""Maximum number of fits to the better half."""
 
 _ROUNDS = 40
-"""Maximum number of alternations between assignment and frame, from one initial guess [1]."""
+"""Maximum number of alternations between assignment and frame, from one initial guess."""
 
 _RARE = 0.05
 """Fraction of the poses below which a target's name may be a mistyped one [1]."""
@@ -257,7 +257,7 @@ def _guesses(sheet: PositionSheet) -> Iterator[_Guess]:
 
 
 _MOST_NAMES = 4
-"""Maximum number of targets of which every permutation of names is tried [1]."""
+"""Maximum number of targets of which every permutation of names is tried."""
 
 
 def _coordinates() -> Iterator[_Guess]:

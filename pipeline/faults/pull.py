@@ -22,7 +22,7 @@ _CLEAR = 4.0
 """Minimum size of a compliance in standard uncertainties for its sign to be clear [1]."""
 
 _FEWEST = 3
-"""Minimum number of joints to distinguish a wrong unit from deviations of single joints [1]."""
+"""Minimum number of joints to distinguish a wrong unit from deviations of single joints."""
 
 
 def reversed_pull(case: Case, estimate: Estimate) -> list[Mistake]:

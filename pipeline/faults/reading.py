@@ -94,7 +94,7 @@ class Shifted(Locked):
     D: Array
 
     def beside(self, base: Base) -> Beside:
-        """The best shift of every reading [m], beside a base."""
+        """The best shift of every reading [m], given a base."""
         return base.beside(self.D).rows(self.blocks)
 
     def springs(self, system: System, more: Array | None = None) -> Base:

@@ -42,29 +42,29 @@ _STATED = 6.0
 """Minimum error of a mistyped reading in stated standard uncertainties of the scale [1]."""
 
 FEWEST, MOST = 8, 1000
-"""Minimum and maximum number of pulls [1]: fewer do not single one out; more are not measured by
-hand, and each adds a column."""
+"""Minimum and maximum number of pulls: fewer do not single one out; more are not measured by hand,
+and each adds a column."""
 
 PART, TOGETHER = 4, 12
-"""Maximum wrong readings [1]: one of `PART` pulls, and `TOGETHER` in all."""
+"""Maximum wrong readings: one of `PART` pulls, and `TOGETHER` in all."""
 
 _DOMINATES = 4.0
-"""Minimum ratio of the deviation of mistyped readings to that of any other reading after correction
-[1]: a force law or a joint affects many pulls."""
+"""Minimum ratio of the deviation of mistyped readings to that of any other reading after
+correction [1]: a force law or a joint affects many pulls."""
 
 _LEFT = 0.1
 """Maximum fraction of a pull's contradiction that may remain after correction [1]; other faults
 leave more."""
 
 _SOFT = 2.0
-"""Maximum ratio of a pose's stiffness to the expected one, or its inverse, that a machine can cause
-[1]."""
+"""Maximum ratio of a pose's stiffness to the expected one, or its inverse, that a machine can
+cause [1]."""
 
 _ALIKE = 1e-3
 """P-value above which the pulls of a pose are taken to be off by one common factor [1]."""
 
 _ROUNDS = 8
-"""Maximum number of iterations to the reading that fits best [1]."""
+"""Maximum number of iterations to the reading that fits best."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,7 +169,7 @@ def scale_outliers(
 
 
 def _sure(data: Measured, righted: _Righted) -> bool:
-    """Whether they explain the misfit of their pulls, and neither chance nor a pose explains them."""
+    """Whether they explain their pulls' misfit, and neither chance nor a pose explains them."""
     unlikely = bool((righted.p <= alarms.SCALE).all())
     return unlikely and righted.explained and not _by_pose(data, righted)
 
@@ -219,7 +219,7 @@ def _righted(
 def _freed(
     cell: Cell, data: Measured, system: System, estimate: Estimate, white: Whitener
 ) -> tuple[Base, Beside]:
-    """The base of the model's columns, and every pull's reading freed beside it, one by one [1/N]."""
+    """The base of the model's columns, and every pull's reading freed in addition [1/N]."""
     columns = np.zeros((len(system.rows), len(data.pulls)))
     columns[np.arange(len(columns)), system.rows.pull] = by_force(cell, data, estimate.value)
     typical = system.typical
@@ -236,9 +236,9 @@ def _chance(freed: Beside, system: System) -> Array:
 def _fitting(cell: Cell, data: Measured, values: Array, pulls: Ints, scale: Scale) -> Array | None:
     """Best fitting readings of the scale in some pulls, all others unchanged [N], shape (m,).
 
-    None if nothing fits. Gauss-Newton: the forces f of the pulls and the parameters x by c = B x +
-    (dc/df) df, weighted. Downward steps are taken in 1/force: where ten times the force has made
-    the springs ten times too stiff, the displacements of the pull are linear in that.
+    None if nothing fits. Gauss-Newton: the forces f of the pulls and the parameters x by c = B
+    x + (dc/df) df, weighted. Downward steps are taken in 1/force: where ten times the force has
+    made the springs ten times too stiff, the displacements of the pull are linear in that.
     """
     force = np.linalg.norm(data.pulls.force[pulls], axis=1)
     for _ in range(_ROUNDS):

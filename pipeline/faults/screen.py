@@ -16,7 +16,7 @@ from pipeline.reduction.case import Case
 from pipeline.system.family import Family
 
 _MOST = 40
-"""Maximum number of rounds of screening [1], each of which corrects one kind of mistake."""
+"""Maximum number of rounds of screening, each of which corrects one kind of mistake."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,7 +57,7 @@ class ScreeningBase:
         cell: The model.
         start: Initial values of its estimate, shape (k,).
         family: Tails of the readings as estimated with that model; by default they are estimated
-            beside everything that a machine could do.
+            given everything that a machine could do.
     """
 
     cell: Cell

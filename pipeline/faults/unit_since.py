@@ -30,7 +30,7 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.measured import STILL_M
 
 _ROWS = 2
-"""Minimum number of rows in each unit [1]; a single one is a wrong reading."""
+"""Minimum number of rows in each unit; a single one is a wrong reading."""
 
 
 def unit_since(asked: Screening) -> list[Mistake]:

@@ -13,13 +13,13 @@ from pipeline.machine.robot.letters import letters
 from pipeline.machine.robot.weight import link_moments
 
 _ROUNDS = 30
-"""Number of reweighting iterations [1], enough for the weights of outliers to become negligible."""
+"""Number of reweighting iterations, enough for the weights of outliers to become negligible."""
 
 _FAR = 3.0
 """Residuals above this multiple of their median are down-weighted [1] (Huber)."""
 
 _ENOUGH = 400
-"""Maximum number of poses of a series used for the initial estimate [1]."""
+"""Maximum number of poses of a series used for the initial estimate."""
 
 
 def begin(robot: Robot, readings: PositionReadings, tool: dict[str, Array]) -> Mechanism:

@@ -299,5 +299,5 @@ def _explained(found: Identified, P: Array, at: Ints, copies: Array) -> Array:
 
 
 _SEEN = 1e-3
-"""Minimum fraction of the variance of a cause that the readings must remove to be informative
-[1]."""
+"""Minimum fraction of the variance of a cause that the readings must remove to be
+informative [1]."""

@@ -22,8 +22,7 @@ SPACING = {True: 0.025, False: float(np.deg2rad(2.5))}
 length."""
 
 _TO_A_LENGTH = 4
-"""Sufficient number of knots per length l [1]: the interpolation error is 1e-2 of the curve's
-size."""
+"""Sufficient number of knots per length l: the interpolation error is 1e-2 of the curve's size."""
 
 LENGTHS = {
     True: (0.05, 0.1, 0.2, 0.4),

@@ -35,14 +35,14 @@ BEYOND = 5.0
 gets a standard deviation of its own [1]."""
 
 _LOOSE = 1e3
-"""Prior standard deviation of parameters of which nothing is known: frames and tool [m] or
-[rad]."""
+"""Prior standard deviation of parameters of which nothing is known: frames and tool [m]
+or [rad]."""
 
 HELD = 1e-12
 """Standard deviation of a parameter that is held fixed, in its own unit."""
 
 _WAVE = 3e-4
-"""Prior standard deviation of a law's amplitude [m] or [rad]: an arc minute, as data sheets of
+"""Prior standard deviation of a law's amplitude [m or rad]: an arc minute, as data sheets of
 reducers state their transmission error and their lost motion."""
 
 
@@ -332,8 +332,8 @@ def by_a_factor(rows: ReadRows, mechanism: Mechanism, found: Posterior) -> Poste
 
 
 _FACTOR = 1.1
-"""Standard deviation of the natural logarithm of an arm's mass over the usual one for its payload
-[1]: a factor of three, as between arms of long and of short reach."""
+"""Standard deviation of the natural logarithm of an arm's mass over the usual one for its
+payload [1]: a factor of three, as between arms of long and of short reach."""
 
 
 def padded(head: Array, size: int) -> Array:
@@ -376,7 +376,7 @@ def _scale(x: Array, var: Array, std: Array) -> float:
 
 
 _UNSEEN = 1e-3
-"""Minimum effective number of determined parameters [1]; below it their scale stays as it is."""
+"""Minimum effective number of determined parameters; below it their scale stays as it is."""
 
 
 _MEDIAN = 0.4549
@@ -398,7 +398,7 @@ def larger(mechanism: Mechanism, found: Posterior) -> Mechanism:
 
 
 _SMALLEST = 1e-7
-"""Lower limit of a curve's size [m] or [rad], which amounts to no curve."""
+"""Lower limit of a curve's size [m or rad], which amounts to no curve."""
 
 
 def again(rows: ReadRows, about: Linear, found: Posterior, scatter: PoseScatter) -> PoseScatter:

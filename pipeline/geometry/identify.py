@@ -33,9 +33,9 @@ from pipeline.machine.effect import Elastic
 from pipeline.machine.robot import Robot
 
 _FEWEST, _SETTLED, _MOST = 3, 8, 14
-"""Numbers of linearisations [1]: minimum, those that re-estimate scatter and prior scales, maximum.
-The product of a weight and the compliance it acts on needs more of them than DH parameters that are
-off by milliradians."""
+"""Numbers of linearisations: minimum, those that re-estimate scatter and prior scales, maximum. The
+product of a weight and the compliance it acts on needs more of them than DH parameters that are off
+by milliradians."""
 
 _STRAIGHT = 0.02
 """Convergence limit on the change of the residuals in the last linearisation, in standard
@@ -45,12 +45,12 @@ _MOST_OF_THEM = 0.98
 its sign keep changing."""
 
 _STILL = 2e-3
-"""Convergence limit on the change of a compliance in the last linearisation, over its nominal value
-[1]."""
+"""Convergence limit on the change of a compliance in the last linearisation, over its nominal
+value [1]."""
 
 _STEPS = (4, 2, 2)
 """Number of updates of scatter and prior scales in the first linearisation, the second, and later
-ones [1]; an estimate that starts from an earlier one begins with the second."""
+ones; an estimate that starts from an earlier one begins with the second."""
 
 _SIZE = {True: 1e-4, False: 2e-4}
 """Initial prior size of a curve: sliding [m] (True), rotary [rad] (False)."""

@@ -19,10 +19,10 @@ from pipeline.geometry.mechanism import frame_of
 from pipeline.geometry.readings import PositionReadings
 
 PARTS = 10
-"""Number of parts into which the poses are divided [1]."""
+"""Number of parts into which the poses are divided."""
 
 _ROUNDS = 40
-"""Number of iterations of Lloyd's algorithm for the parts of joint space [1]."""
+"""Number of iterations of Lloyd's algorithm for the parts of joint space."""
 
 _NOT = 1e-12
 """Standard deviation of a parameter that is held fixed, in its own unit."""

@@ -41,8 +41,8 @@ class Payloads(Locked):
         names: Shape (p,).
         mass: Masses [kg], shape (p,).
         centre: Centres of mass, flange frame [m], shape (p, 3).
-        std: Standard uncertainties of the mass [kg] and of the centre along x, y, z [m], shape (p,
-            4).
+        std: Standard uncertainties of the mass [kg] and of the centre along x, y, z [m],
+            shape (p, 4).
     """
 
     names: tuple[str, ...]
@@ -82,8 +82,8 @@ class ArmWeights(Locked):
         """Mass (m,) [kg] and centre (m, 3) [m] of the payload at each pose; 0 without one.
 
         Args:
-            off: Deviation of mass [kg] and centre [m] of each payload from the stated one, shape
-                (p, 4).
+            off: Deviation of mass [kg] and centre [m] of each payload from the stated one,
+                shape (p, 4).
         """
         mass = np.append(0.0, self.payloads.mass + off[:, 0])
         centre = np.vstack([np.zeros(3), self.payloads.centre + off[:, 1:]])
@@ -105,8 +105,8 @@ class Mechanism(Locked):
         values: Deviation of each DH parameter from the table [m] or [rad], shape (k,).
         tool: Frame of each target in the flange frame, shape (t, 4, 4).
         frames: F_b in the frame of the instrument, for each series, shape (s, 4, 4).
-        compliance: Compliance of each joint [m/N] or [rad/(N m)], 0 where not estimated, shape
-            (n,).
+        compliance: Compliance of each joint [m/N] or [rad/(N m)], 0 where not estimated,
+            shape (n,).
         payload: Deviation of mass [kg] and centre [m] of each payload from the stated one, (p, 4).
         moments: Mass [kg] and first moment in its frame [kg m] of each link, shape (n, 4).
         unknown: Whether the moments are estimated.
@@ -263,7 +263,7 @@ class Mechanism(Locked):
 
 
 _TURNED = 2
-"""Number of evaluations of torques and deflections [1], the first at the joint values of the
+"""Number of evaluations of torques and deflections, the first at the joint values of the
 controller: the error after the second is the square of the relative change of a torque by the
 deflection, some 1e-5 of the deflection."""
 
@@ -337,8 +337,8 @@ class Linear(Locked):
     Attributes:
         y: Reading minus mechanism [m], [rad], shape (m, 6 t); zero where not read.
         D: Derivatives by all parameters except the knots, shape (m, 6 t, dense).
-        Z: Derivatives by the joint values, and by the motions of a bed that is not straight, (m, 6
-            t, n or n + 6).
+        Z: Derivatives by the joint values, and by the motions of a bed that is not straight,
+            (m, 6 t, n or n + 6).
         read: Mask of the rows that were read, shape (m, 6 t).
         inputs: Variables that the laws depend on.
         at: Positions of the targets according to the mechanism [m], F_b, shape (m, t, 3).

@@ -37,10 +37,10 @@ _ALIKE = 1.1
 180 deg and a rail counted backwards."""
 
 _ENOUGH = 80
-"""Approximate number of poses used [1]; more would not change the decision."""
+"""Approximate number of poses used; more would not change the decision."""
 
 _MOST = 3
-"""Maximum number of gross errors in one table [1]."""
+"""Maximum number of gross errors in one table."""
 
 
 @dataclass(frozen=True)

@@ -21,14 +21,14 @@ from pipeline.machine.effects._anatomy import rail
 from pipeline.system import alarms
 
 _HALF = 0.5
-"""Minimum fraction of a curve's variance over the poses that one wave must explain to replace it
-[1]."""
+"""Minimum fraction of a curve's variance over the poses that one wave must explain to replace
+it [1]."""
 
 _NEAR = np.linspace(-0.25, 0.25, 41)
 """Orders tried about the one found by the search [1], periods per turn."""
 
 _MOST_LAWS = 6
-"""Maximum number of laws adopted in addition to the curves [1], one after the other."""
+"""Maximum number of laws adopted in addition to the curves, one after the other."""
 
 
 @dataclass(frozen=True, eq=False)

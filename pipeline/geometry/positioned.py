@@ -24,7 +24,7 @@ _ORDER = {"xyz_intrinsic": "XYZ", "xyz_extrinsic": "xyz", "zyx_intrinsic": "ZYX"
 each."""
 
 _FEWEST = 10
-"""Minimum number of poses of a campaign [1]: tool, frame and a few DH parameters are some twenty
+"""Minimum number of poses of a campaign: tool, frame and a few DH parameters are some twenty
 unknowns, and a pose has three to six readings."""
 
 

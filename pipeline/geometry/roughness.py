@@ -32,7 +32,7 @@ _SCALES = np.geomspace(1e-2, 10.0, 7)
 usual size [1]."""
 
 _HALVINGS = 2
-"""Number of grid refinements [1], from half a decade to a factor of 1.33; a standard deviation
+"""Number of grid refinements, from half a decade to a factor of 1.33; a standard deviation
 estimated from ten numbers is uncertain by a factor of 1.25."""
 
 _CHANGES = 0.5
@@ -191,8 +191,8 @@ class Cells(Locked):
     def freed(self, one: Suspect) -> Array:
         """Log likelihood of each cell with one more suspect free, shape (c,).
 
-        With P = s^-2 the precision before and w^-2 after, E = P - w^-2, S = E^-1 - C_kk: log |M'| =
-        log |M| + log |E S| and b' M'^-1 b = b' x + x_k' S^-1 x_k.
+        With P = s^-2 the precision before and w^-2 after, E = P - w^-2, S = E^-1 - C_kk: log
+        |M'| = log |M| + log |E S| and b' M'^-1 b = b' x + x_k' S^-1 x_k.
         """
         at = list(one.columns)
         x, C = self.x[:, at], self.cov[:, at][:, :, at]

@@ -19,21 +19,21 @@ from pipeline.geometry.mechanism import Linear
 from pipeline.machine.robot import Robot
 
 START = {True: 5e-5, False: 1e-4}
-"""Initial standard deviation of the unmodelled error of a sliding joint [m] and of a rotary one
-[rad]."""
+"""Initial standard deviation of the unmodelled error of a sliding joint [m] and of a rotary
+one [rad]."""
 
 _NOISE = (3e-5, 5e-5)
 """Initial noise of positions [m] and rotations [rad]."""
 
 _AWAY = 2e-5
-"""Minimum starting value of a standard deviation in the search [m] or [rad]; at zero the gradient
+"""Minimum starting value of a standard deviation in the search [m or rad]; at zero the gradient
 vanishes as well."""
 
 _UPHILL = 15
-"""Maximum number of optimiser iterations before the products are updated [1]."""
+"""Maximum number of optimiser iterations before the products are updated."""
 
 _LEAST, _MOST = -36.0, -4.0
-"""Bounds of the log variances [1]: standard deviations between 1e-8 and 0.1 [m] or [rad]."""
+"""Bounds of the log variances [1]: standard deviations between 1e-8 and 0.1 [m or rad]."""
 
 
 @dataclass(frozen=True, eq=False)

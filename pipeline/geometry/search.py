@@ -38,10 +38,10 @@ _COUPLED = (1.0, 2.0, 3.0)
 three times per turn."""
 
 _BLOCK = 8
-"""Number of consecutive poses whose residuals share one sign in a copy [1]."""
+"""Number of consecutive poses whose residuals share one sign in a copy."""
 
 FLIPS = 200
-"""Number of copies without a law [1]."""
+"""Number of copies without a law."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -49,16 +49,16 @@ class Score(Locked):
     """Residuals projected on the joints' motions, and what is needed to test laws on them.
 
     Attributes:
-        u: z_j' e at each pose and joint, of the readings and then of the copies, shape (1 + copies,
-            m, n).
+        u: z_j' e at each pose and joint, of the readings and then of the copies,
+            shape (1 + copies, m, n).
         w: z_j' z_j, shape (m, n).
         rows: The whitened rows of the estimate.
         P: z_j' D, shape (m, n, dense).
         Q: z_j' K, shape (m, n, 2 c).
         cov: N^-1 including the priors, shape (k, k).
         left: Whitened residuals, shape (m, r).
-        copied: Residuals that the copies are made of, rescaled to the size of the noise, shape (m,
-            r).
+        copied: Residuals that the copies are made of, rescaled to the size of the noise,
+            shape (m, r).
         x: Estimates from the copies, shape (k, copies).
     """
 
@@ -226,7 +226,7 @@ def times(inputs: Inputs) -> list[int]:
 
 
 _TIMES = 40
-"""Number of times at which a step or a move of the instrument is tried, evenly spaced [1]."""
+"""Number of times at which a step or a move of the instrument is tried, evenly spaced."""
 
 
 def _of_torque(inputs: Inputs, joint: int) -> Iterator[JointLaw]:

@@ -38,8 +38,8 @@ from pipeline.system import alarms
 from pipeline.system.estimate import identify as estimate_of
 
 _KNOWN = 0.5
-"""Ratio of posterior to prior variance below which a compliance counts as determined by the weight
-[1]."""
+"""Ratio of posterior to prior variance below which a compliance counts as determined by the
+weight [1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -195,8 +195,8 @@ def standing(case: Case, found: Identified) -> tuple[Case, float]:
 
 
 _ROUNDS, _STILL = 4, 0.01
-"""Maximum number of updates of the factor, and change below which they end [1]; the factor is known
-to ten per cent at best."""
+"""Maximum number of updates of the factor, and change below which they end; the factor is known to
+ten per cent at best."""
 
 
 def by_masses(found: Identified) -> Array:
@@ -361,7 +361,7 @@ def _with(found: Identified, N: Array, said: Array) -> Identified:
 
 
 _TURNS = 4
-"""Number of linearisations in an update by pulls [1]; they converge quadratically."""
+"""Number of linearisations in an update by pulls; they converge quadratically."""
 
 
 def elsewhere(
@@ -453,7 +453,7 @@ def _there(
 
 
 _FRAME = 6
-"""Number of coordinates of a frame [1]."""
+"""Number of coordinates of a frame."""
 
 
 def _about(found: Identified, moved: Mechanism, cov: Array) -> Identified:

@@ -34,7 +34,7 @@ from pipeline.machine.robot.weight import weighs
 from pipeline.system import alarms
 
 _ROUNDS = 10
-"""Maximum number of estimates in the search for outliers [1]."""
+"""Maximum number of estimates in the search for outliers."""
 
 _MOST_OFF = 0.5
 """Maximum fraction of outliers among the readings [1]; beyond it the search ends."""
@@ -337,7 +337,7 @@ def _place(every: PositionReadings, some: PositionReadings, pose: int) -> int:
 
 
 _MOST_MOVES = 8
-"""Maximum number of moves [1]; an instrument that moves more often drifts."""
+"""Maximum number of moves; an instrument that moves more often drifts."""
 
 
 def _with_frames(found: Identified, of: Sequence[int] | Array) -> Identified:

@@ -28,8 +28,8 @@ _NAMES = {"rail_roll", "rail_pitch", "rail_yaw", "rail_lateral", "rail_vertical"
 """Linear springs other than those of the joints."""
 
 _BEARINGS = 3
-"""Number of rotary joints, counted from the base, whose bearings may tilt [1]: moments across those
-of the wrist are smaller by a factor of tens."""
+"""Number of rotary joints, counted from the base, whose bearings may tilt: moments across those of
+the wrist are smaller by a factor of tens."""
 
 
 def yielding(robot: Robot, tau: Array | None = None) -> tuple[Elastic, ...]:
@@ -116,8 +116,8 @@ _EACH_WAY = 0.1
 be distinguished."""
 
 LOADED = 1e-3
-"""Torque of the weight over the largest of any joint, below which a joint counts as unloaded
-[1]."""
+"""Torque of the weight over the largest of any joint, below which a joint counts as
+unloaded [1]."""
 
 
 def sizes(effects: Sequence[Elastic]) -> Array:
@@ -277,5 +277,5 @@ _SHARE = np.array([0.3, 0.28, 0.3, 0.05, 0.04, 0.03, 0.01])
 _PAYLOAD_KG = 200.0
 """Payload of a robot whose file states none [kg]: a medium one for machining robots."""
 _WIDE_M = 0.1
-"""Standard deviation of the distance of a link's centre of mass from the line between its axes
-[m]."""
+"""Standard deviation of the distance of a link's centre of mass from the line between its
+axes [m]."""
