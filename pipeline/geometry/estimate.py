@@ -35,8 +35,7 @@ BEYOND = 5.0
 gets a standard deviation of its own [1]."""
 
 _LOOSE = 1e3
-"""Prior standard deviation of parameters of which nothing is known: frames and tool [m]
-or [rad]."""
+"""Prior standard deviation of parameters of which nothing is known: frames and tool [m or rad]."""
 
 HELD = 1e-12
 """Standard deviation of a parameter that is held fixed, in its own unit."""

@@ -33,7 +33,7 @@ _UPHILL = 15
 """Maximum number of optimiser iterations before the products are updated."""
 
 _LEAST, _MOST = -36.0, -4.0
-"""Bounds of the log variances [1]: standard deviations between 1e-8 and 0.1 [m or rad]."""
+"""Bounds of the log variances [1]: standard deviations between 1e-8 and 0.1 m or rad."""
 
 
 @dataclass(frozen=True, eq=False)
