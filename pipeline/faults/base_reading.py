@@ -133,9 +133,9 @@ def base_outlier(registration: Registration, scale: float) -> list[Mistake]:
 def _stands_out(one: _Readings, limit: float) -> bool:
     """Whether any reading reduces the sum of squares by more than `limit`.
 
-    With H = Q Q' of its rows and r its residual, the reduction is r' (1 - H)^-1
-    r <= r'r / (1 - tr H); if this bound is below the limit for all readings, no further test is
-    needed.
+    With H = Q Q' of its rows and r its residual, the reduction is
+    r' (1 - H)^-1 r <= r'r / (1 - tr H); if this bound is below the limit for all readings, no
+    further test is needed.
     """
     every = np.ones(len(one.y), dtype=bool)
     base = one.base(every)

@@ -119,9 +119,9 @@ class Unloaded(Locked):
             the likelihoods, which are differences of squares, would lose digits.
         misshapen: Poses without a pull that are left out: their targets are not where a rigid
             effector has them, so that one of the readings is spoilt.
-        turned: Covariance of the rotation of each pose at the radius of the targets [m^2],
-            shape (p, 3, 3), where all targets of a pose were computed from one 6D pose, in place of
-            which its position, of covariance `cov`, and its rotation are read; else None.
+        turned: Covariance of the rotation of each pose at the radius of the targets [m^2], shape
+            (p, 3, 3), where all targets of a pose were computed from one 6D pose, in place of which
+            its position, of covariance `cov`, and its rotation are read; else None.
         changes: Joints whose zeros may have changed in mid-campaign.
     """
 
