@@ -29,8 +29,8 @@ from pipeline.system.noise import TOLERATED
 from pipeline.system.wander import Wander
 
 _ROUNDS = 100
-"""Number of rounds from which on they are not tested for separate motions; only a motion in time
-is."""
+"""Maximum number of rounds of readings that are tested for separate motions; of more, only a motion
+in time is."""
 
 _LEVER_M = 10.0
 """Lever at which rotations are expressed as translations [m], for the conditioning."""

@@ -25,11 +25,12 @@ ROUGH = 1.6
 
 
 APART = 4.6
-"""Separation of two causes [standard deviations] at which the right one leads by 20 to 1 in 95 % of
-the cases."""
+"""Separation of two causes in standard deviations [1] at which the right one leads by 20 to 1 in 95
+% of the cases."""
 
 DETECTED = 5.0
-"""Separation from the joint springs [standard deviations] at which detection is nearly certain."""
+"""Separation from the joint springs in standard deviations [1] at which detection is nearly
+certain."""
 
 
 MANY = 10.0

@@ -37,8 +37,8 @@ _MOVES = 12
 """Maximum number of successive exchanges; the evidence grows with each, so few are made."""
 
 _FIRST = 12
-"""Number of the likeliest causes tried as the first of a pair, with every other one: one of two
-causes that were mistaken for a single one stands out by itself given those that stay."""
+"""Number of the likeliest causes tried as the first of a pair, with every other one as the second:
+of two causes that a single one stood for, one stands out by itself."""
 
 _ASKED = 20
 """Maximum number of the best exchanges that are checked for physically possible magnitudes."""

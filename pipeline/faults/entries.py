@@ -36,10 +36,11 @@ from pipeline.reduction.register import XYZ
 _NOISE_M = 1e-4
 """Standard uncertainty of a reading, and of a reflector put back into its nest, per axis [m]."""
 TOOL_M = 5e-4
-"""Standard uncertainty of a point in [tool] where it is not stated [m]: measured once with the
+"""Standard uncertainty of a point of the tool where it is not stated [m]: measured once with the
 tracker or a caliper, and mounted again."""
 _BASE_M = 2e-3
-"""Standard uncertainty of a point in [base_frame] [m]: surveyed once, on a floor that settles."""
+"""Standard uncertainty of the stated position of a base reflector [m]: surveyed once, on a floor
+that settles."""
 _ROBOT_M = np.geomspace(1e-4, 3e-2, 6)
 """Sizes s of the robot's own errors that are averaged over [m]: from its repeatability to 30 mm,
 which no robot in use exceeds. They rotate the flange by s at a metre, and the robot in F_b by s at

@@ -79,8 +79,8 @@ class _Laid(Locked):
         t: Origin of F_b in the tracker's frame [m], shape (3,).
         off: Deviation of the effector's points from the stated ones [m], shape (targets, 3).
         away: Readings minus predictions, of all poses [m], shape (n, 3).
-        stands: Deviation of each pose from the prediction by the others, rms coordinate, whitened
-            by the uncertainty of the prediction [m], shape (p,).
+        stands: Deviation of each pose from the prediction by the others, rms coordinate, less the
+            part that these leave undetermined [m], shape (p,).
         usual: Rms residual of the others [m], shape (p,).
     """
 

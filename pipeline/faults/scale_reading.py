@@ -46,7 +46,7 @@ FEWEST, MOST = 8, 1000
 and each adds a column."""
 
 PART, TOGETHER = 4, 12
-"""Maximum wrong readings: one of `PART` pulls, and `TOGETHER` in all."""
+"""At most one reading in `PART`, and `TOGETHER` in all, are taken to be wrong."""
 
 _DOMINATES = 4.0
 """Minimum ratio of the deviation of mistyped readings to that of any other reading after

@@ -16,7 +16,7 @@ _ROUNDS = 30
 """Number of reweighting iterations, enough for the weights of outliers to become negligible."""
 
 _FAR = 3.0
-"""Residuals above this multiple of their median are down-weighted [1] (Huber)."""
+"""Multiple of the median residual above which residuals are down-weighted [1] (Huber)."""
 
 _ENOUGH = 400
 """Maximum number of poses of a series used for the initial estimate."""

@@ -375,7 +375,7 @@ def _scale(x: Array, var: Array, std: Array) -> float:
 
 
 _UNSEEN = 1e-3
-"""Minimum effective number of determined parameters; below it their scale stays as it is."""
+"""Minimum effective number of determined parameters [1]; below it their scale stays as it is."""
 
 
 _MEDIAN = 0.4549

@@ -353,5 +353,5 @@ def same(zeros: Unloaded, sums: Products, one: Suspect, other: Suspect) -> bool:
 
 
 _ALIKE = 1e-6
-"""Two columns with a squared cosine nearer to one than this are the same [1]; likewise a column
-with less left than this fraction."""
+"""Difference of the squared cosine of two columns from one below which they count as the same [1],
+and fraction of a squared length below which nothing is left of a column."""

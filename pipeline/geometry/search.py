@@ -292,7 +292,7 @@ def explained(here: Score, laws: Sequence[JointLaw], inputs: Inputs) -> Array:
 
 
 _NOTHING = 1e-30
-"""Lower limit of the squared length of a column, against division by zero."""
+"""Lower limit of the squared length of a whitened column [1], against division by zero."""
 
 
 def _most_by_a_joint(here: Score, inputs: Inputs) -> float:

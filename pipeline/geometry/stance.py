@@ -415,7 +415,7 @@ def _with_targets(found: Identified, points: Array) -> tuple[Mechanism, Array]:
 
 
 _ANYWHERE_M = 0.01
-"""Standard deviation about [tool] of a reflector that only the pulls read [m]."""
+"""Standard deviation of a reflector that only the pulls read about its stated position [m]."""
 
 
 def _there(
