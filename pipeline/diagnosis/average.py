@@ -196,7 +196,8 @@ def average(weights: ArrayLike, values: Array, covs: Array) -> tuple[Array, Arra
     lost = np.isinf(np.einsum("hii->hi", covs))
     share = np.where(lost, 0.0, w[:, None])
     share = np.where(lost.all(axis=0), w[:, None], share)
-    share = np.where(share.sum(axis=0) > 0, share, ~lost)  # only what is impossible determines it
+    # determined by components of zero weight only
+    share = np.where(share.sum(axis=0) > 0, share, ~lost)
     mean = np.sum(share * values, axis=0) / share.sum(axis=0)
     off = values - mean
     finite = np.where(np.isfinite(covs), covs, 0.0)

@@ -29,7 +29,7 @@ def in_rounds(table: pd.DataFrame) -> pd.DataFrame:
     if len(table) <= _MANY:
         return table
     since = table["since"].to_numpy(float)
-    whole_s = since.max() or 1.0  # without times those of one group are all at once
+    whole_s = since.max() or 1.0  # without times a group is read at once
     span = np.minimum((since / whole_s * _ROUNDS).astype(np.int64), _ROUNDS - 1)
     target, names = pd.factorize(table["target"])
     _, first, which = np.unique(span * len(names) + target, return_index=True, return_inverse=True)

@@ -262,7 +262,8 @@ def _distance(chain: _Chain) -> _Off | None:
     if Base.of(common[kept], y[kept]).beside_all(hung[kept]).p() < _HUNG:
         among_all, off = off.drop, _each(hung, y)
         level = np.flatnonzero(off.drop >= 0.998 * off.drop.max())
-        best = int(level[np.argmax(among_all[level])])  # of two in a pose that unlike all others
+        # of two in one pose, the one unlike all others
+        best = int(level[np.argmax(among_all[level])])
     variance = off.variance(1.0) if chain.stated else off.variance()
     p = len(y) * float(off.p(variance)[best])
     size_m = float(np.abs(off.size[best, 0]) * chain.std[best])

@@ -168,7 +168,7 @@ def _within_limits(rows: pd.DataFrame, robot: Robot) -> tuple[pd.DataFrame, Reje
 
 
 def by_pose(rows: pd.DataFrame, robot: Robot, settings: Settings) -> PositionReadings:
-    """Readings pose by pose; of a target that was read twice the last row counts."""
+    """Readings pose by pose; of a target that was read twice in a pose the last row counts."""
     said, payloads = settings.positions, list(settings.payload)
     assert said is not None
     number = rows.groupby(["series", "pose"], sort=False).ngroup().to_numpy()

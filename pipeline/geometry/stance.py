@@ -315,7 +315,8 @@ def beside_pulls(found: Identified, known: Stance, value: Array, cov: Array) -> 
     N = (along * np.maximum(share, 0.0)) @ along.T
     zero = np.zeros(len(T) - known.springs)
     z0 = np.concatenate([known.compliance, known.yields, zero]) / size
-    now = np.concatenate([(T @ there.at(where))[: known.springs], zero])  # letters are relative
+    # errors of letters and points are relative to this estimate
+    now = np.concatenate([(T @ there.at(where))[: known.springs], zero])
     said = after @ (value / size) - before @ z0 - N @ now
     return _with(found, T.T @ N @ T, T.T @ said)
 
