@@ -268,7 +268,7 @@ def _beyond_certificate(spread: ScatterRatio, stated: bool) -> bool:
 def _searched(
     case: SearchCase, spread: ScatterRatio, start: Array, rng: np.random.Generator
 ) -> tuple[SearchCase, ScatterRatio, Found]:
-    """Search with the scale's stated scatter; with a larger one only if that explains no cause.
+    """Search with the scale's stated scatter; with a larger one only if no cause explains the data.
 
     A cause not yet identified looks like scatter of the scale from pull to pull; therefore only
     what neither a cause nor a law outside the catalogue explains may be scatter.

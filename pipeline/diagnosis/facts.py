@@ -233,7 +233,7 @@ class EffectSize:
 
     @property
     def times_typical(self) -> float:
-        """value| over the typical magnitude [1]."""
+        """|value| over the typical magnitude [1]."""
         return abs(self.value) / self.parameter.typical
 
     @property

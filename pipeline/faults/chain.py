@@ -143,7 +143,7 @@ def _rarer(one: _Off, other: _Off) -> bool:
 def _with_direction(chain: _Chain, near: _Off, names: Sequence[str]) -> tuple[_Off, str]:
     """An outlier by distance with the evidence of its direction, and the description of both.
 
-    e|^2 = e_u^2 + e_v^2 + e_w^2 in standard deviations, u along the chain, v and w across it.
+    |e|^2 = e_u^2 + e_v^2 + e_w^2 in standard deviations, u along the chain, v and w across it.
     """
     told = f"{names[0]} and {names[1]} are {1e3 * near.size:.2f} mm farther apart or nearer than "
     told += f"in the other pulls, {apart(near.sigmas)}"
