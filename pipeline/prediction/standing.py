@@ -19,6 +19,7 @@ from pipeline.geometry.mechanism import (
     ArmWeights,
     Mechanism,
     Payloads,
+    PlacedRobot,
     by_frame,
     derivatives,
     frame_of,
@@ -29,7 +30,7 @@ from pipeline.machine.robot.mdh import parse
 from pipeline.machine.robot.weight import link_moments
 from pipeline.prediction.model import dumps as model_text
 from pipeline.prediction.model import parse as model_of
-from pipeline.prediction.under_force import ByPulls, under_force
+from pipeline.prediction.under_force import ByPulls, UnderForce, under_force
 
 LARGEST = 2**28
 """Maximum size of a model [byte]: the covariance of two thousand knots has 2^25."""
@@ -119,11 +120,15 @@ class PredictedTargets(Locked):
         turn: Orientation, shape (m, t, 3, 3).
         cov: Covariance of position [m^2] and of rotation about the axes of F_b [rad^2], (m, t, 6,
             6).
+        moved: Displacement by the force [m], F_b, shape (m, t, 3).
+        moved_std: Its standard uncertainty, shape (m, t, 3).
     """
 
     at: Array
     turn: Array
     cov: Array
+    moved: Array
+    moved_std: Array
 
     @property
     def std(self) -> Array:
@@ -157,61 +162,91 @@ def predict(
 
 def _predict(
     model: Standing, q: Array, force: Array, payload: Ints, temperature: Array
-) -> tuple[Array, Array, Array]:
+) -> tuple[Array, Array, Array, Array, Array]:
     mechanism = model.mechanism
-    weights = model.weights(payload)
-    never = np.full(len(q), np.nan)
-    stand = mechanism.stand(q, weights, temperature, never, never, force, model.tip)
-    D, Z = derivatives(mechanism, stand, weights)
-    D[..., frame_of(mechanism, model.series)] = by_frame(stand.at)
-    K, knots = between_knots(mechanism.curves, q, Z)
-    at, cov = stand.at, _spread(model.cov, D, K, knots)
-    pulled = np.flatnonzero(force.any(axis=1))
-    if model.by_pulls is not None and len(pulled):
-        rows = D[pulled], K[pulled], knots[pulled]
-        moved = _under_force(model, q[pulled], force[pulled], *rows)
-        at = at.copy()
-        at[pulled] += moved.mean
-        cov[pulled] = moved.cov
-    loose = np.zeros(Z[:, 0].shape)
+    here = _at(model, q, force, payload, temperature)
+    cov, pulled = _spread(model.cov, here.D, here.K, here.knots), np.flatnonzero(force.any(axis=1))
+    at, moved, moved_std = here.stand.at.copy(), np.zeros_like(here.stand.at), 0.0 * here.stand.at
+    if len(pulled):
+        rest = _at(model, q[pulled], 0.0 * force[pulled], payload[pulled], temperature[pulled])
+        one = _under_force(model, q[pulled], force[pulled], here.part(pulled), rest)
+        at[pulled] += one.mean
+        cov[pulled] = one.cov
+        moved[pulled] = at[pulled] - rest.stand.at
+        moved_std[pulled] = _std(one.moved, at.shape[1])[..., :3]
+    loose, Z = np.zeros(here.Z[:, 0].shape), here.Z
     loose[:, : q.shape[1]] = model.joints**2
     for curve in mechanism.curves:
         loose[:, curve.screw] += curve.beyond(q[:, curve.joint])
     for law in mechanism.laws:
-        loose[:, law.joint - 1] += _unknown(law, mechanism, stand.inputs)
+        loose[:, law.joint - 1] += _unknown(law, mechanism, here.stand.inputs)
     cov += (Z * loose[:, None, :]) @ np.swapaxes(Z, 1, 2)
     m, t = at.shape[:2]
     each = cov.reshape(m, t, 6, t, 6)
-    return at, stand.turn, np.stack([each[:, k, :, k] for k in range(t)], axis=1)
+    own = np.stack([each[:, k, :, k] for k in range(t)], axis=1)
+    return at, here.stand.turn, own, moved, moved_std
+
+
+class _At(NamedTuple):
+    """The robot at m poses; derivatives of its targets by dense parameters, knots and joints."""
+
+    stand: PlacedRobot
+    D: Array
+    K: Array
+    knots: Ints
+    Z: Array
+
+    def part(self, which: Ints) -> _At:
+        """The derivatives at some of the poses."""
+        D, K, knots, Z = self[1:]
+        return _At(self.stand, D[which], K[which], knots[which], Z[which])
+
+
+def _at(model: Standing, q: Array, force: Array, payload: Ints, temperature: Array) -> _At:
+    mechanism, weights, never = model.mechanism, model.weights(payload), np.full(len(q), np.nan)
+    stand = mechanism.stand(q, weights, temperature, never, never, force, model.tip)
+    D, Z = derivatives(mechanism, stand, weights)
+    D[..., frame_of(mechanism, model.series)] = by_frame(stand.at)
+    return _At(stand, D, *between_knots(mechanism.curves, q, Z), Z)
 
 
 class _Moved(NamedTuple):
-    """Displacement by pulls minus that by positions [m], (m, t, 3); covariance of both."""
+    """Effect of a force at m poses.
+
+    Displacement by pulls minus that by positions [m], (m, t, 3); covariances of the targets and of
+    their displacement by the force, (m, 6 t, 6 t).
+    """
 
     mean: Array
     cov: Array
+    moved: Array
 
 
-def _under_force(
-    model: Standing, q: Array, force: Array, D: Array, K: Array, knots: Ints
-) -> _Moved:
-    """Mean and covariance of the mixture of the pulls' hypotheses."""
+def _under_force(model: Standing, q: Array, force: Array, here: _At, rest: _At) -> _Moved:
+    """The force as pulls have it, or positions where there are none, with its uncertainty."""
     there, m = model.mechanism, len(q)
-    tip = there.tool[0, :3, 3] if model.tip is None else model.tip
-    assert model.by_pulls is not None
-    every = under_force(model.by_pulls, there, tip, q, force)
+    every = [UnderForce.of_positions(m, len(there.tool), here.D.shape[2])]
+    if model.by_pulls is not None:
+        tip = there.tool[0, :3, 3] if model.tip is None else model.tip
+        every = under_force(model.by_pulls, there, tip, q, force)
     weights = np.array([one.weight for one in every])
     mean = np.einsum("h,hmti->mti", weights, [one.shift for one in every])
-    cov = np.zeros((m, D.shape[1], D.shape[1]))
+    cov, moved = (np.zeros((m, here.D.shape[1], here.D.shape[1])) for _ in range(2))
     for one in every:
         if one.weight > 0:
-            more = _spread(model.cov, D + _of_points(one.by_positions), K, knots)
+            D = here.D + _of_points(one.by_positions)
             own, off = _of_points(one.own), _of_points((one.shift - mean)[..., None])
-            more += own @ np.swapaxes(own, 1, 2) + off @ np.swapaxes(off, 1, 2)
+            more = own @ np.swapaxes(own, 1, 2) + off @ np.swapaxes(off, 1, 2)
             pose, row = np.nonzero(_of_points(one.unknown[..., None])[..., 0])
             more[pose, row, row] = np.inf
-            cov += one.weight * more
-    return _Moved(mean, cov)
+            cov += one.weight * (more + _spread(model.cov, D, here.K, here.knots))
+            moved += one.weight * (more + _spread(model.cov, D - rest.D, 0.0 * here.K, here.knots))
+    return _Moved(mean, cov, moved)
+
+
+def _std(cov: Array, t: int) -> Array:
+    """Standard uncertainty of each row of t targets from their covariance, (m, t, 6)."""
+    return np.sqrt(np.maximum(np.einsum("mrr->mr", cov), 0.0)).reshape(len(cov), t, 6)
 
 
 def _of_points(moved: Array) -> Array:

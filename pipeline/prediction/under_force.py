@@ -14,7 +14,6 @@ and the other parameters e of p_h are correlated with it,
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import NamedTuple
 
@@ -26,8 +25,8 @@ from pipeline.geometry.mechanism import Mechanism, layout
 from pipeline.geometry.yielding import by_weight_alone
 from pipeline.machine.cell import Cell, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
-from pipeline.machine.effect import Effect, Pulls
-from pipeline.machine.stance import called_for, laws_of_gears
+from pipeline.machine.effect import Pulls
+from pipeline.machine.stance import laws_of_gears
 from pipeline.prediction.model import NOTHING_M, IdentifiedModel, ModelHypothesis
 
 
@@ -60,6 +59,13 @@ class UnderForce(NamedTuple):
     by_positions: Array
     own: Array
     unknown: Array
+
+    @classmethod
+    def of_positions(cls, m: int, t: int, dense: int) -> UnderForce:
+        """The model of positions as it is, where nothing was pulled."""
+        still = np.zeros((m, t, 3))
+        none, certain = still[..., None][..., :0], np.zeros((m, t, 3), dtype=bool)
+        return cls(1.0, still, np.zeros((m, t, 3, dense)), none, certain)
 
 
 def under_force(
@@ -102,7 +108,7 @@ def _one(
 
 def _of_positions(mine: Cell, there: Mechanism) -> tuple[Cell, Array]:
     """Cell of springs and elements, as estimated from positions, that pulls replace; values."""
-    which = _acting(there, mine.effects)
+    which = _acting(there)
     held = [k for one in which for k in _span(there, one)]
     cell = paper_cell(mine.robot, mine.tool).with_effects(*(there.elements[k] for k in which))
     return replace(cell, equilibrium=mine.equilibrium), np.append(
@@ -110,18 +116,13 @@ def _of_positions(mine: Cell, there: Mechanism) -> tuple[Cell, Array]:
     )
 
 
-def _acting(there: Mechanism, effects: Sequence[Effect]) -> list[int]:
-    """Indices of the elements of the positions that effects of the pulls replace.
+def _acting(there: Mechanism) -> list[int]:
+    """Indices of the elements of the positions that a force moves in their model.
 
-    These are the elements common to both, and laws of gears for which pulls found another law.
+    Pulls say of each whether it yields to a force. What they do not call for would move the targets
+    by what weight and priors left of it, which no pull has shown.
     """
-    gears = laws_of_gears(effects, there.elements)
-    other = [
-        k
-        for k, e in enumerate(there.elements)
-        if e.element == "gear" and e.where in gears and not by_weight_alone(e)
-    ]
-    return sorted({*called_for(there.elements, effects), *other})
+    return [k for k, one in enumerate(there.elements) if not by_weight_alone(one)]
 
 
 def _span(there: Mechanism, element: int) -> range:
@@ -180,7 +181,7 @@ def _pairs(h: ModelHypothesis, there: Mechanism) -> list[tuple[int, int, int]]:
     first = np.cumsum([0, *(len(one.parameters) for one in effects)]).tolist()
     at = {(one.label, one.form): k for one, k in zip(effects, first, strict=False)}
     pairs = [(j, j, where.compliance.start + j) for j in range(there.table.n)]
-    for k in _acting(there, effects):
+    for k in _acting(there):
         mine = at.get((there.elements[k].label, there.elements[k].form))
         for i, column in enumerate(_span(there, k)):
             own = -1 if mine is None else mine + i

@@ -69,17 +69,23 @@ def under_pulls(model: IdentifiedModel, q: Array, force: Array) -> PredictedTarg
     axis = np.arange(3)
     cov[..., axis, axis] = std**2
     turn = np.repeat(here.flange_axes[:, None], len(points), axis=1)
-    return PredictedTargets(here.points(points) + moved, turn, cov)
+    return PredictedTargets(here.points(points) + moved, turn, cov, moved, std)
 
 
 def as_csv(targets: Strings, six: Bools, found: PredictedTargets) -> str:
-    """`row,target,x_m,y_m,z_m,std_x_m,...` with orientation where a target has one."""
+    """`row,target,x_m,y_m,z_m,std_x_m,...`: see docs/campaign.md.
+
+    With `dx_m` ... where any row has a force, and orientation where a target has one.
+    """
     m, t = found.at.shape[:2]
     std = found.std.reshape(m * t, 6)
     table = {
         **_columns("{}_m", found.at.reshape(m * t, 3)),
         **_columns("std_{}_m", std[:, :3]),
     }
+    if found.moved.any():
+        table |= _columns("d{}_m", found.moved.reshape(m * t, 3))
+        table |= _columns("std_d{}_m", found.moved_std.reshape(m * t, 3))
     if six.any():
         turned = Rotation.from_matrix(found.turn.reshape(-1, 3, 3)).as_euler("XYZ")
         known = np.tile(six, m)[:, None]

@@ -219,6 +219,66 @@ def test_pulls_that_show_another_law_of_a_gear_stand_in_its_place():
     np.testing.assert_allclose(gap, play, atol=1e-2 * np.abs(play).max())
 
 
+def with_tilt():
+    """`standing` with bearings that give way under its weight, by what no pull has shown."""
+    one = standing(pulled())
+    there = one.mechanism
+    yields = [2e-7 * (e.name == "joint_tilt") for e in there.elements for _ in e.parameters]
+    return replace(one, mechanism=replace(there, yields=np.array(yields)))
+
+
+def test_a_force_moves_only_what_the_pulls_have_shown_to_yield():
+    """Elements of the positions that the pulls do not call for stay as they are.
+
+    To a hundredth of the motion by screws: the weight adds to it, and springs turn by milliradians.
+    """
+    one, none = with_tilt(), np.zeros_like(FORCE)
+    told = at(one).at - at(one, none).at
+    alone = replace(one, by_pulls=None)
+    moved = drawn(True, 0.0, count=1)[1] - of_weight()
+
+    assert np.abs(at(alone).at - at(alone, none).at - moved).max() > 0.1 * np.abs(moved).max()
+    np.testing.assert_allclose(told, moved, atol=1e-2 * np.abs(moved).max())
+
+
+def of_weight():
+    """How far the weight alone turns the targets by springs, as in `drawn`."""
+    never = np.full(len(Q), np.nan)
+    weights = ArmWeights(GRAVITY, NOBODY, np.zeros(len(Q), dtype=np.int64))
+    stand = standing().mechanism.stand(Q, weights, never, never, never)
+    turn, shift = stand.here.twists[..., :3], stand.here.twists[..., 3:]
+    moves = shift[:, :, None] + np.cross(turn[:, :, None], stand.at[:, None])
+    return np.einsum("mk,mkti->mti", SOFT * stand.tau, moves)
+
+
+@pytest.mark.parametrize("joined", [True, False])
+def test_what_a_force_moves_has_an_uncertainty_of_its_own(joined):
+    """Of drawn machines, by the springs alone that the force turns; no row without one moves."""
+    told = at(standing(pulled([BOTH_WAYS], [HALF], joined)))
+    rest = at(standing(pulled([BOTH_WAYS], [HALF], joined)), np.zeros_like(FORCE))
+    with_, without = drawn(joined, 0.0), drawn_unloaded(joined)
+    std = (with_[0] - without).std(axis=0)
+
+    np.testing.assert_allclose(told.moved_std, std, rtol=0.04, atol=0.01 * std.max())
+    np.testing.assert_allclose(told.moved, told.at - rest.at, atol=1e-12)
+    assert not rest.moved.any()
+    assert not rest.moved_std.any()
+
+
+def drawn_unloaded(joined, count=20000):
+    """Where the same machines as those of `drawn` have the targets under their weight alone."""
+    by_weight, by_force = 1 + 0.03 * np.random.default_rng(4).normal(size=(2, count, 6))
+    if joined:
+        same = [0, 2, 3, 4, 5]
+        by_weight[:, same] = by_force[:, same]
+    never = np.full(len(Q), np.nan)
+    weights = ArmWeights(GRAVITY, NOBODY, np.zeros(len(Q), dtype=np.int64))
+    stand = standing().mechanism.stand(Q, weights, never, never, never)
+    turn, shift = stand.here.twists[..., :3], stand.here.twists[..., 3:]
+    moves = shift[:, :, None] + np.cross(turn[:, :, None], stand.at[:, None])
+    return np.einsum("dmk,mkti->dmti", (by_weight * SOFT)[:, None] * stand.tau, moves)
+
+
 @pytest.mark.parametrize("width", ["narrow", "wide"])
 def test_the_file_holds_laws_of_gears(width):
     """Label and form of each element, also of those that are not the first of their label."""
