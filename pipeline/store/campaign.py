@@ -394,6 +394,7 @@ def _raw(settings: Settings, content: Mapping[str, bytes]) -> Raw:
         robot = parse_robot(files.text(content[settings.robot], settings.robot), settings.robot)
     else:
         robot = load_robot(settings.robot)
+    robot = robot.under(settings.gravity.vector)
     return Raw(settings, robot, content, _key(content, robot))
 
 
