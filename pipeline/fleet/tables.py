@@ -230,7 +230,7 @@ def _marks(root: Path) -> dict[str, tuple[CampaignFolder, str]]:
     """Campaigns with a valid result, and the hashes of their manifests, by name."""
     found, processed, reports = {}, root / "data" / "processed", root / "reports"
     for name in sorted(os.listdir(processed)) if processed.is_dir() else []:
-        with suppress(FileNotFoundError, NotADirectoryError):  # strings: fast
+        with suppress(FileNotFoundError, NotADirectoryError):  # plain strings, as there are many
             if os.path.isfile(f"{reports}/{name}/result.json"):
                 with open(f"{processed}/{name}/{MANIFEST}", "rb") as manifest:
                     mark = files.sha256(manifest.read())
