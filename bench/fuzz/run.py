@@ -31,7 +31,7 @@ GRACE = 5.0
 """Further time after which an unresponsive process is killed [s]."""
 
 MEMORY = 6 * 2**30
-"""Maximum address space of one process [byte]."""
+"""Maximum address space of one process [B]."""
 
 Row = dict[str, Any]
 Play = Callable[[int, str], Row]

@@ -8,7 +8,7 @@ from pipeline.base import files
 from pipeline.base.errors import InputError
 
 _LARGEST = 256 << 20
-"""Maximum size of one file [byte], a matter of taste: a tracker with 1000 readings per second fills
+"""Maximum size of one file [B], a matter of taste: a tracker with 1000 readings per second fills
 it in an hour."""
 
 _MOST = 1000

@@ -18,7 +18,7 @@ from pipeline.base.errors import UsageError
 TOML = "campaign.toml"
 
 MOST_BYTES = 256 * 2**20
-"""Maximum size of one file, and of all files of an archive together [byte]."""
+"""Maximum size of one file, and of all files of an archive together [B]."""
 
 _MOST_FILES = 500
 """Maximum number of files of an archive."""

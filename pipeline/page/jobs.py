@@ -25,7 +25,7 @@ _MOST_WORDS = 20_000
 
 
 _LONGEST_LINE = 2**22
-"""Maximum length of a line of output [byte]."""
+"""Maximum length of a line of output [B]."""
 
 
 @dataclass(frozen=True)

@@ -78,7 +78,7 @@ _OF_ROBOT = ("joints.columns",)
 """Tables of campaign.toml that depend on the robot: its joints name the columns."""
 
 _MOST_TYPED = 2**20
-"""Maximum size of a request that is not a file [byte]."""
+"""Maximum size of a request that is not a file [B]."""
 
 
 class _Door:

@@ -13,7 +13,7 @@ from pipeline.base.errors import InputError
 from pipeline.programs.program import NUMBER, Number, number
 
 LARGEST = 2**26
-"""Maximum size of a program [byte]; milling programs of 100 000 points have a tenth of it."""
+"""Maximum size of a program [B]; milling programs of 100 000 points have a tenth of it."""
 
 _MARK = "\xef\xbb\xbf"
 """Byte order mark of UTF-8, read as Latin-1: editors put it before the first word of a file, which

@@ -17,7 +17,7 @@ from pipeline.programs.notation import Notation
 from pipeline.programs.program import Program, Target
 
 _BEYOND = 1e-3
-"""Tolerance on joint limits [rad] or [m]; coordinates in programs have three decimals."""
+"""Tolerance on joint limits [rad or m]; coordinates in programs have three decimals."""
 
 
 @dataclass(frozen=True, eq=False)

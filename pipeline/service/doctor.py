@@ -25,7 +25,7 @@ from pipeline.store.campaign import recalled
 _PYTHONS = ((3, 11), (3, 14))
 """Oldest and newest Python supported; the Makefile looks for the same."""
 _ROOM_BYTES = 2**30
-"""Disk space that is required [byte]: a gibibyte, more than tables and reports of many campaigns
+"""Disk space that is required [B]: a gibibyte, more than tables and reports of many campaigns
 take."""
 
 

@@ -45,7 +45,7 @@ _SET_BACK_S = 30.0
 """Lag of the clock from which it counts as set back [s]; smaller steps are those of a time
 server."""
 _LOG_BYTES = 2**24
-"""Size from which a log is truncated [byte]."""
+"""Size from which a log is truncated [B]."""
 
 _Tell = Callable[[str], object]
 """Receives one line per event."""

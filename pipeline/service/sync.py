@@ -118,7 +118,7 @@ _LONGEST = 240
 names have 10 more."""
 
 _MOST_BYTES = 2**32
-"""Maximum size of the objects of a campaign together [byte]: two of the largest files that are
+"""Maximum size of the objects of a campaign together [B]: two of the largest files that are
 read."""
 
 

@@ -48,7 +48,7 @@ class _Rows:
         return np.hstack([self.B, *(self.Z[:, one.columns] for one in causes)])
 
     def p_value(self, one: Suspect, beside: Sequence[Suspect]) -> float:
-        """p of the F test of one cause added to others; 1 if they span it already."""
+        """P-value of the F test of one cause added to others; 1 if they span it already."""
         A = self.with_(beside)
         Q = np.linalg.qr(A / np.linalg.norm(A, axis=0))[0]
         new = self.Z[:, one.columns]

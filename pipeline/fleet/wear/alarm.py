@@ -33,7 +33,7 @@ from pipeline.fleet.wear.machine import FEWEST, Machine
 from pipeline.fleet.wear.scatter import Scatter
 
 A_YEAR = 0.01
-"""Probability of a false alarm per year and robot."""
+"""Probability of a false alarm per year and robot [1]."""
 
 _ONE, _ALL = 0.5, 0.25
 """Prior weights of a trend in one joint and in all [1]; the remainder is that of several."""

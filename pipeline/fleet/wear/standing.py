@@ -15,7 +15,7 @@ from pipeline.fleet.wear.scatter import STATED, Scatter, scatter
 from pipeline.fleet.wear.trend import Trends, trends
 
 _CONFIRMS = 0.05
-"""Limit of p in the newest look below which an alarm is confirmed."""
+"""Limit of p in the newest look below which an alarm is confirmed [1]."""
 
 
 _CERTAIN = 3.0
