@@ -164,7 +164,8 @@ def determined(N: Array) -> Array:
 
 def rank(N: Array) -> int:
     """Number of directions determined by rows with products N, (k, k)."""
-    return int(np.sum(directions(unit(N)[0])[0] > PRODUCTS))
+    values = directions(unit(N)[0])[0]
+    return int(np.sum(values > PRODUCTS * values.max(initial=TINY)))
 
 
 def nothing(X: Array) -> Bools:

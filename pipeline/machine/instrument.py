@@ -67,7 +67,7 @@ class Sheet(Strict):
         worth = _MICRON * _WORTH[self.figure]
         (range_m, range_per_m), (transverse_m, transverse_per_m) = self.along, self.across
         return InstrumentNoise(
-            range_m=worth * range_m,
+            range_m=worth * range_m or _LEAST_M,
             range_per_m=worth * range_per_m,
             transverse_m=worth * transverse_m or _LEAST_M,
             transverse_per_m=worth * transverse_per_m,
@@ -75,7 +75,7 @@ class Sheet(Strict):
 
 
 _LEAST_M = 1e-6
-"""Constant transverse part of a figure that is printed per metre only [m]: no air is calmer."""
+"""Constant part of a figure that is printed per metre only [m]: no air is calmer."""
 
 
 @cache

@@ -29,7 +29,7 @@ _GAP_S = 6 * 3600.0
 longer."""
 
 _SAME_POSE = 2e-3
-"""Maximum difference of joint values of one pose [m] or [rad]: controllers repeat far better."""
+"""Maximum difference of joint values of one pose [m or rad]: controllers repeat far better."""
 
 _SAME_FORCE, _SAME_WAY = 0.03, 5e-3
 """Maximum relative difference [1] and angle [rad] between the forces of similar pulls."""

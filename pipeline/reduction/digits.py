@@ -9,7 +9,7 @@ from pipeline.base.strict import STANDARD_GRAVITY
 
 _UNITS_M = (1.0, 1e-3, 0.0254)
 _DIGITS = 8
-"""Maximum number of decimals tried, of a metre or another unit [1]: no export has more."""
+"""Maximum number of decimals tried, of a metre or another unit: no export has more."""
 _LOOKED_AT = 300
 """Number of readings from which the number of digits of an export is determined."""
 
@@ -30,7 +30,7 @@ _LADDERS = 2
 for those that bear less. More different readings than these contain are not load steps, however few
 the divisions."""
 _MOST = 100_000
-"""Maximum number of divisions of a scale (OIML R 76-1, class II) [1]: more are digits of a file."""
+"""Maximum number of divisions of a scale (OIML R 76-1, class II): more are digits of a file."""
 
 
 def division(forces: Array, pose: Array) -> float:

@@ -26,10 +26,10 @@ _BRANCH = np.array([1, -1, 0])
 def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.DataFrame:
     """Apply each scale reading along its chain, u = (Pl2 - Pl1) / |Pl2 - Pl1|.
 
-    The covariance of the direction is that of the two reflectors across the chain, (I - u u') (C1 +
-    C2) (I - u u') / L^2; where no noise is stated it is relative to the tracker's variance, in
-    1/m^2. The variance of a reading is the stated one plus that of its rounding, h^2 / 12 with h
-    the division of the scale.
+    The covariance of the direction is that of the two reflectors across the chain,
+    (I - u u') (C1 + C2) (I - u u') / L^2; where no noise is stated it is relative to the tracker's
+    variance, in 1/m^2. The variance of a reading is the stated one plus that of its rounding,
+    h^2 / 12 with h the division of the scale.
 
     Args:
         settings: Names of the chain reflectors and the scale's uncertainty.

@@ -18,8 +18,8 @@ from pipeline.base.arrays import Array
 STEEL = 11.5e-6
 """Expansion of steel [1/K]: (11.5 +- 1.0) 1e-6, ISO 3650:1998, 6.2, for gauge blocks."""
 _STEEL_STD = 1.0e-6 / 3**0.5
-"""Its standard uncertainty [1/K]: a uniform distribution within the limits of ISO 3650 (GUM
-4.3.7)."""
+"""Its standard uncertainty [1/K]: a uniform distribution within the limits of ISO 3650
+(GUM 4.3.7)."""
 REFERENCE_C = 20.0
 """Temperature at which lengths hold [degC], ISO 1:2022."""
 _THERMOMETER_K = 1.0

@@ -206,7 +206,7 @@ def _in_frame(at: Array, there: Array) -> Array:
 
 
 _FEWEST = 12
-"""Minimum number of points to fit a frame, those of four poses [1]: fewer fit in any frame."""
+"""Minimum number of points to fit a frame, those of four poses: fewer fit in any frame."""
 
 
 def measured(

@@ -25,9 +25,9 @@ XYZ = ["x_m", "y_m", "z_m"]
 _OFF = ["dx_m", "dy_m", "dz_m"]
 
 _STEPS = 20
-"""Maximum number of Gauss-Newton steps [1]; from the closed form three or four suffice."""
+"""Maximum number of Gauss-Newton steps; from the closed form three or four suffice."""
 _STILL = 1e-15
-"""Step below which the iteration has converged [m] or [rad]; it changes no number of the size of a
+"""Step below which the iteration has converged [m or rad]; it changes no number of the size of a
 hall."""
 _ONE_PLACE = 1e-9
 """Second width of the readings over the first of the nominal points below which all are on one line
@@ -162,8 +162,8 @@ def agreed(registration: Registration) -> tuple[Registration, Bools]:
 
     It starts from the triple of reflectors whose rigid motion minimises the sum of the (m + 3) / 2
     smallest squared distances (least trimmed squares, Rousseeuw, J. Am. Stat. Assoc. 79, 1984), so
-    that up to half of the readings may lie anywhere. Readings nearer than `GROSS_M` are then fitted
-    as in `register`; residuals are given for all readings.
+    that fewer than half of the readings may lie anywhere. Readings nearer than `GROSS_M` are then
+    fitted as in `register`; residuals are given for all readings.
 
     Args:
         registration: The registration with all readings.
@@ -337,8 +337,8 @@ def _gauss_newton(
 ) -> tuple[Array, Array, float, Array]:
     """One step (rotation, shift at the centre), its covariance, chi2 and the centre.
 
-    (w, s) = N^-1 sum_i D_i' W_i r_i with N = sum_i D_i' W_i D_i, W_i = (R C_i R')^-1 and D_i (w, s)
-    = w x (R p_i + t - p) + s, p the centre of the placed readings; w [rad], s [m], F_b.
+    (w, s) = N^-1 sum_i D_i' W_i r_i with N = sum_i D_i' W_i D_i, W_i = (R C_i R')^-1 and
+    D_i (w, s) = w x (R p_i + t - p) + s, p the centre of the placed readings; w [rad], s [m], F_b.
     """
     placed = points @ R.T + t
     centre = placed.mean(axis=0)

@@ -396,8 +396,8 @@ class Instrument(Strict):
         measures: `points`, each target by itself, or `poses`: targets computed from one 6D pose.
         sigma_rad: Standard uncertainty per axis of a pose's rotation, in addition to [tracker]
             sigma_m.
-        length_sigma_rel: Relative standard uncertainty of its lengths, from the certificate (ISO
-            10360-10); one error for the whole campaign.
+        length_sigma_rel: Relative standard uncertainty of its lengths, from the certificate
+            (ISO 10360-10); one error for the whole campaign.
         model: If its data sheet is known, this gives the noise of readings for which no other is
             stated.
         serial: Kept and shown, not evaluated; so are certificate and its date.

@@ -47,9 +47,9 @@ FRAME = 0.01 * MOST
 MOVED = 1e-9
 """False-alarm rate of an instrument that stood elsewhere from some pose of a series on, or was
 knocked between two rounds of base reflectors [1]. Copies drawn from the residuals of the likeliest
-move reach a test value a quarter smaller than readings without a move, of which 2 in 150 had p <
-1e-3 and the smallest p was 1e-6; a move by the noise of one reading has p of 1e-9 to 1e-7, twice
-that 1e-26."""
+move reach a test value a quarter smaller than readings without a move, of which 2 in 150 had
+p < 1e-3 and the smallest p was 1e-6; a move by the noise of one reading has p of 1e-9 to 1e-7,
+twice that 1e-26."""
 
 DRIFT = 0.05 * MOST - MOVED
 """False-alarm rate of a motion of the tracker that the base reflectors show [1]."""

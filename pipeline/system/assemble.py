@@ -231,8 +231,8 @@ def by_force(cell: Cell, data: Measured, values: Array) -> Array:
 def by_inputs(cell: Cell, data: Measured, values: Array) -> tuple[Array, Array]:
     """Sensitivity of c to 1 N along each axis of F_b and to 1 rad of the tracker about each.
 
-    Rows as in `assemble`, signs as in the columns of its G, shapes (3 d, 3) [m/N] and (3 d, 3)
-    [m/rad].
+    Rows as in `assemble`, signs as in the columns of its G, shapes (3 d, 3) [m/N] and
+    (3 d, 3) [m/rad].
     """
     modes = np.broadcast_to(np.eye(3), (len(data.pulls), 3, 3))
     moved = _moved(cell, data, values, modes), _turned(cell, data, values, np.eye(3))

@@ -71,8 +71,8 @@ class Beam(Locked):
 
     Attributes:
         along: Standard uncertainty along the beam that is used [1].
-        across: Standard uncertainty across the beam that is used for each displacement, shape (d,)
-            [1].
+        across: Standard uncertainty across the beam that is used for each displacement, shape
+            (d,) [1].
         found: Both at the maximum of the likelihood, at the mean distance, whatever is used.
         std: Their relative standard uncertainties.
         probability: Posterior probability that they are not in the stated proportion.
@@ -119,9 +119,9 @@ class Beam(Locked):
 def beam(data: Measured, system: System, X: Array) -> Beam:
     """Estimate both parts from the rows of a campaign.
 
-    L is minus twice the restricted log likelihood, L_0 that of the stated proportion, t = log(a /
-    b), w its standard uncertainty and f its prior density: the odds of each of k exponents g are
-    exp((L_0 - L) / 2) f(t) w sqrt(2 pi) / k, and p = P[chi2(2) > L_0 - min L].
+    L is minus twice the restricted log likelihood, L_0 that of the stated proportion,
+    t = log(a / b), w its standard uncertainty and f its prior density: the odds of each of k
+    exponents g are exp((L_0 - L) / 2) f(t) w sqrt(2 pi) / k, and p = P[chi2(2) > L_0 - min L].
 
     Args:
         data: The measurements.

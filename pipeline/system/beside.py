@@ -232,8 +232,8 @@ def _spans(blocks: Blocks, X: Array) -> Array:
 def left_beside(M: Array, base: Ints, at: Ints) -> tuple[Array, Array, Array]:
     """Products (..., W, W) with a base eliminated: all, those of each suspect, and its squares.
 
-    The squared lengths are those before elimination. Shapes (..., W, W), (..., n, k, k) and (...,
-    n, k), for columns `at` as in `by_products`.
+    The squared lengths are those before elimination. Shapes (..., W, W), (..., n, k, k) and
+    (..., n, k), for columns `at` as in `by_products`.
     """
     S, there = eliminate(M, base), at >= 0
     N = S[..., at[:, :, None], at[:, None, :]] * (there[:, :, None] & there[:, None, :])

@@ -1,4 +1,4 @@
-"""Rows of a campaign beside springs and causes: the residuals in which the noise is seen."""
+"""Rows of a campaign with springs and causes as fixed effects: their residuals show the noise."""
 
 from __future__ import annotations
 

@@ -18,8 +18,8 @@ class Threshold:
     """Threshold of the F tests of the suspects.
 
     Attributes:
-        p: Limit for one suspect, such that the smallest p of all stays above it with probability 1
-            - `alarms.SUSPECT`.
+        p: Limit for one suspect, such that the smallest p of all stays above it with probability
+            1 - `alarms.SUSPECT`.
         independent: Equivalent number of independent tests.
     """
 
@@ -65,7 +65,7 @@ def threshold(
 
 
 _AT_ONCE = 4_000_000
-"""Maximum count of random numbers drawn at once [1]: 32 MB."""
+"""Maximum count of random numbers drawn at once: 32 MB."""
 
 
 def _least(drop: Array, rank: Ints, rest: Array, dof: int) -> Array:

@@ -39,9 +39,9 @@ _BEND = 0.1
 def scatter(view: Whitened, system: System, known: tuple[float, float]) -> ScatterRatio:
     """Scatter of tracker and scale, relative to the noise that the data are weighted with.
 
-    The tracker's is that of the campaign's contrasts, which no model of the robot can produce: p =
-    P[chi2(nu) > nu s^2 / `TOLERATED`^2] with nu = (u(s) / s)^-2 / 2. Where they cannot resolve it,
-    it is that of the residuals of the joint springs.
+    The tracker's is that of the campaign's contrasts, which no model of the robot can produce:
+    p = P[chi2(nu) > nu s^2 / `TOLERATED`^2] with nu = (u(s) / s)^-2 / 2. Where they cannot resolve
+    it, it is that of the residuals of the joint springs.
 
     Args:
         view: The campaign from the joint springs alone, with nothing scaled.

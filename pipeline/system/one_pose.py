@@ -60,12 +60,12 @@ def one_pose(case: Case, data: Measured) -> OnePose | None:
     """Whether the targets of each state come from one measured pose; None where they need not.
 
     The distances change by less than any reading could, rms s_k / l_k < 1, while the residual r of
-    the joint springs is impossibly large relative to the limits, of rms l: P[F(n_r, n_s) > (r /
-    l)^2] is below `alarms.READING`, with n_r the residual degrees of freedom and n_s the number of
-    changes. Data without any scatter keep both small. The limit l_k of a change includes `STILL_M`,
-    the rounding of two readings, the second order of the rotation in its pull, and, where the
-    positions of the targets are unknown, the effect of `_OFF_RAD`. An outlier does not rotate any
-    other pull.
+    the joint springs is impossibly large relative to the limits, of rms l:
+    P[F(n_r, n_s) > (r / l)^2] is below `alarms.READING`, with n_r the residual degrees of freedom
+    and n_s the number of changes. Data without any scatter keep both small. The limit l_k of a
+    change includes `STILL_M`, the rounding of two readings, the second order of the rotation in its
+    pull, and, where the positions of the targets are unknown, the effect of `_OFF_RAD`. An outlier
+    does not rotate any other pull.
 
     Args:
         case: The campaign.

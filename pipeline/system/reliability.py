@@ -1,7 +1,7 @@
 """How well the readings control each other, and the influence of each pull on the estimates.
 
 Every error e_j of c = B x + G e is tested against the model as a blunder would be: with W = V^-1
-and H = B (B'WB)^+ B'W its redundancy number, standardised residual and smallest detectable size are
+and H = B (B'WB)^+ B'W its redundancy number, standardised residual and minimal detectable bias are
 
     r_j = g_j' W (I - H) g_j,    w_j = g_j' W (c - B x) / sqrt(r_j),    d_j = sqrt(l / r_j),
 
@@ -30,15 +30,15 @@ _ALPHA = 0.001
 """False-alarm probability of the test of one reading [1]; Baarda's own choice."""
 
 _POWER = 0.80
-"""Probability that the test detects an error of the smallest detectable size [1]; Baarda's own
+"""Probability that the test detects an error of the minimal detectable bias [1]; Baarda's own
 choice."""
 
 CRITICAL = float(special.ndtri(1 - _ALPHA / 2))
 """|w| from which a reading is suspected [1]."""
 
 _SHIFT = CRITICAL + float(special.ndtri(_POWER))
-"""Mean of |w| at which it is detected with probability `_POWER` [1]: z(1 - `_ALPHA` / 2) +
-z(`_POWER`)."""
+"""Mean of |w| at which it is detected with probability `_POWER` [1]:
+z(1 - `_ALPHA` / 2) + z(`_POWER`)."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,7 +48,7 @@ class Reliability(Locked):
     Attributes:
         r: Redundancy number, 0 where uncontrolled, shape (E,).
         w: Standardised residual, 0 where uncontrolled, shape (E,).
-        visible: Smallest detectable size in standard uncertainties of the error; infinite where
+        visible: Minimal detectable bias in standard uncertainties of the error; infinite where
             uncontrolled, shape (E,).
         moves: Effect of an error of that size, in standard uncertainties of each quantity, shape
             (E, q).
@@ -112,7 +112,7 @@ def solution(system: System, asked: Array, scale: float = 1.0) -> Solution:
 
 
 def reliability(system: System, at: Solution) -> Reliability:
-    """Redundancy, w and smallest detectable size of every column of G.
+    """Redundancy, w and minimal detectable bias of every column of G.
 
     The sum of all r is M - rank B, errors common to all poses included: those are columns of the
     least squares, a ~ N(0, I), for which r_k = 1 - |U_k|^2 with U_k the row of the prior.
@@ -165,7 +165,7 @@ class _BaseReliability(Locked):
 
 
 _PIECE = 20_000
-"""Maximum number of base readings treated at once [1]: their effects on thirty quantities are 15
+"""Maximum number of base readings treated at once: their effects on thirty quantities are 15
 MB."""
 
 

@@ -85,9 +85,9 @@ class PaddedRows(Locked):
 
         sum_p (log|V_p| + y_p' V_p^-1 y_p)  and  log|N| - g' N^-1 g,
 
-        N = sum_p X_p' V_p^-1 X_p + diag(prior), g = sum_p X_p' V_p^-1 y_p, and V_p = sum_k exp(2
-        t_k) parts_kp + rest_p, t the log scales. With A the common errors that is log|V| + log|X'
-        V^-1 X| + r' V^-1 r for the whole V = V_own + A A', up to a constant.
+        N = sum_p X_p' V_p^-1 X_p + diag(prior), g = sum_p X_p' V_p^-1 y_p, and
+        V_p = sum_k exp(2 t_k) parts_kp + rest_p, t the log scales. With A the common errors that is
+        log|V| + log|X' V^-1 X| + r' V^-1 r for the whole V = V_own + A A', up to a constant.
         """
         weights = np.append(np.exp(2 * log_scale), 1.0)
         V = np.einsum("k,kpij->pij", weights, self.parts)

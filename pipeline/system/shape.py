@@ -28,7 +28,7 @@ from pipeline.system.wander import Wander, wander
 from pipeline.system.whiten import whitener
 
 _ROUNDS = 8
-"""Maximum number of reweighting iterations where blunders are among the readings [1]: a bad one
+"""Maximum number of reweighting iterations where blunders are among the readings: a bad one
 spoils the estimates of its neighbours."""
 
 _STILL = 0.3

@@ -23,8 +23,8 @@ from pipeline.base.arrays import Array
 from pipeline.machine.robot import Joint
 
 _SPECIMENS = 1.5
-"""Maximum common factor between robots of one type [1]; a scale read in another unit gives 2.2 (lb
-and kg) or more: this is halfway between 1 and 2.2, by ratios."""
+"""Maximum common factor between robots of one type [1]; a scale read in another unit gives 2.2
+(lb and kg) or more: this is halfway between 1 and 2.2, by ratios."""
 
 _OWN = 0.25
 """Prior standard deviation of the log stiffness of single joints about the file's value, as

@@ -1,9 +1,9 @@
-"""Find which of many suspects are at work together: each is tested beside all that are held.
+"""Find which of many suspects are at work together: each is tested given all that are held.
 
 Testing one suspect after the other fails where several are at work: those not yet held widen the
 scatter that each is judged by. Here the scatter is a median, which up to half of the readings
 cannot move (Hampel, J. Am. Stat. Assoc. 69, 1974); significant suspects join block by block, and
-after each round every held one is tested again beside the others: it stays, is dropped, or is
+after each round every held one is tested again given the others: it stays, is dropped, or is
 exchanged for a better one of its block (forward search with deletion; Atkinson and Riani, Robust
 Diagnostic Regression Analysis, 2000).
 """
@@ -31,7 +31,7 @@ that of the median absolute deviation for normal errors (Rousseeuw and Croux, J.
 
 _AS_FAR = 0.25
 """Minimum drop, relative to the largest of all, for a suspect to join in the same round [1]: a
-small one beside a large one may be an artefact of it."""
+small one next to a large one may be an artefact of it."""
 
 _MOST = 0.5
 """Maximum fraction of a base's degrees of freedom that suspects may take [1]; beyond it the search
@@ -75,7 +75,7 @@ class Suspects(Locked):
         return base.blocks.rows(out)
 
     def beside(self, base: Base, held: Ints) -> tuple[Base, Beside]:
-        """The base extended by the held suspects, and every suspect beside it."""
+        """The base extended by the held suspects, and every suspect tested in addition to it."""
         wider = base.more(self.rows(base, held)) if len(held) else base
         return wider, wider.beside(self.D).rows(self.blocks)
 
@@ -109,7 +109,7 @@ class Held(Locked):
     Attributes:
         which: Their numbers, ascending, shape (m,).
         size: Their sizes, estimated together, shape (m, k).
-        drop: Drop of the sum of squares by each beside all others, shape (m,).
+        drop: Drop of the sum of squares by each given all others, shape (m,).
         rank: Number of determined directions of each, shape (m,).
         variance: Of the rows, from the median drop of all suspects that are not held.
         given: The base without them.
@@ -165,7 +165,7 @@ def chance(drop: Array, rank: Ints, variance: float, dof: int) -> Array:
 
 
 def together(base: Base, suspects: Suspects, least: float) -> Held:
-    """All suspects that are at work beside a base.
+    """All suspects that are at work in addition to a base.
 
     The search has two starts: the scatter of the rows from their median, and the smallest possible
     scatter. The likelier end is returned: few suspects with much noise, or more with less.
@@ -232,7 +232,7 @@ def _joining(found: Beside, suspects: Suspects, variance: float) -> Ints:
 
 
 def _each(base: Base, suspects: Suspects, held: Ints) -> tuple[Array, Array, Ints]:
-    """Size, drop and rank of each held suspect beside all others."""
+    """Size, drop and rank of each held suspect given all others."""
     k = suspects.D.shape[3]
     if not len(held):
         return np.zeros((0, k)), np.zeros(0), np.zeros(0, np.int64)
@@ -245,12 +245,12 @@ def _each(base: Base, suspects: Suspects, held: Ints) -> tuple[Array, Array, Int
 
 
 def sizes(base: Base, suspects: Suspects, held: Ints) -> Array:
-    """Sizes of some suspects, estimated together beside a base, shape (m, k)."""
+    """Sizes of some suspects, estimated together with a base, shape (m, k)."""
     return _each(base, suspects, held)[0]
 
 
 def _staying(base: Base, suspects: Suspects, held: Ints, variance: float) -> Ints:
-    """Those that are significant beside all others; the least significant is dropped first."""
+    """Those that are significant given all others; the least significant is dropped first."""
     tests = len(suspects.blocks.index)
     while len(held):
         _, drop, rank = _each(base, suspects, held)

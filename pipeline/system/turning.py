@@ -2,9 +2,9 @@
 
 Position s and rotation L w of a pose are six coordinates in metres (`machine.six`), read by one
 instrument with two noises. If both are weighted alike, springs that rest on the noisier kind get
-too small an uncertainty. The ratio of the two is estimated by restricted likelihood, V = s_p^2 V_p
-+ s_r^2 V_r + V_rest, from contrasts that no model of the robot can produce, or from the residuals
-of the joint springs where these are too few.
+too small an uncertainty. The ratio of the two is estimated by restricted likelihood,
+V = s_p^2 V_p + s_r^2 V_r + V_rest, from contrasts that no model of the robot can produce, or from
+the residuals of the joint springs where these are too few.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ from pipeline.system.system import Errors, System
 from pipeline.system.variance import UNTOLD
 
 _TURNED = "turned"
-"""Name of the sources of `TRACKED` where they act on a rotation."""
+"""Name of the sources `tracker` and `zero` where they act on a rotation."""
 
 _FEWEST = 24
 """Minimum number of contrasts to resolve two noises: a dozen each, as one noise needs."""

@@ -153,11 +153,12 @@ def variance_components(
 ) -> Components:
     """Scales of the noise components by restricted maximum likelihood.
 
-    Fixed effects are the columns of `design`; the residual is normal with V = sum s^2 G_s G_s' +
-    stated rest, including the errors common to all poses. For an answer that no wrong model of the
-    robot can spoil, give the system of `pure_error`; for residuals of a model, the campaign's own.
-    The standard uncertainties are the larger of those from the information and from the scatter
-    between poses, so that tails longer than normal do not make them too small.
+    Fixed effects are the columns of `design`; the residual is normal with
+    V = sum s^2 G_s G_s' + stated rest, including the errors common to all poses. For an answer that
+    no wrong model of the robot can spoil, give the system of `pure_error`; for residuals of a
+    model, the campaign's own. The standard uncertainties are the larger of those from the
+    information and from the scatter between poses, so that tails longer than normal do not make
+    them too small.
 
     Args:
         system: c, and its errors by source.

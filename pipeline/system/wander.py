@@ -1,8 +1,8 @@
 """Slow wander of the instrument: correlated in time, common to all targets, equal in three axes.
 
-w(t) is an Ornstein-Uhlenbeck process of unit variance, E[w(t) w(t')] = rho(t - t') = exp(-|t - t'|
-/ tau). A displacement, read at t and measured from zeros read at z_1 .. z_n, contains w(t) - mean
-w(z_k), so that within a pose
+w(t) is an Ornstein-Uhlenbeck process of unit variance,
+E[w(t) w(t')] = rho(t - t') = exp(-|t - t'| / tau). A displacement, read at t and measured from
+zeros read at z_1 .. z_n, contains w(t) - mean w(z_k), so that within a pose
 
     K_ij = rho(t_i - t_j) - mean_k rho(t_i - z_k) - mean_k rho(t_j - z_k) + mean_kl rho(z_k - z_l);
 
@@ -51,14 +51,14 @@ class Wander(Locked):
     Attributes:
         factor: F_p with F_p F_p' its covariance in the displacements of each pose, all ways, sizes
             and times together [m], shape (d, 3, k).
-        size: Standard deviation that it adds to a displacement, root of the posterior mean square
-            [m].
+        size: Standard deviation that it adds to a displacement, root of the posterior mean
+            square [m].
         std: Its standard uncertainty [m].
         time_s: Likeliest correlation time [s].
         p_value: Probability of a wander this large by chance.
         probability: Posterior probability that there is any.
-        process: Variance of the shift [m^2] and of the rotation [rad^2] for each of `TIMES_S`, (2,
-            t).
+        process: Variance of the shift [m^2] and of the rotation [rad^2] for each of `TIMES_S`,
+            (2, t).
         unit: Standard uncertainty of a reading per axis, root mean square [m].
     """
 
@@ -127,9 +127,9 @@ def kernel(data: Measured, time_s: float) -> tuple[Array, float]:
 def restless(data: Measured, moves: Array, time_s: float) -> Array:
     """Effect of joints whose compliance varies between pulls, rows of mean square one, (d, 3, j).
 
-    Every compliance varies by the same fraction of itself, correlated in time: K of a pose is sum_j
-    b_j b_j' rho, with b_j the contribution of joint j to a row under its pull. A wander moves all
-    targets equally under any pull; this follows the torques.
+    Every compliance varies by the same fraction of itself, correlated in time: K of a pose is
+    sum_j b_j b_j' rho, with b_j the contribution of joint j to a row under its pull. A wander moves
+    all targets equally under any pull; this follows the torques.
 
     Args:
         data: The measurements.

@@ -56,7 +56,7 @@ class Whitened(Locked):
         common: Number of columns of common errors.
         spread: Standard uncertainty of each row of c [m], shape (M,).
         noise: Factor on the stated standard uncertainties.
-        least: Mean square below which residuals are not used to estimate the noise: rounding, or
+        least: Lower limit of the residual mean square: below it residuals are rounding, or were
             reduced by reweighting.
         seen: The linearised campaign.
         white: Its whitener.
@@ -85,7 +85,7 @@ class Whitened(Locked):
 
     @property
     def scatter(self) -> float:
-        """Residual sum of squares beside all rigid motions of the effector [1]."""
+        """Residual sum of squares after all rigid motions of the effector are estimated [1]."""
         return self._rigid.square / self.noise**2
 
     @property
@@ -139,7 +139,7 @@ class Whitened(Locked):
     def beside(
         self, base: Ints, M: Array | None = None, fewer: int = 0, among: Ints | None = None
     ) -> Scores:
-        """Every suspect beside a base.
+        """Every suspect tested in addition to a base.
 
         Args:
             base: Columns of A that are estimated in any case.

@@ -67,7 +67,8 @@ def rail_axes(loaded: Loaded) -> tuple[Array, Array, Array]:
 
 def rail_ends(robot: Robot) -> tuple[float, float]:
     """Lower and upper end of the rail [m]; 0 and 10 m if its file does not state them."""
-    return (robot.lower[0], robot.upper[0]) if np.isfinite(robot.upper[0]) else (0.0, 10.0)
+    ends = robot.lower[0], robot.upper[0]
+    return ends if np.isfinite(ends).all() else (0.0, 10.0)
 
 
 def harmonics(angle: Array, numbers: Sequence[int]) -> Array:

@@ -431,7 +431,7 @@ def of_table(table: Mapping[str, Any], text: str, file: str) -> Robot:
     names = [joint.name for joint in content.joint]
     if len(set(names)) < len(names):
         raise InputError(f"joint names {listed(names)} are not unique", "rename one", file=file)
-    axes, matrix, offset = _controller(content.controller, len(names), file)
+    axes, matrix, offset = _controller(content.controller, content.joint, file)
     _one_meaning_each(names, axes, matrix, offset, file, text)
     return Robot(
         name=content.name,
@@ -454,8 +454,9 @@ def of_table(table: Mapping[str, Any], text: str, file: str) -> Robot:
 
 
 def _controller(
-    controller: _Controller | None, n: int, file: str
+    controller: _Controller | None, joints: Sequence[Joint], file: str
 ) -> tuple[tuple[str, ...], Array, Array]:
+    n = len(joints)
     if controller is None:
         return (), np.zeros((n, 0)), np.zeros(n)
     matrix = np.array(controller.matrix, dtype=float) if controller.matrix else np.zeros((0, 0))
@@ -466,8 +467,21 @@ def _controller(
             "give one row per joint and one column per axis",
             file=file,
         )
-    offset = np.deg2rad(controller.offset_deg or [0.0] * n)
-    return tuple(controller.axes), matrix, offset
+    offset_deg = controller.offset_deg or [0.0] * n
+    if len(offset_deg) != n:
+        raise InputError(
+            f"controller.offset_deg has {len(offset_deg)} values, not {n}",
+            "give one value per joint",
+            file=file,
+        )
+    for joint, degrees in zip(joints, offset_deg, strict=True):
+        if joint.type == "prismatic" and degrees:
+            raise InputError(
+                f"controller.offset_deg has {degrees:g} for {joint.name}, which is prismatic",
+                f"write 0 there and add the offset to d_m of {joint.name}",
+                file=file,
+            )
+    return tuple(controller.axes), matrix, np.deg2rad(offset_deg)
 
 
 def _one_meaning_each(
