@@ -47,7 +47,7 @@ Q, FORCE_N = [8.5, -10.0, 35.0, 39.0, 81.0, 22.0, -10.0], [-124.5, -175.4, -209.
 """The demo's test pose [m], [deg], and its force [N]."""
 
 STEP = 1e-6
-"""Step of a central difference [m] or [rad]."""
+"""Step of a central difference [m or rad]."""
 
 
 SIGMA_M = 3e-5

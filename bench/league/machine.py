@@ -11,7 +11,7 @@ from pipeline.base.arrays import Array
 from pipeline.machine.robot import Robot
 
 AT_REST = 1e-12
-"""Change of deflections between iterations below which the machine is at rest [m] or [rad]."""
+"""Change of deflections between iterations below which the machine is at rest [m or rad]."""
 
 Law = Callable[[Array, dict[str, Array]], Array]
 """Function of the own generalised force (m,) and those of all named springs; returns deflection

@@ -10,8 +10,8 @@ from bench.peers import arm as arms
 from bench.peers.judge import laid
 
 STEPS, WIDTH, UNSEEN = 8, 1e-6, 1e-4
-"""Steps; half of what a parameter is varied by for a derivative [m] or [rad]; singular values
-below this part of the largest count as zero."""
+"""Number of steps; half step of a central difference [m or rad]; fraction of the largest singular
+value below which one counts as zero."""
 
 
 def told(arm: arms.Arm, x: np.ndarray, q: np.ndarray) -> np.ndarray:

@@ -17,7 +17,7 @@ from pipeline.system.estimate import identify
 
 CASES = Path(__file__).with_name("cases")
 MOST = 15.0
-"""Maximum number of digits [1]: that of the certified values."""
+"""Maximum number of digits: that of the certified values."""
 
 
 @dataclass(frozen=True)

@@ -28,7 +28,7 @@ TORQUE_LEAST = 2.0
 """Smallest noise of such a reading [N m], of a sliding joint [N]."""
 
 NUDGE = 1e-4
-"""Step of the joints, in both directions, for the rise of a mass [m] or [rad]."""
+"""Step of the joints, in both directions, for the rise of a mass [m or rad]."""
 
 CORNERS = np.vstack([np.zeros(3), np.eye(3)])
 """Points at which a kilogram is attached to find the effects of mass and centre, flange frame

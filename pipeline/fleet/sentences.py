@@ -15,7 +15,7 @@ from pipeline.report.columns import Cells, measured, number, said, table_of
 from pipeline.report.record import Column, ReportTable, TableEntry, entry
 
 _AS_ONE = 3
-"""Minimum number of joints that change alike, if they are all joints, to suspect the scale [1]."""
+"""Minimum number of joints that change alike, if they are all joints, to suspect the scale."""
 
 
 def told(answer: Answer, wear: Sequence[Robot]) -> str | None:

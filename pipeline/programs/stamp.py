@@ -18,9 +18,9 @@ _MARK = "Corrected for the load by pipeline"
 _FOUND = re.compile(r"[;!#|][ \t]*Corrected for the load by(?: |\s*;\s*\d+:\s*!\|)pipeline\b")
 _BEGUN = "!|"
 _WIDTH = 30
-"""Number of characters of a remark in TP [1], without `!|`; the pendant takes 32."""
+"""Number of characters of a remark in TP, without `!|`; the pendant takes 32."""
 _DIGITS = 12
-"""Number of characters of a digest [1]; enough to distinguish texts."""
+"""Number of characters of a digest; enough to distinguish texts."""
 _EOL = r"[^\r\n]*(?:\r\n|\r|\n)"
 _HEADS = {
     ".src": rf"^[ \t]*(?:GLOBAL[ \t]+)?DEF(?:FCT)?\b{_EOL}",

@@ -35,7 +35,7 @@ STIFF = {
     KR500: (8.0e7, 3.8e6, 6.6e6, 3.9e6, 5.6e5, 6.6e5, 4.7e5),
     FANUC: (1.1e6, 9.0e5, 8.0e5, 4.0e5, 3.0e5, 2.0e5),
 }
-"""True stiffnesses before they are varied by a quarter [N/m] and [N m/rad]."""
+"""True stiffnesses before they are varied by a quarter [N/m or N m/rad]."""
 
 TRACKER = '[tracker]\nfiles = ["tracker.csv"]\nsigma_m = 3e-5'
 CHAIN = (0.1, 0.5)
