@@ -49,6 +49,7 @@ class Parameter:
         typical: Typical magnitude, in that unit; scales columns and priors.
         lower: Physical lower bound (0 for a compliance).
         upper: Physical upper bound.
+        meaning: What it is, as reports call it; `{joint}` stands for the controller's axis.
     """
 
     name: str
@@ -56,3 +57,4 @@ class Parameter:
     typical: float
     lower: float = -np.inf
     upper: float = np.inf
+    meaning: str = ""

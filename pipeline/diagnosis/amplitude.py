@@ -93,7 +93,11 @@ def both_ways(effect: Effect, sets: Sequence[Hypothesis]) -> tuple[EffectSize, .
     ends = zip(found.value, found.std, found.low, found.high, strict=True)
     return tuple(
         EffectSize(
-            replace(own, name=f"c_joint{joint + 1}_{way}"),
+            replace(
+                own,
+                name=f"c_joint{joint + 1}_{way}",
+                meaning="compliance of {joint} under a torque of " + f"{way} sign",
+            ),
             float(value),
             float(std),
             (float(low), float(high)),

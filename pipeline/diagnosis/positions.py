@@ -28,6 +28,7 @@ from pipeline.geometry.worth import LeftOutGain as Worth
 from pipeline.geometry.worth import Parting
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects import catalogue
+from pipeline.machine.effects.unlisted import AMPLITUDE
 from pipeline.machine.law import Law
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.axes import alone
@@ -77,7 +78,8 @@ def _entries(found: Study, robot: Robot) -> Iterator[FoundCause]:
         off = float(final.mechanism.values[k])
         if not final.known.free[k] or abs(off) < _WRONG:
             continue
-        parameter = Parameter(letter.name, "rad" if letter.turns else "m", _WRONG)
+        unit = "rad" if letter.turns else "m"
+        parameter = Parameter(letter.name, unit, _WRONG, meaning=letter.meaning)
         effect = Effect(
             name=letter.name,
             where=letter.joint,
@@ -128,7 +130,12 @@ def _listed(one: Listed, robot: Robot) -> FoundCause:
     typical = {p.name: p.typical for p in effect.parameters}
     amplitudes = tuple(
         EffectSize.symmetric(
-            Parameter(p.name, p.unit, typical.get(p.name, max(abs(p.value), p.std))),
+            Parameter(
+                p.name,
+                p.unit,
+                typical.get(p.name, max(abs(p.value), p.std)),
+                meaning=p.meaning,
+            ),
             p.value,
             p.std,
         )
@@ -163,7 +170,7 @@ def _cause(law: NamedLaw, robot: Robot) -> FoundCause:
     """A law of a joint, as a cause that no catalogue has."""
     slides = bool(robot.prismatic[law.joint - 1])
     unit = "m" if slides else "rad"
-    parameter = Parameter("amplitude", unit, START[slides])
+    parameter = Parameter("amplitude", unit, START[slides], meaning=AMPLITUDE)
     height = EffectSize.symmetric(parameter, law.amplitude, law.std)
     effect = _effect(law, robot, parameter)
     return FoundCause(effect, 1.0, (height,), law.p, gain=_gain(law.gain), height=height)

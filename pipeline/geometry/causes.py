@@ -34,12 +34,13 @@ from pipeline.system import alarms
 
 
 class Amount(NamedTuple):
-    """One parameter of a cause, SI, with its standard uncertainty."""
+    """One parameter of a cause, SI, with its standard uncertainty and what it is."""
 
     name: str
     unit: str
     value: float
     std: float
+    meaning: str
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ def _groups(found: Identified, names: tuple[Listed, ...]) -> Iterator[_Group]:
         at = np.arange(first, first + len(effect.parameters))
         first = int(at[-1]) + 1
         amounts = tuple(
-            Amount(one.name, one.unit, float(x[k]), float(std[k]))
+            Amount(one.name, one.unit, float(x[k]), float(std[k]), one.meaning)
             for one, k in zip(effect.parameters, at, strict=True)
         )
         yield _Group(TableLaw(effect.name, effect.where, effect.form, amounts), at)
@@ -150,13 +151,19 @@ def _of_laws(
 
 def _amounts(name: str, law: JointLaw, x: Array, std: Array) -> Iterator[Amount]:
     if name == "rail_scale":
-        yield Amount("scale", "1", float(x[0]) / law.scale, float(std[0]) / law.scale)
+        value, spread = float(x[0]) / law.scale, float(std[0]) / law.scale
+        yield Amount("scale", "1", value, spread, "error of the pitch of the rack")
     else:
         for part, a, s in zip(("cos", "sin"), x, std, strict=True):
-            yield Amount(f"turn_{part}{law.order:g}", "rad", float(a), float(s))
+            said = f"{part} part of order {law.order:g} of the shoulder's deflection"
+            yield Amount(f"turn_{part}{law.order:g}", "rad", float(a), float(s), said)
 
 
-_MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
+_MOTIONS = {
+    **{axis: f"rms deviation of the rail along {axis}" for axis in "xyz"},
+    **{f"r{axis}": f"rms rotation of the rail about {axis}" for axis in "xyz"},
+}
+"""Motions of a carriage along its bed: the letters of each, and what its size is called."""
 
 
 def _of_bed(found: Identified) -> Iterator[_Group]:
@@ -176,10 +183,9 @@ def _of_bed(found: Identified) -> Iterator[_Group]:
         f, cov = rows @ found.solution.x[part], found.solution.cov[np.ix_(part, part)]
         rms = linear.rms(f)
         slope = rows.T @ f / len(f) / max(rms, 1e-300)
-        unit = "m" if axis < 3 else "rad"
-        amounts.append(
-            Amount(f"s_{_MOTIONS[axis]}", unit, rms, float(np.sqrt(slope @ cov @ slope)))
-        )
+        unit, spread = "m" if axis < 3 else "rad", float(np.sqrt(slope @ cov @ slope))
+        letters, meaning = list(_MOTIONS.items())[axis]
+        amounts.append(Amount(f"s_{letters}", unit, rms, spread, meaning))
         places.append(part)
     if places:
         yield _Group(TableLaw("rail_shape", None, "", tuple(amounts)), np.concatenate(places))
@@ -213,7 +219,9 @@ def weight(found: Identified) -> TableLaw:
         nominal = mechanism.table.nominal_compliance[j]
         value, spread = c[j] * most[j], float(np.sqrt(slope @ cov[np.ix_(at, at)] @ slope))
         if spread < abs(value):
-            amounts.append(Amount(f"M_{joint.name}", "N m", value / nominal, spread / nominal))
+            size = value / nominal, spread / nominal
+            meaning = f"moment of the arm's weight on {joint.name}"
+            amounts.append(Amount(f"M_{joint.name}", "N m", *size, meaning))
             apart.append(std[j] < _APART * abs(c[j]))
     form = "masses" if apart and all(apart) else "moments"
     return TableLaw("gravity_sag", None, form, tuple(amounts))

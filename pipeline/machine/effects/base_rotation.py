@@ -27,7 +27,10 @@ _SAID: dict[str, Any] = {
     "noun": "rotation of the base frame",
     "place": "metrology",
     "shows_unloaded": True,
-    "parameters": tuple(Parameter(f"e_{axis}", "rad", 2e-3, -0.1, 0.1) for axis in "xyz"),
+    "parameters": tuple(
+        Parameter(f"e_{axis}", "rad", 2e-3, -0.1, 0.1, f"rotation of the base frame about {axis}")
+        for axis in "xyz"
+    ),
     "signature": "displacements and forces are rotated together against the robot; lengths do not "
     "change",
     "needs": "more base reflectors, or the unloaded absolute positions with the tool's coordinates "

@@ -24,7 +24,13 @@ effects = Wrench(
     name="chain_offset",
     noun="offset of the chain reflectors",
     place="force",
-    parameters=tuple(Parameter(f"d_{axis}_over_L", "1", 8e-3, -0.2, 0.2) for axis in "xyz"),
+    parameters=tuple(
+        Parameter(
+            *(f"d_{axis}_over_L", "1", 8e-3, -0.2, 0.2),
+            f"offset of the chain along {axis} over its length",
+        )
+        for axis in "xyz"
+    ),
     signature="the force seems to act aslant, in a direction fixed in the tool; "
     "in proportion to the load",
     needs="one pose repeated with the last joint turned by 180 degrees",

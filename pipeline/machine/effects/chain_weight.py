@@ -36,7 +36,7 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
             noun="weight of the chain",
             place="force",
             form=form,
-            parameters=(Parameter("w_chain", "N", 50.0, 0.0, 600.0),),
+            parameters=(Parameter("w_chain", "N", 50.0, 0.0, 600.0, "weight of chain and scale"),),
             signature="a constant pull downwards; along the chain as much of it as hangs between "
             "scale and robot",
             needs="the weight of chain and scale, from any balance, and where the scale sits",

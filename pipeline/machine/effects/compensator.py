@@ -35,7 +35,14 @@ def _effect(robot: Robot, shoulder: int, form: str) -> Elastic:
         place="shoulder",
         form=form,
         tolerance=0.1,
-        parameters=tuple(Parameter(name, "rad/(N m)", 0.05 * c, -c, c) for name in names),
+        parameters=tuple(
+            Parameter(
+                *(name, "rad/(N m)", 0.05 * c, -c, c),
+                "change of the shoulder's compliance with its angle, "
+                f"{name.removeprefix('c_comp_')[:3]} part",
+            )
+            for name in names
+        ),
         signature=f"the compliance of joint {shoulder} changes with its angle, not with the load",
         needs=f"one pull repeated at four angles of joint {shoulder}",
         source="equivalent spring beside the gear: Klimchik et al., compensator models "

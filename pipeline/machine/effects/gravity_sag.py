@@ -70,8 +70,13 @@ def _said(size: float) -> dict[str, Any]:
         "place": "metrology",
         "shows_unloaded": True,
         "parameters": (
-            Parameter("m_upper_arm", "kg", 500.0 * size, 0.0, 2000.0 * size),
-            Parameter("m_forearm", "kg", 400.0 * size, 0.0, 2000.0 * size),
+            Parameter(
+                *("m_upper_arm", "kg", 500.0 * size, 0.0, 2000.0 * size),
+                "mass that sags the upper arm",
+            ),
+            Parameter(
+                *("m_forearm", "kg", 400.0 * size, 0.0, 2000.0 * size), "mass that sags the forearm"
+            ),
         ),
         "signature": "the unloaded reflectors hang millimetres lower the further the arm reaches; "
         "the displacements hardly show it",

@@ -47,7 +47,12 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         where=joint,
         form=form,
         tolerance=0.005,
-        parameters=(Parameter(f"dc_{joint}", "rad/(N m)", 0.15 * c, -2 * c, 2 * c),),
+        parameters=(
+            Parameter(
+                *(f"dc_{joint}", "rad/(N m)", 0.15 * c, -2 * c, 2 * c),
+                "half of the difference of both compliances of {joint}",
+            ),
+        ),
         signature=f"displacement over force at joint {joint} is constant each way of its torque, "
         "and another one each way: even in the load, a kink at zero",
         needs="pulls that turn this joint both ways",

@@ -42,7 +42,12 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         where=joint,
         form=form,
         tolerance=0.2,
-        parameters=(Parameter(f"h_{joint}", "rad/(N m)", 0.15 * c, -0.6 * c, 0.6 * c),),
+        parameters=(
+            Parameter(
+                *(f"h_{joint}", "rad/(N m)", 0.15 * c, -0.6 * c, 0.6 * c),
+                "change of the compliance of {joint} with the load",
+            ),
+        ),
         signature=f"displacement over force at joint {joint} changes with the force: "
         "odd in the load, no jump at zero",
         needs="three load levels at one pose that turns this joint",

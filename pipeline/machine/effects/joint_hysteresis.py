@@ -50,7 +50,9 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         where=joint,
         form=form,
         tolerance=0.2,
-        parameters=(Parameter(f"f_{joint}", "rad", 5e-5, 0.0, 1e-3),),
+        parameters=(
+            Parameter(f"f_{joint}", "rad", 5e-5, 0.0, 1e-3, "hysteresis of {joint}, each way"),
+        ),
         signature=f"at the same reading joint {joint} stands elsewhere while unloading than while "
         "loading",
         needs="the same loads on the way up and on the way down, branch recorded in loads.csv"

@@ -56,7 +56,11 @@ def _effect(robot: Robot, joint: int, width: str, total: bool) -> Elastic:
         where=joint,
         form=f"{width}, total" if total else width,
         tolerance=0.15,
-        parameters=(Parameter(f"b_{joint}", "rad", 6e-5, 0.0, _MOST_RAD),),
+        parameters=(
+            Parameter(
+                f"b_{joint}", "rad", 6e-5, 0.0, _MOST_RAD, "half of the lost motion of {joint}"
+            ),
+        ),
         signature=f"joint {joint} turns by the same angle at every load, in the sense of its "
         "torque: half of the gear's total lost motion",
         needs="a small and a large load at poses that turn this joint both ways"

@@ -26,7 +26,12 @@ def _effect(robot: Robot, joint: int) -> Geometry:
         place="metrology",
         shows_unloaded=True,
         where=joint,
-        parameters=(Parameter(f"d_{joint}", "m" if slides else "rad", 1e-3, -0.02, 0.02),),
+        parameters=(
+            Parameter(
+                *(f"d_{joint}", "m" if slides else "rad", 1e-3, -0.02, 0.02),
+                "error of the zero of {joint}",
+            ),
+        ),
         signature=f"the unloaded reflectors stand millimetres off as joint {joint} would move "
         "them; "
         "the displacements hardly show it",

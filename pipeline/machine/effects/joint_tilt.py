@@ -83,7 +83,11 @@ def _effect(robot: Robot, joint: int, form: str, below: float) -> Elastic:
         form=form,
         tolerance=_BETWEEN if form else 0.03,
         parameters=tuple(
-            Parameter(f"c_tilt{joint}_{axis}", "rad/(N m)", c / 6, 0.0, 5 * c) for axis in "xy"
+            Parameter(
+                *(f"c_tilt{joint}_{axis}", "rad/(N m)", c / 6, 0.0, 5 * c),
+                "tilt compliance of the bearing of {joint} about " + axis,
+            )
+            for axis in "xy"
         ),
         signature=f"everything behind joint {joint} turns about axes across it, "
         "that turn with the joint",
@@ -104,7 +108,10 @@ def _oblique(along: Elastic, c: float) -> Elastic:
         form=f"{along.form}, {_OBLIQUE}".removeprefix(", "),
         parameters=(
             *along.parameters,
-            Parameter(f"c_tilt{along.where}_xy", "rad/(N m)", c / 6, -2.5 * c, 2.5 * c),
+            Parameter(
+                *(f"c_tilt{along.where}_xy", "rad/(N m)", c / 6, -2.5 * c, 2.5 * c),
+                "coupling of both tilt compliances of the bearing of {joint}",
+            ),
         ),
         carrier=along.carrier * 2,
         twists=lambda loaded: axes(loaded)[:, [0, 1, 0, 1]],

@@ -57,8 +57,14 @@ def _effect(robot: Robot, where: str, short: str, near: int, far: int, form: str
         where=where,
         form=form,
         parameters=(
-            Parameter(f"c_{short}_in_plane", "rad/(N m)", c / 5, 0.0, 5 * c),
-            Parameter(f"c_{short}_out_of_plane", "rad/(N m)", c / 5, 0.0, 5 * c),
+            Parameter(
+                *(f"c_{short}_in_plane", "rad/(N m)", c / 5, 0.0, 5 * c),
+                f"bending compliance of the {short} arm in the arm's plane",
+            ),
+            Parameter(
+                *(f"c_{short}_out_of_plane", "rad/(N m)", c / 5, 0.0, 5 * c),
+                f"bending compliance of the {short} arm across the arm's plane",
+            ),
         ),
         signature=f"everything behind the {where.replace('_', ' ')} turns about its middle; "
         "hardly distinguishable from the tilt of the joint that carries it",

@@ -50,7 +50,10 @@ def _said(form: str) -> dict[str, Any]:
         "noun": "offset of the load point or the targets",
         "place": "force",
         "form": form,
-        "parameters": tuple(Parameter(f"dl_{axis}", "m", 5e-3, -0.5, 0.5) for axis in "xyz"),
+        "parameters": tuple(
+            Parameter(f"dl_{axis}", "m", 5e-3, -0.5, 0.5, f"error of the stated point along {axis}")
+            for axis in "xyz"
+        ),
         "signature": "torques of the wrist are off by the force times a lever fixed in the tool, "
         "or displacements by their rotation times it",
         "needs": "the load point and the targets measured in the flange frame",

@@ -35,7 +35,7 @@ def _mass(name: str) -> Effect:
         where=name,
         noun=NOUNS["payload_mass"],
         place="force",
-        parameters=(Parameter("g_mass", "1", 0.01, -0.5, 0.5),),
+        parameters=(Parameter("g_mass", "1", 0.01, -0.5, 0.5, "error of the stated mass"),),
         signature="all that one payload moves is off by the same percentage; another one disagrees",
         needs="the payload on a scale, or the joint torques",
         source="f = m g; 1 % is an estimate",
@@ -50,7 +50,13 @@ def _centre(name: str) -> Effect:
         where=name,
         noun=NOUNS["payload_center"],
         place="force",
-        parameters=tuple(Parameter(f"dc_{axis}", "m", 5e-3, -0.5, 0.5) for axis in "xyz"),
+        parameters=tuple(
+            Parameter(
+                *(f"dc_{axis}", "m", 5e-3, -0.5, 0.5),
+                f"error of the stated centre of mass along {axis}",
+            )
+            for axis in "xyz"
+        ),
         signature="torques of the wrist are off by the payload's weight times a lever fixed in it",
         needs="the centre weighed or from the drawing, or the joint torques",
         source="moment d x m g; 5 mm is an estimate",

@@ -61,7 +61,18 @@ def _effect(robot: Robot, form: str, names: tuple[str, ...], response: _Response
         place="rail",
         form=form,
         tolerance=0.15,
-        parameters=tuple(Parameter(name, "m/N", 0.4 * c, -4 * c, 4 * c) for name in names),
+        parameters=tuple(
+            Parameter(
+                *(name, "m/N", 0.4 * c, -4 * c, 4 * c),
+                "change of the drive's compliance "
+                + (
+                    "along the whole rail"
+                    if names[1:] == ()
+                    else f"between supports, {name[-3:]} part"
+                ),
+            )
+            for name in names
+        ),
         signature=_SIGNATURE,
         needs=_NEEDS,
         source=_SOURCE,

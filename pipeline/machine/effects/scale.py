@@ -51,7 +51,7 @@ def _scale(
 _ALL = (
     _scale(
         "wrong gain",
-        Parameter("g_scale", "1", 0.01, -0.2, 0.2),
+        Parameter("g_scale", "1", 0.01, -0.2, 0.2, "error of the scale's gain"),
         gain,
         signature="all stiffnesses shift by the same percentage; nothing else shows",
         needs="a known dead weight on the scale",
@@ -59,7 +59,7 @@ _ALL = (
     ),
     _scale(
         "wrong zero",
-        Parameter("f_zero", "N", 20.0, -300.0, 300.0),
+        Parameter("f_zero", "N", 20.0, -300.0, 300.0, "error of the scale's zero"),
         zero,
         signature="displacement over force has an offset at zero force, the same at every pose",
         needs="three load levels, or the scale read with nothing on it",
@@ -67,7 +67,7 @@ _ALL = (
     ),
     _scale(
         "curvature",
-        Parameter("e_scale", "1", 0.005, -0.1, 0.1),
+        Parameter("e_scale", "1", 0.005, -0.1, 0.1, "curvature of the scale at full load"),
         curvature,
         signature="displacement over force changes with the force alike at every pose, "
         "whichever joint turns",

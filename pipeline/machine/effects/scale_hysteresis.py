@@ -47,11 +47,35 @@ def _by_step(loaded: Loaded) -> Array:
 def effects(robot: Robot) -> tuple[Wrench, ...]:
     """One effect in five forms, on any robot."""
     return (
-        _effect("by branch", Parameter("h_scale", "1", 0.005, -0.1, 0.1), _by_branch),
-        _effect("slackening", Parameter("h_down", "1", 0.01, -0.2, 0.2), _slackening),
-        _effect("loop", Parameter("h_loop", "1", 0.01, -0.2, 0.2), _loop),
-        _effect("constant", Parameter("f_hysteresis", "N", 10.0, -150.0, 150.0), _constant),
-        _effect("by step", Parameter("h_step", "1", 0.002, -0.03, 0.03), _by_step),
+        _effect(
+            "by branch",
+            Parameter("h_scale", "1", 0.005, -0.1, 0.1, "hysteresis of the scale over its reading"),
+            _by_branch,
+        ),
+        _effect(
+            "slackening",
+            Parameter(
+                "h_down", "1", 0.01, -0.2, 0.2, "difference of the scale's reading on the way down"
+            ),
+            _slackening,
+        ),
+        _effect(
+            "loop",
+            Parameter("h_loop", "1", 0.01, -0.2, 0.2, "hysteresis of the scale over its reading"),
+            _loop,
+        ),
+        _effect(
+            "constant",
+            Parameter("f_hysteresis", "N", 10.0, -150.0, 150.0, "hysteresis of the scale"),
+            _constant,
+        ),
+        _effect(
+            "by step",
+            Parameter(
+                "h_step", "1", 0.002, -0.03, 0.03, "change of the scale's reading with each step"
+            ),
+            _by_step,
+        ),
     )
 
 

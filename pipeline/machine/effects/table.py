@@ -43,7 +43,12 @@ def _effect(letter: Letter, value: float, axis: str | None) -> Table:
         place="metrology",
         where=letter.joint,
         shows_unloaded=True,
-        parameters=(Parameter(f"{symbol}_{letter.joint}", letter.unit, _TYPICAL, -_MOST, _MOST),),
+        parameters=(
+            Parameter(
+                *(f"{symbol}_{letter.joint}", letter.unit, _TYPICAL, -_MOST, _MOST),
+                letter.meaning,
+            ),
+        ),
         signature=f"the unloaded reflectors are off by as much as the DH parameter {symbol} of "
         f"joint {letter.joint} would move them; the displacements hardly show it",
         needs="the unloaded absolute positions, in F_b, with the tool's coordinates known",

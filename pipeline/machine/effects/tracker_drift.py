@@ -76,7 +76,12 @@ def _effect(form: str, letter: str, unit: str, typical: float, most: float) -> O
         form=form,
         tolerance=0.2,
         parameters=tuple(
-            Parameter(f"{letter}_{axis}", unit, typical, -most, most) for axis in "xyz"
+            Parameter(
+                *(f"{letter}_{axis}", unit, typical, -most, most),
+                f"drift of the tracker along {axis}"
+                + (" until it is warm" if letter == "a" else ""),
+            )
+            for axis in "xyz"
         ),
         signature="what is read late after its zero is off more; base_start and base_end disagree",
         needs="times in the export, and base reflectors measured again and again",

@@ -34,6 +34,9 @@ from pipeline.machine.robot.configuration import rotation_about, torque, transla
 
 NAME = "unlisted_law"
 
+AMPLITUDE = "amplitude of the law"
+"""What each parameter of a law is called."""
+
 _ORDERS = tuple(range(1, 21))
 """Periods per turn: eccentric wheels have one, cycloidal and strain-wave gears some more; the poses
 of one campaign do not resolve finer waves."""
@@ -331,7 +334,8 @@ def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[s
         "place": place,
         "form": law.form,
         "parameters": tuple(
-            Parameter(f"b_{law.where}_{k}", unit, typical, -most, most) for k in range(names)
+            Parameter(f"b_{law.where}_{k}", unit, typical, -most, most, AMPLITUDE)
+            for k in range(names)
         ),
         "signature": "",
         "needs": "pulls at more values of what it depends on, also beyond those that were taken",

@@ -66,6 +66,14 @@ class Letter(Locked):
         """Unit of its value."""
         return "rad" if self.turns else "m"
 
+    @property
+    def meaning(self) -> str:
+        """`error of the length of link 3`; `{joint}` stands for the controller's axis."""
+        if self.name in ("axis_tilt", "joint_offset"):
+            what = "tilt of the axis" if self.name == "axis_tilt" else "zero"
+            return f"error of the {what} of {{joint}}"
+        return f"error of the {self.name.removeprefix('link_')} of link {self.joint}"
+
 
 def letters(robot: Robot) -> tuple[Letter, ...]:
     """Every letter of a robot's table that moves its flange independently of the choice of F_b.
