@@ -28,7 +28,7 @@ def main(root: str, engine: str, line: str, parent: str, memory: str) -> None:
         memory: Maximum memory of a campaign [bytes].
     """
     follow(int(parent))
-    os.dup2(2, 1)  # the output of libraries is not data
+    os.dup2(2, 1)  # whatever some library prints is no data
     _at_most(int(memory))
     with Connection(int(line)) as jobs:
         compute = _engine(engine)
