@@ -544,7 +544,7 @@ def _pose(said: _TestPose | None, robot: Robot, file: str) -> tuple[Array, Array
 
 
 _LARGEST = 2**26
-"""Maximum size of a model.toml [byte]; the covariances of many hypotheses are long."""
+"""Maximum size of a model.toml [B]; the covariances of many hypotheses are long."""
 _ANEW = "write it anew with `pipeline run`"
 
 
