@@ -98,7 +98,7 @@ def wanted(worn: int, others: int, first: int = 0) -> list[tuple[str, int]]:
 def code() -> str:
     """Hash of the code of detectors and simulation."""
     here = Path(__file__)
-    wear = [here.parents[2] / "pipeline" / "wear" / f"{name}.py" for name in _WATCHES]
+    wear = [here.parents[2] / "pipeline" / "fleet" / "wear" / f"{name}.py" for name in _WATCHES]
     mine = [here.with_name(f"{name}.py") for name in ("world", "detectors", "run")]
     return files.sha256(b"".join(path.read_bytes() for path in (*mine, *wear)))[:12]
 

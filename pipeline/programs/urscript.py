@@ -259,9 +259,10 @@ def _inside(found: _Script, entry: Entry) -> tuple[Entry, tuple[float, ...]]:
 
 
 def _named(found: _Script, name: str, index: str | None) -> Sequence[Target | Left]:
-    """The points of a name; all elements of a list if the index is computed."""
+    """The points of a name; all of a list whose index is computed or that is assigned again."""
     points = found.points.get(name, [])
     found.named.add(name)
-    if index and index.isdecimal() and len({one.line for one in points}) <= 1 + len(points):
+    once = len({one.name for one in points if isinstance(one, Target)}) == len(points)
+    if index and index.isdecimal() and once:
         return points[int(index[:9]) : int(index[:9]) + 1]
     return points
