@@ -1,4 +1,4 @@
-"""B for 10 000 readings against a loop over Pinocchio; the solve against numpy's lstsq."""
+"""B for 10 000 readings compared with a loop over Pinocchio; the solver with numpy's lstsq."""
 
 import numpy as np
 import pinocchio as pin
