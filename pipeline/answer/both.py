@@ -27,7 +27,7 @@ from pipeline.diagnosis.facts import Diagnosed, Facts
 from pipeline.diagnosis.finding import Verdict
 from pipeline.diagnosis.joined import Agreement, agreement, joined
 from pipeline.diagnosis.verdict import of_both, verdict
-from pipeline.geometry.stance import beside_pulls, elsewhere, lighter, opened, standing
+from pipeline.geometry.stance import beside_pulls, elsewhere, opened, standing
 from pipeline.machine.stance import called_for, laws_of_gears
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.under_force import ByPulls
@@ -63,8 +63,8 @@ class Both:
         """
         if verdict(replace(said.facts, mistakes=())) is Verdict.UNEXPLAINED:
             return cls(case, case, said, 1.0)
-        there, factor = step(standing)(case, said.found.final)
-        return cls(there, case, said, factor)
+        there, found, factor = step(standing)(case, said.found.final)
+        return cls(there, case, said.ending(said.found.ending(found)), factor)
 
     def given(self, step: Step) -> Fitted:
         """The paper's model of the pulls alone, on the robot as delivered."""
@@ -82,7 +82,7 @@ class Both:
         gears = laws_of_gears(one.cell.effects, every)
         table_p = elsewhere(before, stands.data.stance, stands.data, self.case.tool, gears)
         held = replace(held, table_p=table_p)
-        found = lighter(opened(found, called_for(every, now.stance.held)), self.lighter)
+        found = opened(found, called_for(every, now.stance.held))
         if held.p >= alarms.MISFIT:
             found = beside_pulls(found, now.stance, now.value, now.cov)
         return replace(self, said=self.said.ending(self.said.found.ending(found)), agreement=held)

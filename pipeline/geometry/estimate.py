@@ -286,12 +286,17 @@ def solved(rows: ReadRows, mechanism: Mechanism, known: Prior) -> Posterior:
     """Posterior from all rows; with unknown masses, their unknown common factor is damped."""
     N, b, square = rows.N, rows.b, float(np.sum(rows.y**2))
     if mechanism.unknown:
-        x0, v = mechanism.at(layout(mechanism)), softened(mechanism)
-        weighed = v[: len(known.std)] / known.std**2
-        d = padded(weighed / (weighed @ v[: len(known.std)]) / _DAMPED, len(v))
+        x0, d = mechanism.at(layout(mechanism)), damping(mechanism, known)
         N, b, square = N + np.outer(d, d), b + d * (d @ x0), square + float(d @ x0) ** 2
     mean = padded(known.mean, len(b))
     return solve(N, b, square, precision(mechanism, known), mean)
+
+
+def damping(mechanism: Mechanism, known: Prior) -> Array:
+    """Row d of the observation d u = 0 that holds the common factor in a change u, shape (size,)."""
+    v = softened(mechanism)
+    weighed = v[: len(known.std)] / known.std**2
+    return padded(weighed / (weighed @ v[: len(known.std)]) / _DAMPED, len(v))
 
 
 _DAMPED = 0.02
@@ -317,16 +322,17 @@ def softened(mechanism: Mechanism, x: Array | None = None) -> Array:
     return v
 
 
-def by_a_factor(rows: ReadRows, mechanism: Mechanism, found: Posterior) -> Posterior:
+def by_a_factor(rows: ReadRows, mechanism: Mechanism, found: Posterior, hung: bool) -> Posterior:
     """Posterior including the uncertainty of the common factor of stiffnesses and unknown masses.
 
     Softer springs under masses lighter by the same factor move nothing. The priors of many links
-    together would determine that factor, but nobody knows it. Along v, which holds the compliances
-    and minus the moments, the readings give the information v'X'X v where payloads are known;
-    otherwise its standard deviation is `_FACTOR`.
+    together would determine that factor, and so would the torque at which a gear's play is assumed
+    to close, but nobody knows it. Along v, which holds the compliances and minus the moments, the
+    readings give the information v'X'X v where known payloads are `hung`; otherwise its standard
+    deviation is `_FACTOR`.
     """
     about, end = softened(mechanism), softened(mechanism, found.x)
-    var = 1 / (float(about @ rows.N @ about) + _FACTOR**-2)
+    var = 1 / (hung * float(about @ rows.N @ about) + _FACTOR**-2)
     return replace(found, cov=found.cov + var * np.outer(end, end))
 
 

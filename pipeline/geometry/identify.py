@@ -162,7 +162,7 @@ def identify(
             break
         mechanism, here = moved, then
     if mechanism.unknown:
-        found = by_a_factor(whitened, mechanism, found)
+        found = by_a_factor(whitened, mechanism, found, weights.any)
     return Identified(moved, readings, weights, known, scatter, here, whitened, found, wanted)
 
 

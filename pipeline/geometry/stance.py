@@ -9,11 +9,13 @@ import numpy as np
 import scipy.linalg
 
 from pipeline.base import linear
-from pipeline.base.arrays import Array, Ints
+from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.tails import chi2_beyond
 from pipeline.geometry.estimate import (
     HELD,
     between_knots,
+    by_a_factor,
+    damping,
     padded,
     precision,
     rows,
@@ -84,9 +86,7 @@ def opened(found: Identified, free: Collection[int]) -> Identified:
     std, places = found.known.std.copy(), list(_places(found.mechanism))
     for k in free:
         std[places[k]] = _FREE * found.known.most[places[k]]
-    nothing = np.zeros(len(found.solution.x))
-    wide = replace(found, known=replace(found.known, std=std))
-    return _with(wide, np.zeros((len(nothing),) * 2), nothing)
+    return _anew(replace(found, known=replace(found.known, std=std)))
 
 
 _FREE = 1e3
@@ -169,7 +169,7 @@ def _with_none(
     return z, C
 
 
-def standing(case: Case, found: Identified) -> tuple[Case, float]:
+def standing(case: Case, found: Identified) -> tuple[Case, Identified, float]:
     """A campaign of pulls with the robot as estimated from its positions.
 
     Where the masses are not stated, the springs by the pulls determine the weight of the arm.
@@ -179,19 +179,25 @@ def standing(case: Case, found: Identified) -> tuple[Case, float]:
         found: The complete estimate from its positions.
 
     Returns:
-        The campaign, and the factor by which springs are softer than those of the estimate.
+        The campaign, the estimate with the weight that the pulls determine, and the factor by which
+        springs are softer than those of the estimate.
     """
     known, factor = stance(found, case.settings.measured), 1.0
     there = case.standing(known)
-    for _ in range(_ROUNDS if known.factor else 0):
-        start = there.robot.nominal_compliance
-        estimate = estimate_of(there.cell, bring(there).data, start)[1]
-        more = known.lighter(estimate.value, estimate.cov, estimate.identifiable)
+    if not known.factor:
+        return there, found, factor
+    for _ in range(_ROUNDS):
+        estimate = estimate_of(there.cell, bring(there).data, there.robot.nominal_compliance)[1]
+        pulled = estimate.value, estimate.cov, estimate.identifiable
+        more = known.lighter(*pulled)
         known, factor = known.softer(more), factor * more
         there = case.standing(known)
         if abs(more - 1) < _STILL:
             break
-    return there, factor
+    n = found.mechanism.table.n
+    value, cov, told = pulled
+    found = weighed(lighter(found, factor), value[:n], cov[:n, :n], told[:n])
+    return case.standing(stance(found, case.settings.measured)), found, factor
 
 
 _ROUNDS, _STILL = 4, 0.01
@@ -279,6 +285,50 @@ def lighter(found: Identified, factor: float) -> Identified:
     weight[where.compliance] = weight[where.yields] = 1.0
     found = replace(found, known=replace(known, mean=known.mean * weight, std=known.std * weight))
     return _about(found, moved, found.solution.cov * scale * scale[:, None])
+
+
+def weighed(found: Identified, value: Array, cov: Array, told: Bools) -> Identified:
+    """The estimate with masses that nobody states, about the springs by pulls.
+
+    Weight determines products of a compliance and a moment, and what is assumed of the moments may
+    be wrong by any factor, for each link another one. An assumption must be no evidence against
+    springs: the moments that the readings call for beside the springs of the pulls become the means
+    of their priors, and these springs those of the springs. What the readings alone tell of the
+    springs then moves the estimate away from there.
+
+    Args:
+        found: The complete estimate.
+        value: Compliances by the pulls alone, shape (n,).
+        cov: Their covariance, shape (n, n).
+        told: Joints that these determine, shape (n,).
+    """
+    where, size = layout(found.mechanism), len(found.solution.x)
+    mine = np.flatnonzero(told & (value > 0))
+    at = where.compliance.start + mine
+    N, said = np.zeros((size, size)), np.zeros(size)
+    N[np.ix_(at, at)] = linear.inverse(cov[np.ix_(mine, mine)])
+    said[at] = N[np.ix_(at, at)] @ (value - found.mechanism.compliance)[mine]
+    there = _with(found, N, said)
+    mean, std = found.known.mean.copy(), found.known.std.copy()
+    moments = there.mechanism.moments.ravel()
+    mean[at], mean[where.moments] = value[mine], moments
+    std[at] = np.maximum(std[at], value[mine])
+    std[where.moments] = np.maximum(std[where.moments], np.abs(moments))
+    return _anew(replace(there, known=replace(found.known, mean=mean, std=std)))
+
+
+def _anew(found: Identified) -> Identified:
+    """The estimate from its readings with other priors.
+
+    The common factor of masses that nobody states stays as it is, and uncertain.
+    """
+    nothing = np.zeros(len(found.solution.x))
+    if not found.wanted.moments:
+        return _with(found, np.zeros((len(nothing),) * 2), nothing)
+    d = damping(found.mechanism, found.known)
+    held = _with(found, np.outer(d, d), nothing)
+    free = by_a_factor(held.rows, held.mechanism, held.solution, held.weights.any)
+    return replace(held, solution=free)
 
 
 def beside_pulls(found: Identified, known: Stance, value: Array, cov: Array) -> Identified:

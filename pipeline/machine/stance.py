@@ -93,7 +93,6 @@ class Stance(Locked):
         elements: All candidate elastic elements besides the joints; those not in `held` are taken
             as rigid.
         reopened: Re-estimate with the candidates of given indices free; None if they stay rigid.
-        scaled: Springs relative to those estimated from positions alone [1].
     """
 
     robot: Robot
@@ -110,14 +109,13 @@ class Stance(Locked):
     gravity: Array = field(default_factory=lambda: np.zeros(3))
     elements: tuple[Elastic, ...] = ()
     reopened: Callable[[tuple[int, ...]], Stance] | None = None
-    scaled: float = 1.0
 
     def holding(self, called: Sequence[Effect]) -> Stance:
         """This stance with the elements estimated that pulls call for, whatever their size."""
         more = called_for(self.elements, called)
         if self.reopened is None or all(self.elements[k] in self.held for k in more):
             return self
-        return self.reopened(more).softer(self.scaled)
+        return self.reopened(more)
 
     @property
     def springs(self) -> int:
@@ -181,7 +179,6 @@ class Stance(Locked):
             yields=self.yields * scale[len(self.compliance) : self.springs],
             moments=self.moments / factor,
             cov=self.cov * scale * scale[:, None],
-            scaled=self.scaled * factor,
         )
 
     @cached_property
