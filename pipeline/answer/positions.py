@@ -12,7 +12,7 @@ import pandas as pd
 from pipeline.answer import contract
 from pipeline.answer.contract import About, Answer, Line, NoiseFrom, Reason
 from pipeline.answer.diagnosis import cause_entry, mistake_entry, placed
-from pipeline.answer.geometry import KNOWN, table_combinations, table_entries
+from pipeline.answer.geometry import table_combinations, table_entries
 from pipeline.answer.inputs import (
     identity_entry,
     input_entries,
@@ -46,6 +46,7 @@ from pipeline.diagnosis.facts import Facts, FoundCause
 from pipeline.diagnosis.positions import facts_of
 from pipeline.diagnosis.verdict import findings, verdict
 from pipeline.faults.mistake import Mistake
+from pipeline.geometry.estimate import told as by_weight
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import layout
 from pipeline.geometry.scatter import START
@@ -153,7 +154,11 @@ def answer(said: PositionsFound) -> Answer:
         geometry_combinations=_letter_combinations(last.found),
         position_steps=tuple(_step(one) for one in found.stages),
         model=contract.Forward(equilibrium=contract.Equilibrium.UNDEFORMED),
-        assumptions=(*raw.robot.assumptions, *_ASSUMED),
+        assumptions=(
+            *raw.robot.assumptions,
+            *_ASSUMED,
+            *(() if last.found.wanted.moments else (_STATED,)),
+        ),
         inputs=input_entries(raw),
         versions=versions(),
     )
@@ -218,10 +223,12 @@ _WHY = {
 }
 """Where it is another one than of pulls."""
 
+_STATED = (
+    "stiffnesses come from the weight of the links in the robot file; an error of these weights is "
+    "an error of the stiffnesses"
+)
 _ASSUMED = (
     "gravity acts along -z of the robot's base, unless campaign.toml states otherwise",
-    "stiffnesses come from the weight of the links in the robot file; an error of these weights is "
-    "an error of the stiffnesses",
     "each joint has an error at each pose that no model describes, estimated from the readings; "
     "it is included "
     "in the uncertainty of every prediction",
@@ -252,10 +259,10 @@ def _stiffness_entries(found: Identified) -> tuple[contract.Stiffness, ...]:
     part, robot = layout(found.mechanism).compliance, found.mechanism.table
     x, cov = found.solution.x[part], found.solution.cov[part, part]
     std = np.sqrt(np.diag(cov))
-    known = std**2 < KNOWN * found.known.std[part] ** 2
+    known = by_weight(found.mechanism, found.known, x, std**2)
     springs = Springs(x, cov, x - NORMAL_95 * std, x + NORMAL_95 * std, known)
     return tuple(
-        told(one, _about(joint, float(x[k]), bool(known[k])))
+        told(one, _about(joint, float(x[k]), bool(known[k]), found.wanted.moments))
         for k, joint in enumerate(robot.joints)
         for one in [stiffness_entry(joint, springs, k, (), alone(robot)[k])]
     )
@@ -270,12 +277,15 @@ def told(one: contract.Stiffness, finding: str | None) -> contract.Stiffness:
 _UNKNOWN = {"compliance": None, "compliance_std": None, "ci95": (None, None)}
 
 
-def _about(joint: Joint, x: float, known: bool) -> str | None:
+def _about(joint: Joint, x: float, known: bool, any_weight: bool) -> str | None:
+    name = f"k_{joint.name}"
+    if not known and any_weight:
+        return f"{name} is not determined: how heavy what that joint carries is, is not known."
     if not known:
-        return f"k_{joint.name} is not determined: the weight of the arm hardly turns that joint."
+        return f"{name} is not determined: the weight of the arm hardly turns that joint."
     if x <= 0:
         return (
-            f"k_{joint.name} comes out negative: something else moves that joint with the weight; "
+            f"{name} comes out negative: something else moves that joint with the weight; "
             "hang a known load on the flange."
         )
     return None
@@ -418,10 +428,26 @@ _ALONE = "the identified DH parameters with their springs"
 def _numbers(said: PositionsFound, stiffness: Sequence[contract.Stiffness]) -> str:
     """What a controller may have: nothing from wrong readings, or from unexplained ones."""
     if said.usable:
-        return f"{entered(stiffness, ())} They come from the arm's own weight."
+        return " ".join([entered(stiffness, ()), *_by_weight(said, stiffness)])
     if said.facts.mistakes:
         return "None until the files are put right: what the values rest on is corrected data."
     return "None: the values below do not explain the readings."
+
+
+def _by_weight(said: PositionsFound, stiffness: Sequence[contract.Stiffness]) -> Iterator[str]:
+    """What the weight has to do with the stiffnesses."""
+    if any(joint.value is not None for joint in stiffness):
+        yield "They come from the arm's own weight."
+    if said.found.final.wanted.moments and _sags(said):
+        yield _SAGS
+
+
+def _sags(said: PositionsFound) -> bool:
+    return any(one.effect.name == "gravity_sag" for one in said.facts.causes)
+
+
+_SAGS = "How far each joint sags is seen, but no masses are stated that would tell stiffness by it."
+_NO_SAG = "No sag is visible: the arm is weightless or balanced, or its controller compensates it."
 
 
 def _model(said: PositionsFound) -> str:
@@ -461,6 +487,8 @@ def _wrong(said: PositionsFound) -> Iterator[str]:
         yield wrong(facts, 0)
     elif not (facts.causes or beside) and clear(facts):
         yield "Nothing detectable in these readings."
+    if said.usable and said.found.final.wanted.moments and not _sags(said):
+        yield _NO_SAG
     yield from beside
 
 

@@ -22,7 +22,7 @@ from pipeline.base.quantities import (
 )
 from pipeline.diagnosis.average import LIKELY
 from pipeline.diagnosis.facts import ROUGH, Drift, Facts, FoundCause, PossibleCause
-from pipeline.diagnosis.finding import Finding
+from pipeline.diagnosis.finding import Finding, Verdict
 from pipeline.diagnosis.joined import Excess
 from pipeline.diagnosis.verdict import certain, findings, outside_likelier, two_laws
 from pipeline.machine.effect import Effect, Table, in_place
@@ -177,6 +177,8 @@ def _named(effects: Sequence[Effect]) -> str:
 def _identified(facts: Facts) -> str:
     names, left = _names(facts.causes), facts.remainder
     first = f"Identified in addition to the joint springs: {_likely(facts.causes)}"
+    if any(row.verdict is Verdict.UNEXPLAINED for row in findings(facts)):
+        return f"{first}."
     if left is None or left < _NOTICED:
         return f"{first}. The extended model fits the readings to within their scatter."
     return (
@@ -483,15 +485,23 @@ def _springs_disagree(facts: Facts) -> str:
     else:
         joint, times = held.most
         where = capital(in_place(joint + 1).removeprefix(" in "))
-        why = (
-            f"{where} differs most: under the pulls it is {plain(times, 3)} times as compliant. A "
-            "balancer, masses of single links or a payload are not as the robot file states them."
-        )
+        how = f"under the pulls it is {plain(times, 3)} times as compliant"
+        if times <= 0:
+            how = "the weight turns it against its own torque"
+        why = f"{where} differs most: {how}. {_STATED if held.factor is None else _NOT_STATED}"
     return (
         "The springs by the arm's own weight are not those by the pulls (chi-square "
         f"{plain(held.chi2, 3)} with {held.dof} degrees of freedom, {p_value(held.p)}). {why} The "
         "stiffnesses are those of the pulls alone."
     )
+
+
+_STATED = "A balancer, masses of single links or a payload are not as the robot file states them."
+_NOT_STATED = (
+    "No masses that the links might have bring them together: a balancer or a law of the joint "
+    "beside its spring acts under the weight alone."
+)
+"""Why springs by weight and by pulls may differ, with and without masses in the robot file."""
 
 
 def _beyond_noise(facts: Facts) -> str:

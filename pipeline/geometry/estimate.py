@@ -293,7 +293,7 @@ def solved(rows: ReadRows, mechanism: Mechanism, known: Prior) -> Posterior:
 
 
 def damping(mechanism: Mechanism, known: Prior) -> Array:
-    """Row d of the observation d u = 0 that holds the common factor in a change u, shape (size,)."""
+    """Row d of the observation d u = 0 that holds the common factor in a change u, (size,)."""
     v = softened(mechanism)
     weighed = v[: len(known.std)] / known.std**2
     return padded(weighed / (weighed @ v[: len(known.std)]) / _DAMPED, len(v))
@@ -339,6 +339,30 @@ def by_a_factor(rows: ReadRows, mechanism: Mechanism, found: Posterior, hung: bo
 _FACTOR = 1.1
 """Standard deviation of the natural logarithm of an arm's mass over the usual one for its
 payload [1]: a factor of three, as between arms of long and of short reach."""
+
+
+def told(mechanism: Mechanism, known: Prior, x: Array, var: Array) -> Bools:
+    """Joints of whose compliance the readings take away half of the prior variance, (n,).
+
+    Where nobody states the masses they bound a product of compliance and moment: it may vanish
+    because there is no moment, and a compliance must also be more than zero by its uncertainty.
+
+    Args:
+        mechanism: The mechanism.
+        known: Its priors.
+        x: Compliances, shape (n,).
+        var: Their variances, shape (n,).
+    """
+    seen = var < _HALF * known.std[layout(mechanism).compliance] ** 2
+    return np.asarray(seen & (x > _ABOVE * np.sqrt(var))) if mechanism.unknown else seen
+
+
+_HALF = 0.5
+"""Ratio of posterior to prior variance below which a compliance counts as determined by the
+weight [1]."""
+
+_ABOVE = 2.0
+"""Least compliance that is told from none, over its standard uncertainty [1]."""
 
 
 def padded(head: Array, size: int) -> Array:

@@ -20,6 +20,7 @@ from pipeline.geometry.estimate import (
     precision,
     rows,
     softened,
+    told,
 )
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import (
@@ -38,10 +39,6 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.estimate import identify as estimate_of
-
-_KNOWN = 0.5
-"""Ratio of posterior to prior variance below which a compliance counts as determined by the
-weight [1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,13 +116,12 @@ def stance(found: Identified, targets: Collection[str], free: Collection[int] = 
     n, effects = mechanism.table.n, tuple(mechanism.elements[k] for k, _ in held)
     soft: Array = np.append(np.ones(n), soften(effects).astype(float))
     s, along = len(soft), z * padded(soft, len(z))
-    prior = found.known.std[where.compliance]
     return Stance(
         robot=mechanism.robot,
         letters=mechanism.letters,
         points={str(found.readings.targets[k]): mechanism.tool[k, :3, 3] for k in which},
         compliance=z[:n],
-        told=np.diag(C)[:n] < _KNOWN * prior**2,
+        told=told(mechanism, found.known, z[:n], np.diag(C)[:n]),
         held=effects,
         yields=z[n:s],
         cov=C + factor * np.outer(along, along),
@@ -188,15 +184,14 @@ def standing(case: Case, found: Identified) -> tuple[Case, Identified, float]:
         return there, found, factor
     for _ in range(_ROUNDS):
         estimate = estimate_of(there.cell, bring(there).data, there.robot.nominal_compliance)[1]
-        pulled = estimate.value, estimate.cov, estimate.identifiable
-        more = known.lighter(*pulled)
+        more = known.lighter(estimate.value, estimate.cov, estimate.identifiable)
         known, factor = known.softer(more), factor * more
         there = case.standing(known)
         if abs(more - 1) < _STILL:
             break
     n = found.mechanism.table.n
-    value, cov, told = pulled
-    found = weighed(lighter(found, factor), value[:n], cov[:n, :n], told[:n])
+    pulled = estimate.value[:n], estimate.cov[:n, :n], estimate.identifiable[:n]
+    found = weighed(lighter(found, factor), *pulled)
     return case.standing(stance(found, case.settings.measured)), found, factor
 
 
@@ -287,7 +282,7 @@ def lighter(found: Identified, factor: float) -> Identified:
     return _about(found, moved, found.solution.cov * scale * scale[:, None])
 
 
-def weighed(found: Identified, value: Array, cov: Array, told: Bools) -> Identified:
+def weighed(found: Identified, value: Array, cov: Array, by_pulls: Bools) -> Identified:
     """The estimate with masses that nobody states, about the springs by pulls.
 
     Weight determines products of a compliance and a moment, and what is assumed of the moments may
@@ -300,10 +295,10 @@ def weighed(found: Identified, value: Array, cov: Array, told: Bools) -> Identif
         found: The complete estimate.
         value: Compliances by the pulls alone, shape (n,).
         cov: Their covariance, shape (n, n).
-        told: Joints that these determine, shape (n,).
+        by_pulls: Joints that these determine, shape (n,).
     """
     where, size = layout(found.mechanism), len(found.solution.x)
-    mine = np.flatnonzero(told & (value > 0))
+    mine = np.flatnonzero(by_pulls & (value > 0))
     at = where.compliance.start + mine
     N, said = np.zeros((size, size)), np.zeros(size)
     N[np.ix_(at, at)] = linear.inverse(cov[np.ix_(mine, mine)])
