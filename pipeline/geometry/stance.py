@@ -31,8 +31,11 @@ from pipeline.geometry.mechanism import (
     layout,
     linearised,
 )
-from pipeline.geometry.yielding import by_weight_alone
+from pipeline.geometry.yielding import by_weight_alone, usual
 from pipeline.machine.cell import Tool
+from pipeline.machine.effect import Elastic
+from pipeline.machine.robot import configure
+from pipeline.machine.robot.weight import carried, work
 from pipeline.machine.stance import Stance, soften
 from pipeline.reduction.bring import bring
 from pipeline.reduction.case import Case
@@ -156,13 +159,18 @@ def _with_none(
         Values (s,) and covariance (s, s).
     """
     there, x = found.mechanism, found.mechanism.at(layout(found.mechanism))
-    bearing = zip(there.elements, _places(there), strict=True)
-    none = [k for one, at in bearing if one.element != "gear" for k in at if k not in held]
+    none = _rigid(there, held)
     T = _chosen(found, held, which)
     gain = T @ apart[:, none] @ linear.inverse(apart[np.ix_(none, none)])
     z, C = T @ x - gain @ x[none], T @ apart @ T.T - gain @ apart[none] @ T.T
     z[there.table.n + len(held) :] = 0.0
     return z, C
+
+
+def _rigid(there: Mechanism, held: Sequence[int]) -> list[int]:
+    """Indices of the parameters of elements, other than laws of gears, that are not held."""
+    bearing = zip(there.elements, _places(there), strict=True)
+    return [k for one, at in bearing if one.element != "gear" for k in at if k not in held]
 
 
 def standing(case: Case, found: Identified) -> tuple[Case, Identified, float]:
@@ -175,29 +183,29 @@ def standing(case: Case, found: Identified) -> tuple[Case, Identified, float]:
         found: The complete estimate from its positions.
 
     Returns:
-        The campaign, the estimate with the weight that the pulls determine, and the factor by which
-        springs are softer than those of the estimate.
+        The campaign, the estimate with the weight that the pulls determine, and by how much this is
+        less than usual.
     """
-    known, factor = stance(found, case.settings.measured), 1.0
+    known = stance(found, case.settings.measured)
     there = case.standing(known)
     if not known.factor:
-        return there, found, factor
-    for _ in range(_ROUNDS):
-        estimate = estimate_of(there.cell, bring(there).data, there.robot.nominal_compliance)[1]
-        more = known.lighter(estimate.value, estimate.cov, estimate.identifiable)
-        known, factor = known.softer(more), factor * more
-        there = case.standing(known)
-        if abs(more - 1) < _STILL:
-            break
+        return there, found, 1.0
+    estimate = estimate_of(there.cell, bring(there).data, there.robot.nominal_compliance)[1]
     n = found.mechanism.table.n
     pulled = estimate.value[:n], estimate.cov[:n, :n], estimate.identifiable[:n]
-    found = weighed(lighter(found, factor), *pulled)
-    return case.standing(stance(found, case.settings.measured)), found, factor
+    found = weighed(found, _parameters(found, known.held), *pulled)
+    return case.standing(stance(found, case.settings.measured)), found, lighter(found)
 
 
-_ROUNDS, _STILL = 4, 0.01
-"""Maximum number of updates of the factor, and change below which they end; the factor is known to
-ten per cent at best."""
+def lighter(found: Identified) -> float:
+    """Torques that the usual weight of such an arm has on its rotary joints, over those found."""
+    here, table = configure(found.mechanism.robot, found.readings.q), found.mechanism.table
+    none = np.zeros(len(found.readings)), np.zeros((len(found.readings), 3))
+    usually, now = (
+        work(here.twists, carried(here, found.weights.gravity, one, *none))[:, ~table.prismatic]
+        for one in (usual(table)[0], found.mechanism.moments)
+    )
+    return float(np.sum(usually * now) / np.sum(now**2))
 
 
 def by_masses(found: Identified) -> Array:
@@ -246,6 +254,12 @@ def _places(mechanism: Mechanism) -> Iterator[list[int]]:
         yield list(range(first, first := first + len(effect.parameters)))
 
 
+def _parameters(found: Identified, held: Sequence[Elastic]) -> list[int]:
+    """Indices of the parameters of some elements."""
+    places = list(_places(found.mechanism))
+    return [k for one in held for k in places[found.mechanism.elements.index(one)]]
+
+
 def _chosen(found: Identified, held: Sequence[int], which: Sequence[int]) -> Array:
     """Rows that select springs, elements, letters and points from all parameters, (s, k)."""
     where, one = layout(found.mechanism), np.eye(len(found.solution.x))
@@ -256,60 +270,43 @@ def _chosen(found: Identified, held: Sequence[int], which: Sequence[int]) -> Arr
     return np.concatenate([one[where.compliance], one[list(held)], one[where.letters], *points])
 
 
-def lighter(found: Identified, factor: float) -> Identified:
-    """The estimate for an arm lighter by a factor with springs softer by it, which moves nothing.
-
-    Args:
-        found: The complete estimate, with masses that are not stated.
-        factor: Factor by which the compliances are multiplied.
-    """
-    if factor == 1.0:
-        return found
-    there, where = found.mechanism, layout(found.mechanism)
-    scale = np.ones(len(found.solution.x))
-    more = np.where(soften(there.elements), factor, 1.0)
-    scale[where.compliance], scale[where.yields] = factor, more
-    scale[where.moments] = 1 / factor
-    moved = replace(
-        there,
-        compliance=there.compliance * factor,
-        yields=there.yields * more,
-        moments=there.moments / factor,
-    )
-    known, weight = found.known, scale[: len(found.known.std)].copy()
-    weight[where.compliance] = weight[where.yields] = 1.0
-    found = replace(found, known=replace(known, mean=known.mean * weight, std=known.std * weight))
-    return _about(found, moved, found.solution.cov * scale * scale[:, None])
-
-
-def weighed(found: Identified, value: Array, cov: Array, by_pulls: Bools) -> Identified:
+def weighed(
+    found: Identified, held: Sequence[int], value: Array, cov: Array, by_pulls: Bools
+) -> Identified:
     """The estimate with masses that nobody states, about the springs by pulls.
 
     Weight determines products of a compliance and a moment, and what is assumed of the moments may
     be wrong by any factor, for each link another one. An assumption must be no evidence against
     springs: the moments that the readings call for beside the springs of the pulls become the means
     of their priors, and these springs those of the springs. What the readings alone tell of the
-    springs then moves the estimate away from there.
+    springs then moves the estimate away from there. Elements that the weight does not call for are
+    rigid, as in the pulls: with unknown masses they share the sag with the springs as they like.
 
     Args:
         found: The complete estimate.
+        held: Indices of the parameters of the elements that are held; others are zero.
         value: Compliances by the pulls alone, shape (n,).
         cov: Their covariance, shape (n, n).
         by_pulls: Joints that these determine, shape (n,).
     """
     where, size = layout(found.mechanism), len(found.solution.x)
-    mine = np.flatnonzero(by_pulls & (value > 0))
-    at = where.compliance.start + mine
+    mine, now = np.flatnonzero(by_pulls & (value > 0)), found.mechanism.at(where)
+    at, none = where.compliance.start + mine, _rigid(found.mechanism, held)
+    std = found.known.std.copy()
+    std[none] = _NONE * found.known.most[none]
     N, said = np.zeros((size, size)), np.zeros(size)
     N[np.ix_(at, at)] = linear.inverse(cov[np.ix_(mine, mine)])
-    said[at] = N[np.ix_(at, at)] @ (value - found.mechanism.compliance)[mine]
-    there = _with(found, N, said)
-    mean, std = found.known.mean.copy(), found.known.std.copy()
-    moments = there.mechanism.moments.ravel()
+    said[at] = N[np.ix_(at, at)] @ (value[mine] - now[at])
+    there = _with(replace(found, known=replace(found.known, std=std)), N, said)
+    mean, moments = found.known.mean.copy(), there.mechanism.moments.ravel()
     mean[at], mean[where.moments] = value[mine], moments
     std[at] = np.maximum(std[at], value[mine])
     std[where.moments] = np.maximum(std[where.moments], np.abs(moments))
     return _anew(replace(there, known=replace(found.known, mean=mean, std=std)))
+
+
+_NONE = 1e-3
+"""Standard deviation of an element that nothing calls for, over its usual size [1]."""
 
 
 def _anew(found: Identified) -> Identified:
@@ -351,8 +348,7 @@ def beside_pulls(found: Identified, known: Stance, value: Array, cov: Array) -> 
     """
     found = _doubted(found)
     there, where = found.mechanism, layout(found.mechanism)
-    targets, places = found.readings.targets.tolist(), list(_places(there))
-    held = [k for one in known.held for k in places[there.elements.index(one)]]
+    targets, held = found.readings.targets.tolist(), _parameters(found, known.held)
     size = np.sqrt(np.diag(known.cov))
     T = _chosen(found, held, [targets.index(name) for name in known.points]) / size[:, None]
     before, after = (linear.inverse(one / size / size[:, None]) for one in (known.cov, cov))

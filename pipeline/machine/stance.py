@@ -139,22 +139,16 @@ class Stance(Locked):
         both = np.append(self.compliance, self.yields) * self._soft
         return self.cov[: self.springs, : self.springs] - self.factor * np.outer(both, both)
 
-    def lighter(self, value: Array, cov: Array, known: Bools) -> float:
-        """Common factor estimated from pulls; 1 if it is not needed, or no joint determines it.
+    def common(self, value: Array, cov: Array, known: Bools) -> CommonSoftness | None:
+        """Common factor by which springs by pulls are softer; None if no joint determines it.
+
+        The s that minimises (c - s c0)' (V + s^2 V0)^-1 (c - s c0), V0 as in `apart`, by iterative
+        reweighting.
 
         Args:
             value: Compliances c estimated from pulls alone, shape (n,).
             cov: Their covariance V, shape (n, n).
             known: Joints that these determine, shape (n,).
-        """
-        one = self.common(value, cov, known) if self.factor else None
-        return 1.0 if one is None else one.factor
-
-    def common(self, value: Array, cov: Array, known: Bools) -> CommonSoftness | None:
-        """Common factor by which springs by pulls are softer; None if no joint determines it.
-
-        The s that minimises (c - s c0)' (V + s^2 V0)^-1 (c - s c0), V0 as in `apart`, by iterative
-        reweighting. Args as in `lighter`.
         """
         mine = np.flatnonzero(known & self.told & (self.compliance > 0) & (value > 0))
         if not len(mine):
@@ -167,18 +161,6 @@ class Stance(Locked):
         left = value[mine] - s * own
         return CommonSoftness(
             s, float(own @ P @ own) ** -0.5, float(left @ P @ left), len(mine) - 1
-        )
-
-    def softer(self, factor: float) -> Stance:
-        """This stance for an arm lighter by a factor, which positions cannot resolve."""
-        scale = np.ones(len(self.cov))
-        scale[: self.springs] = np.where(self._soft, factor, 1.0)
-        return replace(
-            self,
-            compliance=self.compliance * factor,
-            yields=self.yields * scale[len(self.compliance) : self.springs],
-            moments=self.moments / factor,
-            cov=self.cov * scale * scale[:, None],
         )
 
     @cached_property
