@@ -13,7 +13,7 @@ from scipy.spatial import cKDTree
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.geometry.estimate import factored, padded, precision
+from pipeline.geometry.estimate import HELD, factored, padded, precision
 from pipeline.geometry.identify import Identified
 from pipeline.geometry.mechanism import frame_of
 from pipeline.geometry.readings import PositionReadings
@@ -23,9 +23,6 @@ PARTS = 10
 
 _ROUNDS = 40
 """Number of iterations of Lloyd's algorithm for the parts of joint space."""
-
-_NOT = 1e-12
-"""Standard deviation of a parameter that is held fixed, in its own unit."""
 
 
 def by_turns(readings: PositionReadings, parts: int = PARTS) -> Ints:
@@ -110,7 +107,7 @@ def _without(found: Identified, mine: Bools) -> _Without:
     alone = []
     for one in np.setdiff1d(series[mine], series[~mine]):
         frame = frame_of(mechanism, one)
-        P[frame, frame] += _NOT**-2 * np.eye(6)
+        P[frame, frame] += HELD**-2 * np.eye(6)
         alone.append((own.D[:, :, frame], series[mine] == one))
     mean = padded(found.known.mean, len(P))
     known = factored(rows.N - own.N + P)

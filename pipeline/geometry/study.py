@@ -219,12 +219,13 @@ def _weigh(before: Identified, after: Identified, rng: np.random.Generator) -> _
 def _gain(
     before: Identified, after: Identified, part: Ints, rng: np.random.Generator
 ) -> LeftOutGain:
-    """Reduction of the distances of held-out targets."""
+    """Reduction of the error of a coordinate of held-out targets, from their distances."""
     off = [distances(found, part) for found in (before, after)]
     seen = np.isfinite(off[0])
     block = np.broadcast_to(search.blocks(after.readings)[:, None], seen.shape)[seen]
     one, two = (distance[seen] for distance in off)
-    return LeftOutGain(linear.rms(one), linear.rms(two), interval(one, two, block, rng)[1])
+    before_m, after_m = (linear.rms(distance) / np.sqrt(3.0) for distance in (one, two))
+    return LeftOutGain(before_m, after_m, interval(one, two, block, rng)[1])
 
 
 def _heavy(data: LawData, robot: Robot) -> bool:

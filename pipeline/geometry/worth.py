@@ -31,8 +31,8 @@ class LeftOutGain(Locked):
     """Error of left-out positions with and without a part of the model.
 
     Attributes:
-        before: Rms error without it [m].
-        after: Rms error with it [m].
+        before: Rms error of a coordinate without it [m].
+        after: Rms error of a coordinate with it [m].
         ci95: 95 % confidence interval of 1 - after / before [1].
     """
 
