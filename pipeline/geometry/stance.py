@@ -198,14 +198,16 @@ def standing(case: Case, found: Identified) -> tuple[Case, Identified, float]:
 
 
 def lighter(found: Identified) -> float:
-    """Torques that the usual weight of such an arm has on its rotary joints, over those found."""
-    here, table = configure(found.mechanism.robot, found.readings.q), found.mechanism.table
-    none = np.zeros(len(found.readings)), np.zeros((len(found.readings), 3))
-    usually, now = (
-        work(here.twists, carried(here, found.weights.gravity, one, *none))[:, ~table.prismatic]
-        for one in (usual(table)[0], found.mechanism.moments)
+    """Torques of the usual weight of such an arm on its rotary joints, over those of `weighed`."""
+    there = found.mechanism
+    here, none = configure(there.robot, found.readings.q), np.zeros((len(found.readings), 3))
+    beside = found.known.mean[layout(there).moments].reshape(-1, 4)
+    often, now = (
+        work(here.twists, carried(here, found.weights.gravity, one, none[:, 0], none))
+        for one in (usual(there.table)[0], beside)
     )
-    return float(np.sum(usually * now) / np.sum(now**2))
+    turns = ~there.table.prismatic
+    return float(np.sum((often * now)[:, turns]) / np.sum(now[:, turns] ** 2))
 
 
 def by_masses(found: Identified) -> Array:

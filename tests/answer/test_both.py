@@ -55,6 +55,48 @@ def test_weight_alone_knows_no_spring_of_an_arm_of_unknown_mass(found):
     assert all(one.by_weight.std > 0.9 * one.by_weight.value for one in both)
 
 
+def said(made, table=None):
+    """The answer to a campaign, or to one kind of its readings."""
+    return pipeline.identify(pipeline.load_campaign(made.encoded(table))).answer
+
+
+@pytest.mark.whole
+@pytest.mark.parametrize("wrist", [0.0, 0.1, 3.0])
+def test_an_assumed_mass_is_no_evidence_against_springs(wrist):
+    """A wrist of another weight than usual, read by a good instrument: nothing disagrees."""
+    made = mixed(103, masses=False, noise=5e-6, weight=np.array([1, 1, 1, wrist, wrist, wrist]))
+    answer = said(made)
+
+    assert answer.diagnosis.verdict in ("adequate", "explained")
+    assert answer.springs_by.joined
+    for joint, c in zip(answer.stiffness, made.compliance, strict=True):
+        assert abs(joint.compliance - c) < 4 * joint.compliance_std
+    told = " ".join(answer.verdict_sentence)
+    assert "as the robot file states" not in told
+
+
+@pytest.mark.whole
+def test_pulls_tell_by_how_much_an_arm_is_lighter():
+    """Of two arms that differ by their weight alone, to a tenth."""
+    light, heavy = (said(mixed(7, masses=False, weight=w)).springs_by.lighter for w in (0.5, 1.5))
+
+    assert light / heavy == pytest.approx(3.0, rel=0.1)
+
+
+@pytest.mark.whole
+def test_no_sag_bounds_no_stiffness_where_masses_are_not_stated():
+    """A weightless arm, or one whose controller compensates its sag, may have any springs."""
+    answer = said(mixed(11, poses=80, masses=False, weight=0.0), "tracker")
+
+    assert answer.diagnosis.verdict == "adequate"
+    for joint in answer.stiffness:
+        assert joint.value is None
+        assert joint.ci95 == (None, None)
+    told = " ".join(answer.verdict_sentence)
+    assert "No sag is visible" in told
+    assert "stiffer than" not in told
+
+
 def test_positions_are_predicted_with_the_springs_of_both(made, found):
     """Unloaded and under a force at the load point, against Pinocchio, to three uncertainties."""
     rng = np.random.default_rng(9)
