@@ -55,6 +55,15 @@ def test_weight_alone_knows_no_spring_of_an_arm_of_unknown_mass(found):
     assert all(one.by_weight.std > 0.9 * one.by_weight.value for one in both)
 
 
+def test_gain_of_the_sag_is_of_a_coordinate(found):
+    """As that of all causes: below the mean distance, which no rms of distances is."""
+    sag = next(one for one in found.answer.diagnosis.causes if one.name == "gravity_sag")
+    without, with_ = found.answer.position_steps[1:3]
+
+    assert 0.5 < sag.gain.held_out_rms_before_mm / without.between_mm < 0.9
+    assert 0.5 < sag.gain.held_out_rms_after_mm / with_.between_mm < 0.9
+
+
 def said(made, table=None):
     """The answer to a campaign, or to one kind of its readings."""
     return pipeline.identify(pipeline.load_campaign(made.encoded(table))).answer
