@@ -262,6 +262,7 @@ OUTBUILDINGS = {
         "app.outcome": _COMMAND,
         "store.campaign": _PLACES,
         "readers": "it says what a reader will be told, and tries it",
+        "dialects": "in the words of titles, units and coordinates that are read there",
         "reduction.settings": "it writes campaign.toml",
         "reduction.limits": "whether a robot can stand where a log says",
     },

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 
-from pipeline.readers._named import IN_BRACKETS
-from pipeline.readers._titles import titled, triples
+from pipeline.dialects._titles import titled, triples
+from pipeline.readers._cells import IN_BRACKETS
 
 Cells = Callable[[], Mapping[str, Sequence[str]]]
 """Gives the cells of each column below its title, of the rows that have one for each."""

@@ -32,7 +32,7 @@ from pipeline.base.toml import loads, merged
 from pipeline.machine.instrument import InstrumentNoise
 from pipeline.machine.robot import Robot, rating
 from pipeline.machine.surroundings import Surrounded
-from pipeline.readers._coordinates import Usual
+from pipeline.readers._units import Usual
 from pipeline.reduction.settings import AskedPose, PayloadSettings, Point, Scale
 from pipeline.store.campaign import unfit
 
