@@ -208,6 +208,7 @@ OUTBUILDINGS = {
         "store.campaign": _PLACES,
         "answer.words": _PAGES,
         "report": _PAGES,
+        "annex.figures.marks": _PAGES,
         "reduction.settings": "a plan becomes a campaign.toml, and is written in its words",
         "reduction.bring": "further poses begin with the readings that a campaign has",
         "run": "further poses begin with the readings that a campaign has",

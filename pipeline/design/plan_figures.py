@@ -10,6 +10,7 @@ import numpy as np
 from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.annex.figures.marks import MARKERS, dots, legend_above, legend_below, title
 from pipeline.base.arrays import Array
 from pipeline.base.language import Say
 from pipeline.base.quantities import plain
@@ -19,7 +20,7 @@ from pipeline.design.measurement import Measurement
 from pipeline.design.problem import Problem
 from pipeline.machine.robot import configure
 from pipeline.report import words
-from pipeline.report.figures.marks import MARKERS, Tips, dots, legend_above, legend_below, title
+from pipeline.report.figures.plot import Tips
 
 _AROUND_M = 1.0
 """Room around robot and anchor in the pictures."""

@@ -6,12 +6,12 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.annex.figures.marks import MARKERS, dots, legend_above
 from pipeline.answer.contract import Answer
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import percent, plain
 from pipeline.report import words
-from pipeline.report.figures.marks import MARKERS, Tips, dots, legend_above
-from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, MUTED, RED, SERIES

@@ -19,10 +19,9 @@ from pipeline.answer.contract import Answer, JointType
 from pipeline.answer.scene import MOST
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import MM, known, plain, typeset
-from pipeline.report.figures.marks import Tips, each_row
-from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables
+from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import BLUE, BODY, EDGE, GRID, INK, RED
 
 _ASIDE, _PITCH = np.deg2rad(-28.0), np.deg2rad(22.0)

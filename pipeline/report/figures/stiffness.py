@@ -12,8 +12,7 @@ from pipeline.answer.contract import Answer, Stiffness
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import percent, plain
 from pipeline.report import words
-from pipeline.report.figures.marks import Tips
-from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, MUTED

@@ -1,4 +1,4 @@
-"""What the data look like: residuals, budget, registration, rejected rows."""
+"""What the data look like: residuals, budget, whether the poses are enough, registration."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from typing import Any
 
 import pandas as pd
 
+from pipeline.annex.summaries import registration_by_target
 from pipeline.answer.contract import (
     LEAST_CONTROLLED,
     Answer,
     BaseResiduals,
     Growth,
     NoiseComponent,
-    Rejected,
     Stiffness,
     TestPose,
 )
@@ -25,20 +25,13 @@ from pipeline.base.quantities import known, p_value, percent, plain, with_std
 from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.figures.marks import each_row
 from pipeline.report.record import (
-    Column,
     Paragraph,
     ReportTable,
     Section,
-    TableEntry,
-    entry,
     section_of,
 )
-from pipeline.report.summaries import Tables, has, registration_by_target
-
-_MOST_ROWS = 400
-"""Rows of rejected readings shown; the rest is counted and stands in the tables."""
+from pipeline.report.summaries import Tables, each_row, has
 
 
 def residuals(answer: Answer, tables: Tables) -> Section | None:
@@ -47,7 +40,13 @@ def residuals(answer: Answer, tables: Tables) -> Section | None:
     return section_of("residuals", "Residuals", figures(names, answer, tables))
 
 
-def budget(answer: Answer) -> Section | None:
+def enough(answer: Answer, tables: Tables) -> Section | None:
+    """Whether more poses would pay: uncertainty over the number of poses, and correlation."""
+    names = ("enough", "correlation")
+    return section_of("enough", "Are the poses enough?", figures(names, answer, tables))
+
+
+def budget(answer: Answer, tables: Tables) -> Section | None:
     """Which error makes each stiffness uncertain, and the noise found beside the stated."""
     return section_of(
         "budget",
@@ -271,28 +270,3 @@ def _least(single: pd.DataFrame) -> ReportTable | None:
         'are in results.xlsx, sheet "reliability".'
     )
     return table_of("reliability", "Readings with the lowest redundancy", columns, rows, note)
-
-
-def rejected(answer: Answer) -> Section | None:
-    """Rows that were left out and why, at most _MOST_ROWS of them."""
-    given = answer.rejected
-    columns: list[Cells[Rejected]] = [
-        said("File", lambda row: row.file, code=True),
-        (Column("Line", numeric=True), _line),
-        said("Reason", lambda row: row.reason),
-    ]
-    more = len(given) - _MOST_ROWS
-    note = f"{more} more are in result.json." if more > 0 else ""
-    table = table_of("rejected", "Left out and why", columns, given[:_MOST_ROWS], note)
-    return section_of("rejected", "Rejected rows", [Paragraph(_left_out(len(given))), table])
-
-
-def _left_out(count: int) -> str:
-    if not count:
-        return "No row of the raw files was unreadable or incomplete."
-    rows = "1 row was" if count == 1 else f"{count} rows were"
-    return f"{rows} left out of the estimate; nothing was corrected silently."
-
-
-def _line(row: Rejected) -> TableEntry:
-    return TableEntry("whole file", 0) if row.line is None else entry(str(row.line), row.line)
