@@ -255,6 +255,7 @@ OUTBUILDINGS = {
         "answer.archive": "or takes the answer that is there",
         "store.campaign": _PLACES,
         "prediction": "and predicts from the model of the answer",
+        "geometry": "and where the robot stands, from that of its positions",
         "report": "its figures are those of the report",
     },
     "house": {},
@@ -296,6 +297,7 @@ OUTBUILDINGS = {
     },
     "simulate": {
         "design.poses": "poses are drawn where a plan would draw them",
+        "design.pull": "and pulled as hard as there",
         "app.commands._shared": _COMMAND,
         "store.campaign": _PLACES,
         "readers": "what is simulated is written in the dialects that are read",

@@ -34,8 +34,7 @@ from pipeline.geometry.positioned import Positioned, as_read, usable
 from pipeline.geometry.study import Study, study
 from pipeline.machine.cell import Tool, paper_cell
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
-from pipeline.prediction.standing import dumps, standing
-from pipeline.prediction.under_force import ByPulls
+from pipeline.prediction.standing import ByPulls, dumps, standing
 from pipeline.reduction.bring import Keep, Step
 from pipeline.store.campaign import Raw
 

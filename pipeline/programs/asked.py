@@ -11,9 +11,9 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Bools, Ints, Strings
 from pipeline.base.errors import InputError, listed
+from pipeline.library.standing import PredictedTargets
 from pipeline.machine.robot import Robot, configure
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.prediction.standing import PredictedTargets
 from pipeline.readers import positions
 from pipeline.readers.logs import FORCE, joint_values
 

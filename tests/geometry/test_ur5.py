@@ -7,7 +7,8 @@ import pytest
 
 from pipeline.geometry.positioned import positioned
 from pipeline.geometry.study import study
-from pipeline.prediction.standing import predict, standing
+from pipeline.library.standing import predict
+from pipeline.prediction.standing import standing
 from pipeline.store.campaign import find
 
 ROOT = Path(__file__).parents[2]
