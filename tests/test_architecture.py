@@ -202,6 +202,8 @@ OUTBUILDINGS = {
         "diagnosis.average": "what single pulls say of a law is asked of the likeliest hypothesis",
         "reduction": "and of its readings",
         "system": "what fewer poses would say, of the estimator",
+        "geometry.study": "and where a robot stood whose positions were read",
+        "prediction.workspace": "the arm as it stands in a plane",
     },
     "design": {
         "app.commands._shared": _COMMAND,

@@ -16,7 +16,6 @@ from pipeline.diagnosis.finding import Verdict
 from pipeline.report import words
 from pipeline.report.certificate import certificate, enterable
 from pipeline.report.record import Frame, Headline, Item, Report, Section, present, unlabelled
-from pipeline.report.sections.cell import cell
 from pipeline.report.sections.diagnosis import diagnosis
 from pipeline.report.sections.files import files
 from pipeline.report.sections.identity import identity
@@ -131,8 +130,8 @@ def _of_pulls(
         diagnosis(answer, tables),
         test_pose(answer, tables),
         stiffness(answer, previous, wear),
-        cell(answer, tables),
-        *_more(answer, tables, "residuals", "budget", "enough", "registration", "reliability"),
+        *_more(answer, tables, "cell", "residuals", "budget", "enough"),
+        *_more(answer, tables, "registration", "reliability"),
         *_more(answer, tables, *of_both, "letters"),
         rejected(answer),
     ]
@@ -143,8 +142,7 @@ def _of_positions(
 ) -> list[Section | None]:
     """What there is to say of absolute positions, which are held against no other campaign."""
     return [
-        *_more(answer, tables, "geometry", "laws"),
-        cell(answer, tables),
+        *_more(answer, tables, "geometry", "laws", "cell"),
         stiffness(answer, None),
         *_more(answer, tables, "letters"),
         rejected(answer),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+from pipeline.annex.sections.cell import cell
 from pipeline.annex.sections.geometry import geometry, laws, letters
 from pipeline.annex.sections.method import method
 from pipeline.annex.sections.readings import budget, enough, registration, reliability, residuals
@@ -12,6 +13,7 @@ from pipeline.report.record import Section
 from pipeline.report.summaries import Tables
 
 SECTIONS: dict[str, Callable[[Answer, Tables], Section | None]] = {
+    "cell": cell,
     "residuals": residuals,
     "budget": budget,
     "enough": enough,

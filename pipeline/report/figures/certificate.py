@@ -20,8 +20,8 @@ from pipeline.base.quantities import MISSING, MM, percent, plain, with_uncertain
 from pipeline.prediction.decision import Decision
 from pipeline.report import words
 from pipeline.report.figures.plot import Plot
-from pipeline.report.figures.scene import View, outlines
 from pipeline.report.figures.sheet import PixelSheet
+from pipeline.report.figures.view import View, outlines
 from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, BODY, EDGE, GREEN, GRID, INK, MUTED, PAPER, RED
