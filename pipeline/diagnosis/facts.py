@@ -20,10 +20,6 @@ from pipeline.readers.known import GROSS_M
 from pipeline.system.linearised import Linearised
 from pipeline.system.system import Estimate, ScatterRatio
 
-ROUGH = 1.6
-"""A model that leaves this many times the scatter has a wrong law somewhere."""
-
-
 APART = 4.6
 """Sigmas between two causes from which the right one leads by 20 to 1 in 95 % of the cases."""
 

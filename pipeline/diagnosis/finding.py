@@ -4,6 +4,9 @@ from __future__ import annotations
 
 from enum import StrEnum
 
+ROUGH = 1.6
+"""A model that leaves this many times the scatter has a wrong law somewhere."""
+
 
 class Verdict(StrEnum):
     """What a campaign comes to, the most severe last."""

@@ -189,8 +189,7 @@ def of_joints(
         As of loads.
     """
     turn = [name for name, length in zip(axes, lengths, strict=True) if not length]
-    called = {f"axis {k}": name for k, name in enumerate(turn, 1)}
-    called |= dict(zip(["rail"], (name for name in axes if name not in turn), strict=False))
+    called = _roles(axes, turn)
     others = ("rail", f"axis {len(turn) + 1}")  # of another robot, where this one has none
     wanted = {role: units[role != "rail"] for role in (*called, *others)}
     found = _first(titles, {"pose": (), **wanted}, turn)
@@ -201,6 +200,12 @@ def of_joints(
             return None
         found["pose"] = counter, ()
     return _ours({called.get(role, role): said for role, said in found.items()})
+
+
+def _roles(axes: Sequence[str], turn: Sequence[str]) -> dict[str, str]:
+    """Our names of the axes by their roles: those that turn are numbered, one slides as a rail."""
+    called = {f"axis {k}": name for k, name in enumerate(turn, 1)}
+    return called | dict(zip(["rail"], (n for n in axes if n not in turn), strict=False))
 
 
 def _counter(cells: Mapping[str, Sequence[str]], taken: Sequence[str]) -> str | None:

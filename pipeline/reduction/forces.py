@@ -12,9 +12,9 @@ from pipeline.base import covariance
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.reduction._index import found, means, places, pull_numbers, run
 from pipeline.reduction.digits import division
-from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Scale, Settings
 from pipeline.reduction.weights import PULL, Weights
+from pipeline.tables import XYZ
 
 _COUNTS = 1e-3
 """Part of a variance that moves nothing [1]."""

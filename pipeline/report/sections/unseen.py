@@ -14,8 +14,7 @@ from pipeline.answer.contract import (
     Stiffness,
     ToMeasure,
 )
-from pipeline.answer.sentences import loads
-from pipeline.answer.words import unnoticed
+from pipeline.answer.words import loads, unnoticed
 from pipeline.base.quantities import common_prefix, percent, plain, prefixed
 from pipeline.diagnosis.facts import APART
 from pipeline.report import words
