@@ -11,23 +11,23 @@ from pipeline.machine.robot.mdh import Robot
 from pipeline.machine.robot.rating import relative
 
 REFERENCE_PULL_N = 3000.0
-"""The hardest pull of the reference set-up [N], at a KR500 that carries 480 kg."""
+"""Largest pull of the reference set-up [N], at a KR500 with a payload of 480 kg."""
 
 _MOST_M = 0.01
-"""How far the hardest pull should move the load point [m]. The equations are linear: of a
-deflection d of an arm that reaches L they leave out about d^2/L, which for 10 mm at 3 m is the
-scatter of one reading of a tracker, 0.03 mm."""
+"""Maximum displacement of the load point under the largest pull [m]. The linear equations neglect
+about d^2/L of a deflection d of an arm of reach L, which for 10 mm at 3 m is the scatter of one
+reading of a tracker, 0.03 mm."""
 
 
 def share(robot: Robot, load_point: Array) -> float:
-    """How hard to pull a robot, relative to the reference set-up.
+    """Appropriate pull of a robot relative to the reference set-up [1].
 
-    As much less as it carries less, and no harder than what moves the load point by `_MOST_M`; as
-    hard as there where its file says neither payload nor stiffness.
+    In proportion to its payload, and limited to what moves the load point by `_MOST_M`; 1 if its
+    file states neither payload nor stiffness.
 
     Args:
         robot: The robot.
-        load_point: Where it is pulled, flange frame [m], shape (3,).
+        load_point: Point of application, flange frame [m], shape (3,).
     """
     found = relative(robot)
     if all(joint.stiffness or joint.stiffness_range for joint in robot.joints):
@@ -36,9 +36,10 @@ def share(robot: Robot, load_point: Array) -> float:
 
 
 def _softness(robot: Robot, load_point: Array) -> float:
-    """Deflection of the load point along a pull [m/N], in the direction that bends most, rms.
+    """Compliance of the load point in its most compliant direction [m/N], rms over poses.
 
-    Over poses within the limits; joints without them turn once, and slide a metre.
+    Poses are random within the limits; joints without limits make one turn, or slide a metre either
+    way.
     """
     free = np.where(robot.prismatic, 1.0, np.pi)
     rng = np.random.default_rng(0)
@@ -51,5 +52,5 @@ def _softness(robot: Robot, load_point: Array) -> float:
 
 
 def round_pull(value: float) -> float:
-    """A pull as people set it: two digits."""
+    """Round a pull to two significant digits, as people set it."""
     return float(f"{value:.2g}")

@@ -13,28 +13,28 @@ from pipeline.machine.robot.mdh import Robot
 from pipeline.machine.robot.rating import ABSURD, payloads, weight_n
 
 TWIST_RAD = 1e-2
-"""No spring of a joint gives way by more: gears twist by 1 to 10 mrad under the largest torque of
-their drives."""
+"""Maximum plausible deflection of a joint spring [rad]: gears twist by 1 to 10 mrad under the
+largest torque of their drives."""
 
 
 def refuse_unheld(
     robot: Robot, q: Array, force: Array, point: Array, file: str, line: Sequence[int]
 ) -> None:
-    """Refuse forces of a path that no such robot holds, as where newtons are taken for kilonewtons.
+    """Refuse forces that no such robot can hold, as when newtons are taken for kilonewtons.
 
-    They are more than `ABSURD` times the weight that it carries; where its file does not say what
-    it carries, they turn a joint of nominal stiffness by more than `TWIST_RAD`.
+    They exceed `ABSURD` times the weight of the payload; if that is not stated, they turn a joint
+    of nominal stiffness by more than `TWIST_RAD`.
 
     Args:
         robot: The robot.
         q: Joint values [m] or [rad], shape (m, n).
         force: Force on the robot [N], F_b, shape (m, 3).
-        point: Where it acts, flange frame [m], shape (3,).
-        file: Where the forces stand, for the message.
-        line: Of each of them, empty where they stand in no line.
+        point: Point of application, flange frame [m], shape (3,).
+        file: File of the forces, for the message.
+        line: Line of each force, empty if there are none.
 
     Raises:
-        InputError: One is too large; names the first.
+        InputError: A force is too large; names the first.
     """
     size, most = np.linalg.norm(force, axis=1), weight_n(robot)
     if most is not None:
@@ -60,16 +60,16 @@ def refuse_unheld(
 
 
 def refuse_absurd(robot: Robot, force_n: float, way_out: str, file: str | None = None) -> None:
-    """Refuse a pull that no such robot holds.
+    """Refuse a pull that no such robot can hold.
 
     Args:
         robot: The robot.
-        force_n: The hardest pull [N].
-        way_out: Where to pull less, or leave the pulls to us.
-        file: Where it stands, for the message.
+        force_n: Largest pull [N].
+        way_out: Where to reduce the pull, or leave the choice to the program.
+        file: File of the pull, for the message.
 
     Raises:
-        InputError: The pull is more than `ABSURD` times the weight that the robot carries.
+        InputError: The pull exceeds `ABSURD` times the weight of the payload.
     """
     times, weight = payloads(robot, force_n), weight_n(robot)
     if times is None or weight is None or times <= ABSURD:

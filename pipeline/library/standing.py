@@ -1,4 +1,4 @@
-"""Where a robot stands, by the model of a campaign of positions."""
+"""Predicted positions of a robot, by the model of a campaign of positions."""
 
 from __future__ import annotations
 
@@ -31,14 +31,14 @@ from pipeline.prediction.model import parse as model_of
 from pipeline.prediction.standing import ARRAYS, ByPulls, Standing
 
 LARGEST = 2**28
-"""Bytes of a model: the covariance of two thousand knots has 2^25."""
+"""Maximum size of a model [byte]: the covariance of two thousand knots has 2^25."""
 
 _ROWS = 2048
-"""Predicted together: their arrays stay in the processor's cache."""
+"""Number of poses predicted at a time, so that their arrays fit into the processor's cache."""
 
 
 def nominal(model: Standing) -> Standing:
-    """The table as delivered, with its nominal stiffnesses; tool as found."""
+    """The table as delivered, with its nominal stiffnesses; tool as estimated."""
     there, where = model.mechanism, layout(model.mechanism)
     bare = replace(
         there,
@@ -58,7 +58,7 @@ def nominal(model: Standing) -> Standing:
 
 
 def springs(model: Standing) -> Standing:
-    """The table as delivered with the springs found, without letters and laws."""
+    """The table as delivered with the estimated springs, without letters and laws."""
     bare = nominal(model)
     return replace(
         bare,
@@ -72,12 +72,13 @@ def springs(model: Standing) -> Standing:
 
 @dataclass(frozen=True, eq=False)
 class PredictedTargets(Locked):
-    """Where targets are.
+    """Predicted poses of the targets.
 
     Attributes:
-        at: [m], F_b, shape (m, t, 3).
+        at: Positions [m], F_b, shape (m, t, 3).
         turn: Orientation, shape (m, t, 3, 3).
-        cov: Of position [m^2] and of rotation about the axes of F_b [rad^2], (m, t, 6, 6).
+        cov: Covariance of position [m^2] and of rotation about the axes of F_b [rad^2], (m, t, 6,
+            6).
     """
 
     at: Array
@@ -93,19 +94,19 @@ class PredictedTargets(Locked):
 def predict(
     model: Standing, q: Array, force: Array, payload: Ints, temperature: Array
 ) -> PredictedTargets:
-    """Where the targets are at joint values, with the uncertainty of the true position.
+    """Predict the targets at joint values, with the uncertainty of the true position.
 
-    F_b is where the instrument saw it: a shift of the whole robot against its base, of which no
-    reading tells, is no error. Parameters, laws and the error of each joint that no model holds are
-    in it; the noise of a reading is not. Beyond where a curve was taught it has the size of the
-    curve.
+    F_b is the frame realised by the instrument: a displacement of the whole robot relative to its
+    base, which no reading resolves, is not an error. The uncertainty includes parameters, laws and
+    the unmodelled error of each joint, but not the noise of a reading. Outside the range of its
+    data a curve has an uncertainty of its own size.
 
     Args:
-        model: Of a campaign.
+        model: Model of a campaign.
         q: Joint values [m] or [rad], shape (m, n).
         force: Force at the tip [N], F_b, shape (m, 3).
         payload: 0 for none, k + 1 for `payloads[k]`, shape (m,).
-        temperature: Of the air [degC], NaN unknown, shape (m,).
+        temperature: Temperature of the air [degC], NaN unknown, shape (m,).
     """
     parts = []
     for start in range(0, len(q), _ROWS):
@@ -145,7 +146,7 @@ def _predict(
 
 
 class _Moved(NamedTuple):
-    """How far pulls have targets from where positions do [m], (m, t, 3); covariance of both."""
+    """Displacement by pulls minus that by positions [m], (m, t, 3); covariance of both."""
 
     mean: Array
     cov: Array
@@ -154,7 +155,7 @@ class _Moved(NamedTuple):
 def _under_force(
     model: Standing, q: Array, force: Array, D: Array, K: Array, knots: Ints
 ) -> _Moved:
-    """The mixture of what the hypotheses of pulls say."""
+    """Mean and covariance of the mixture of the pulls' hypotheses."""
     there, m = model.mechanism, len(q)
     tip = there.tool[0, :3, 3] if model.tip is None else model.tip
     assert model.by_pulls is not None
@@ -174,7 +175,7 @@ def _under_force(
 
 
 def _of_points(moved: Array) -> Array:
-    """Rows (m, t, 3, k) of points as rows of points and turns, which are zero, (m, 6 t, k)."""
+    """Pad rows (m, t, 3, k) of points with zeros for rotations, (m, 6 t, k)."""
     wide = np.pad(moved, ((0, 0), (0, 0), (0, 3), (0, 0)))
     return np.asarray(wide.reshape(len(moved), 6 * moved.shape[1], moved.shape[-1]))
 
@@ -192,7 +193,7 @@ def _spread(cov: Array, D: Array, K: Array, knots: Ints) -> Array:
 
 
 def _unknown(law: JointLaw, mechanism: Mechanism, inputs: Inputs) -> Array:
-    """Variance of a law where its variable is not known, or beyond where it was taught, (m,)."""
+    """Variance of a law if its variable is unknown, or outside the range of the data, (m,)."""
     v = (law.of(inputs) - law.middle) / law.scale
     if law.periodic or law.kind == "step":
         return np.zeros(len(v))
@@ -203,10 +204,10 @@ def _unknown(law: JointLaw, mechanism: Mechanism, inputs: Inputs) -> Array:
 
 
 def loads(data: bytes, name: str) -> Standing:
-    """The model in the content of a positions.npz, called by a name.
+    """Load the model from the content of a positions.npz of the given name.
 
     Raises:
-        InputError: It is no model.
+        InputError: It is not a model.
     """
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as kept:

@@ -21,11 +21,11 @@ from pipeline.prediction.model import dumps as model_text
 
 @dataclass(frozen=True, eq=False)
 class ByPulls(Locked):
-    """What pulls of the robot say.
+    """Model of the robot estimated from pulls.
 
     Attributes:
-        model: Of the pulls.
-        joined: It was estimated together with the positions.
+        model: The model.
+        joined: True if it was estimated jointly with the positions.
     """
 
     model: IdentifiedModel
@@ -34,20 +34,21 @@ class ByPulls(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Standing(Locked):
-    """A model of positions.
+    """A model estimated from positions.
 
     Attributes:
-        campaign: It comes from.
+        campaign: Campaign from which it was identified.
         mechanism: Table, tool, springs, laws.
         six: Targets whose orientation is known, shape (t,).
         targets: Their names, shape (t,).
         cov: Covariance of all parameters, shape (k, k).
-        joints: Error of each joint at a pose that no model holds [m] or [rad], shape (n,).
-        bodies: Payloads that campaign.toml knows.
-        gravity: [m/s^2], F_b, shape (3,).
-        series: Whose frame says where F_b is: the one with most poses.
-        tip: Where a force acts, flange frame [m], shape (3,); the first target where None.
-        by_pulls: What pulls of the same robot say a force does; None where nothing was pulled.
+        joints: Standard deviation of each joint's unmodelled error at a pose [m] or [rad], shape
+            (n,).
+        bodies: Payloads defined in campaign.toml.
+        gravity: Acceleration of gravity [m/s^2], F_b, shape (3,).
+        series: Series whose frame defines F_b: the one with most poses.
+        tip: Point at which a force acts, flange frame [m], shape (3,); the first target if None.
+        by_pulls: Model of the same robot estimated from pulls; None if there were none.
     """
 
     campaign: str
@@ -64,14 +65,14 @@ class Standing(Locked):
 
     @property
     def payloads(self) -> tuple[str, ...]:
-        """Names of the payloads that campaign.toml knows."""
+        """Names of the payloads defined in campaign.toml."""
         return self.bodies.names
 
 
 def standing(
     campaign: str, found: Identified, tip: Array | None = None, by_pulls: ByPulls | None = None
 ) -> Standing:
-    """The model of an estimate; where a force acts and what it does, as in `Standing`."""
+    """Create the model of an estimate; `tip` and `by_pulls` as in `Standing`."""
     return Standing(
         campaign=campaign,
         mechanism=found.mechanism,
@@ -88,7 +89,7 @@ def standing(
 
 
 def dumps(model: Standing) -> bytes:
-    """positions.npz: all of it."""
+    """Content of positions.npz: the whole model."""
     there = model.mechanism
     said = {
         "format": 2,
