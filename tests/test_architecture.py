@@ -236,7 +236,6 @@ OUTBUILDINGS = {
     },
     "dialects": {"readers": "a dialect is a reader over the readers' one table of rows"},
     "exchange": {
-        "answer.amounts": _PAGES,
         "answer.words": _PAGES,
         "report": _PAGES,
         "prediction.model": "the identified springs are what simulators are given",

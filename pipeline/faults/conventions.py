@@ -391,7 +391,6 @@ def renamed(case: Case, names: Strings | tuple[str, ...]) -> Case:
 
 FAULT = Fault(
     "sign_or_convention",
-    "wrong sign or axis convention",
     lambda asked: conventions(asked.case),
     in_files=True,
 )

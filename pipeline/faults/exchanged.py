@@ -372,6 +372,4 @@ def told(
     )
 
 
-FAULT = Fault(
-    "exchanged", "exchanged groups or rows", lambda asked: exchanged(asked.case), in_files=True
-)
+FAULT = Fault("exchanged", lambda asked: exchanged(asked.case), in_files=True)

@@ -254,6 +254,4 @@ def _hung_alike(table: pd.DataFrame, reversed_: Bools) -> Bools:
     return np.asarray(~gross.any(axis=1))
 
 
-FAULT = Fault(
-    "label_swap", "swapped names of targets", lambda asked: labels(asked.case), in_files=True
-)
+FAULT = Fault("label_swap", lambda asked: labels(asked.case), in_files=True)

@@ -164,14 +164,12 @@ def _times(forces: pa.Table, factor: float) -> pa.Table:
 
 REVERSED = Fault(
     "sign_or_convention",
-    "wrong sign or axis convention",
     lambda asked: reversed_pull(asked.case, asked.estimate),
     in_forces=True,
 )
 
 UNIT = Fault(
     "unit_mixup",
-    "mixed-up unit",
     lambda asked: force_unit(asked.case, asked.estimate),
     in_forces=True,
 )

@@ -17,15 +17,25 @@ from pipeline.prediction.decision import Decision
 @cache
 def nouns() -> dict[str, str]:
     """Each cause as a noun, so that it fits into any sentence."""
-    from pipeline.faults import FAULTS
     from pipeline.machine.effects import catalogue, payload, table, unlisted
     from pipeline.machine.robot import SHIPPED, load
 
     kinds = {tuple(j.prismatic for j in robot.joints): robot for robot in map(load, SHIPPED)}
     known = {e.name: e.noun for robot in kinds.values() for e in catalogue(robot)}
     known |= payload.NOUNS | table.NOUNS | {unlisted.NAME: "law outside the catalogue"}
-    return known | {fault.name: fault.noun for fault in FAULTS}
+    return known | _MISTAKES
 
+
+_MISTAKES = {
+    "outlier": "outlying reading",
+    "unit_mixup": "mixed-up unit",
+    "label_swap": "swapped names of targets",
+    "exchanged": "exchanged groups or rows",
+    "dead_sensor": "column that no sensor wrote",
+    "tool_point": "wrong tool point",
+    "sign_or_convention": "wrong sign or axis convention",
+}
+"""Mistakes in the data as nouns, by their names in result.json."""
 
 SOURCES = {
     "tracker": "tracker readings",
