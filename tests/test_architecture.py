@@ -211,6 +211,7 @@ OUTBUILDINGS = {
         "answer.words": _PAGES,
         "report": _PAGES,
         "annex.figures.marks": _PAGES,
+        "annex.words": _PAGES,
         "reduction.settings": "a plan becomes a campaign.toml, and is written in its words",
         "reduction.bring": "further poses begin with the readings that a campaign has",
         "run": "further poses begin with the readings that a campaign has",
@@ -237,6 +238,7 @@ OUTBUILDINGS = {
     "dialects": {"readers": "a dialect is a reader over the readers' one table of rows"},
     "exchange": {
         "answer.words": _PAGES,
+        "annex.words": _PAGES,
         "report": _PAGES,
         "prediction.model": "the identified springs are what simulators are given",
     },
@@ -285,6 +287,7 @@ OUTBUILDINGS = {
         "prediction": "a program is a path of targets: aimed at and compensated as any other",
         "readers.logs": "a path is a table of joint values, as the log of a campaign is",
         "readers.positions": "and so are the poses of which positions are predicted",
+        "readers.said": "named as we name them",
     },
     "service": {
         "app.commands._shared": _COMMAND,
