@@ -158,8 +158,10 @@ _SPRINGS = (Reason.ADEQUATE, Reason.TOO_SMALL)
 
 def _of_reason(found: Findings) -> str:
     """Whether a model of more than springs holds."""
-    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
+    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.misdescribed:
         return "Joint springs explain the readings on a robot that is not as its file says."
+    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
+        return "Joint springs explain the readings on a robot that sags under its own weight."
     return HOLDS[found.row.reason]
 
 
@@ -249,10 +251,15 @@ def _to_do(found: Findings, stiffness: Sequence[Stiffness]) -> str:
 
 def _do(found: Findings) -> str:
     """What to do with the values."""
-    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
+    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.misdescribed:
         return (
             "Check type and file of the robot first. The stiffnesses belong to the corrected "
             "geometry, which model.toml holds; correct the robot file."
+        )
+    if found.row.reason == Reason.WEIGHED_ANEW and found.facts.moved:
+        return (
+            f"{DO[Reason.ADEQUATE]} Where absolute positions matter, the arm's own weight moves "
+            "them: a campaign of positions identifies how."
         )
     if found.facts.unloaded.corrects and found.row.reason in (Reason.ADEQUATE, Reason.TOO_SMALL):
         return (

@@ -1,4 +1,4 @@
-"""Stage 7, diagnosis: detect what the model lacks, name it, extend the model, propose poses."""
+"""Detect what the model lacks, name it, extend the model, propose poses."""
 
 from __future__ import annotations
 

@@ -85,7 +85,8 @@ def _turned_round(case: Case) -> Case:
     if _hangs(case):
         x, y, z = case.settings.gravity.direction
         up = case.settings.gravity.model_copy(update={"direction": (-x, -y, -z)})
-        return replace(case, settings=case.settings.model_copy(update={"gravity": up}))
+        settings = case.settings.model_copy(update={"gravity": up})
+        return replace(case, settings=settings, robot=case.robot.under(up.vector))
     chain = case.settings.naming.chain
     naming = case.settings.naming.model_copy(update={"chain": chain[::-1]})
     return replace(case, settings=case.settings.model_copy(update={"naming": naming}))

@@ -31,7 +31,7 @@ from pipeline.prediction.model import parse as model_of
 from pipeline.prediction.standing import ARRAYS, ByPulls, Standing
 
 LARGEST = 2**28
-"""Maximum size of a model [byte]: the covariance of two thousand knots has 2^25."""
+"""Maximum size of a model [B]: the covariance of two thousand knots has 2^25."""
 
 _ROWS = 2048
 """Number of poses predicted at a time, so that their arrays fit into the processor's cache."""

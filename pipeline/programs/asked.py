@@ -1,4 +1,4 @@
-"""Rows that are to be predicted, and what is said of them, as CSV."""
+"""Rows of joint values to be predicted, and the predictions as CSV."""
 
 from __future__ import annotations
 
@@ -31,8 +31,10 @@ def asked(
 ) -> tuple[Array, Array, Ints, Array]:
     """Joint values (m, n), force [N] (m, 3), payload (m,) and temperature [degC] (m,).
 
+    Payload 0 is none; others are numbered from 1 in the order of `payloads`.
+
     Raises:
-        InputError: A row cannot be read, or names a payload that the campaign does not know.
+        InputError: A row cannot be read, or names a payload that the campaign does not contain.
     """
     log = with_joints(name, data, robot, OURS, _FURTHER)
     for _, line, reason in log.rejected:
@@ -60,13 +62,13 @@ def asked(
 
 
 def under_pulls(model: IdentifiedModel, q: Array, force: Array) -> PredictedTargets:
-    """Where targets are under a force at the load point, by the model of a campaign of pulls.
+    """Positions of targets under a force at the load point, by a model estimated from pulls.
 
-    The uncertainty is that of the deflection: where the robot stands unloaded is taken from the
-    table that the model holds.
+    The uncertainty is that of the deflection; the unloaded position follows from the DH parameters
+    of the model and is taken as exact.
 
     Args:
-        model: Of a campaign of pulls.
+        model: Model of a campaign of pulls.
         q: Joint values [m] or [rad], shape (m, n).
         force: Force on the robot [N], F_b, shape (m, 3).
     """
@@ -81,7 +83,7 @@ def under_pulls(model: IdentifiedModel, q: Array, force: Array) -> PredictedTarg
 
 
 def as_csv(targets: Strings, six: Bools, found: PredictedTargets) -> str:
-    """`row,target,x_m,y_m,z_m,std_x_m,...` with orientation where a target has one."""
+    """CSV `row,target,x_m,y_m,z_m,std_x_m,...`, with orientation for targets that have one."""
     m, t = found.at.shape[:2]
     std = found.std.reshape(m * t, 6)
     table = {
@@ -100,9 +102,9 @@ def as_csv(targets: Strings, six: Bools, found: PredictedTargets) -> str:
 
 
 def _written(values: Array) -> Iterator[str]:
-    """Each row with a comma before every value, nanometres its last digit; NaN is left empty.
+    """Rows with a comma before every value, in m or rad with nine decimals; NaN is left empty.
 
-    pandas writes such a table five times as slowly.
+    pandas takes five times as long to write such a table.
     """
     form = ",%.9f" * values.shape[1]
     for row in values.tolist():

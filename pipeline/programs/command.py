@@ -1,4 +1,4 @@
-"""`pipeline compensate`: a campaign's model and a path or a robot program in, corrected out."""
+"""`pipeline compensate`: correct a path or a robot program by the model of a campaign."""
 
 from __future__ import annotations
 
@@ -147,7 +147,7 @@ def compensate(
 def _one(
     root: Path, campaign: str, path: Path, output: Path | None, given: Given, picture: Path | None
 ) -> list[str]:
-    """Correct one file; what to know about it."""
+    """Correct one file; return remarks on the result."""
     from pipeline.programs import dialect
     from pipeline.store.campaign import outside_raw
 
@@ -168,7 +168,7 @@ def _one(
 
 
 def _may_take(output: Path, programs: Path) -> bool:
-    """Whether a folder is new, or another one than that of the programs."""
+    """Whether a folder is new, or a different one from that of the programs."""
     return not output.exists() or (output.is_dir() and not output.samefile(programs))
 
 
@@ -176,7 +176,7 @@ def _folder(root: Path, campaign: str, path: Path, output: Path | None, given: G
     """Correct every program of a folder into another one, each with its picture.
 
     Raises:
-        InputError: Some were refused; the others are written.
+        InputError: Some programs were rejected; the others are written.
     """
     from pipeline.programs import dialect
 
@@ -197,7 +197,7 @@ def _tell(line: str) -> None:
 
 
 def _put(data: bytes, output: Path | None) -> None:
-    """A program to its file, whole or not at all, or to stdout as it is."""
+    """Write a program to its file, completely or not at all, or to stdout unchanged."""
     if output is None:
         typer.echo(data, nl=False)
     else:
@@ -209,7 +209,7 @@ _NOTHING = "contains no motion to a target with coordinates"
 
 
 def _within(root: Path, campaign: str, one: Path, output: Path, given: Given) -> bool:
-    """Correct one program into a folder; whether it is written."""
+    """Correct one program into a folder; return whether it is written."""
     try:
         shown = output / f"{one.name}.svg"
         for line in _one(root, campaign, one, output / one.name, given, shown):
@@ -218,6 +218,6 @@ def _within(root: Path, campaign: str, one: Path, output: Path, given: Given) ->
         if problem.thing != _NOTHING or not beside(one):
             _tell(str(problem))
             return False
-        _tell(f"{one.name} {_NOTHING}: copied as it is.")  # its other file has the targets
+        _tell(f"{one.name} {_NOTHING}: copied as it is.")  # its companion file has the targets
         files.write(output / one.name, files.read(one, one.name, LARGEST))
     return True

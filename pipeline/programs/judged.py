@@ -1,4 +1,4 @@
-"""A path that is held against a tolerance, in a form that `pipeline compensate` reads, too."""
+"""Path that is compared with a tolerance, in a format that `pipeline compensate` also reads."""
 
 from __future__ import annotations
 
@@ -12,15 +12,15 @@ from pipeline.programs.aim import Setting, aim
 
 
 def read(name: str, data: bytes, model: IdentifiedModel) -> Path:
-    """A path with forces as `pipeline compensate` reads it; poses are those of the load point.
+    """Read a path with forces as `pipeline compensate` does; poses are those of the load point.
 
     Args:
         name: Name of the file.
-        data: Its content.
-        model: Whose robot and load point.
+        data: Content of the file.
+        model: Model with the robot and its load point.
 
     Raises:
-        InputError: A row or column is not as it should be, or the robot cannot reach a pose.
+        InputError: A row or column is invalid, or the robot cannot reach a pose or hold its force.
     """
     letters, point = cartesian.form(name, data), model.tool.load_point
     if letters is None:

@@ -1,4 +1,4 @@
-"""Stage 4: displacements, loaded minus unloaded; the pulls of a pose share its zero."""
+"""Displacements, loaded minus unloaded; the pulls of a pose share its zero."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stage 3: force vectors from chain reflectors and spring-scale readings, Eqs. (10), (11).
+"""Force vectors from chain reflectors and spring-scale readings, Eqs. (10), (11).
 
 Rows of the loads that are weights or payloads need neither.
 """

@@ -1,4 +1,4 @@
-"""Stage 2: register the tracker in F_b from readings of base reflectors, and place all readings."""
+"""Register the tracker in F_b from readings of base reflectors, and place all readings."""
 
 from __future__ import annotations
 
