@@ -185,10 +185,6 @@ def _identified(facts: Facts) -> str:
     )
 
 
-def _is(facts: Facts) -> str:
-    return "is" if len(facts.causes) == 1 else "are"
-
-
 def _predicts_worse(facts: Facts) -> str:
     assert facts.gain is not None
     nearest = "which fits best" if len(facts.causes) == 1 else "which together fit best"
