@@ -10,8 +10,9 @@ import pyarrow as pa
 
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
+from pipeline.faults.conventions import aligned
 from pipeline.faults.fault import Fault
-from pipeline.faults.labels import aligned, chain_distances
+from pipeline.faults.labels import chain_distances
 from pipeline.faults.mistake import Mistake
 from pipeline.readers.logs import FORCE
 from pipeline.reduction.case import Case
