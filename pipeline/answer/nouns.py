@@ -55,6 +55,10 @@ _NOUNS: Mapping[str, Mapping[str, str]] = {
     "payload_mass": {"g_mass": "error of the stated mass"},
     "payload_center": {"dc_(x|y|z)": "error of the stated centre of mass along {0}"},
     "base_rotation": {"e_(x|y|z)": "rotation of the base frame about {0}"},
+    "base_moved": {
+        "v_(x|y|z)": "motion of the robot in F_b along {0}",
+        "w_(x|y|z)": "turn of the robot in F_b about {0}",
+    },
     "tracker_drift": {
         "v_(x|y|z)": "drift of the tracker along {0}",
         "a_(x|y|z)": "drift of the tracker along {0} until it is warm",
