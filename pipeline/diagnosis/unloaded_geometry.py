@@ -382,4 +382,9 @@ def corrected(cell: Cell, data: Measured, found: UnloadedFacts) -> tuple[Cell, M
         for facet in effect.facets:
             if isinstance(facet, Observation):
                 delta = facet.observe(loaded, delta, pulls.time, -turn)
+    for change, at in zeros.changed:
+        if not change.joint:
+            turns = np.outer(change.share(pulls), x[at][3:])
+            pulls = replace(pulls, force=pulls.force - np.cross(turns, pulls.pulled * pulls.force))
+            delta = delta - np.cross(turns[data.pull][:, None], delta)
     return replace(cell, robot=robot), replace(data, pulls=pulls, delta=delta[:, 0])
