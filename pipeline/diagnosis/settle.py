@@ -18,7 +18,14 @@ from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import drift
 from pipeline.diagnosis.facts import Diagnosed
 from pipeline.faults.base_reading import astray
-from pipeline.faults.screen import Screened, ScreeningBase, files_of, singles_of
+from pipeline.faults.screen import (
+    Screened,
+    ScreeningBase,
+    files_of,
+    put_right,
+    singles_of,
+    tells,
+)
 from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.room import room_of
 from pipeline.reduction.bring import Reduced, Step, bring
@@ -68,19 +75,38 @@ def settle(case: Case, reduced: Reduced, given: Fitted, step: Step) -> Settled:
         step: How a stage is carried out.
     """
     files = step(files_of)(case, reduced)
-    held = step(singles_of)(files, None if files.findings else reduced)
+    end = _end(files, step(singles_of)(files, None if files.findings else reduced), given, step)
+    return _bounded(_without_rivalled(files, end, given, step) or end)
+
+
+def _end(files: Screened, held: Screened, given: Fitted, step: Step) -> Settled:
+    """Where no move changes anything, from some mistakes on."""
     ends: list[Settled] = []
     for _ in range(_ROUNDS):
         ends.append(_stand(held, given, step))
         moved = step(_screened)(files, ends[-1])
         if moved.key == held.key:
-            return _bounded(ends[-1])
+            return replace(ends[-1], screened=moved)
         held = moved
         again = [k for k, one in enumerate(ends) if one.screened.key == held.key]
         if again:
             break
     ends = ends[again[0] :] if again else ends[-2:]  # those that follow each other for ever
-    return _bounded(min(ends, key=lambda one: len(one.screened.findings)))
+    return min(ends, key=lambda one: len(one.screened.findings))
+
+
+def _without_rivalled(files: Screened, end: Settled, given: Fitted, step: Step) -> Settled | None:
+    """The end without what stands out beside a model that it may have spoilt.
+
+    None where beside the model that is found then it is not named by itself.
+    """
+    doubted = [one for one in end.screened.doubted if one.rivalled]
+    case = put_right(end.screened.case, doubted)
+    if not doubted or not tells(case):
+        return None
+    other = _stand(Screened((*end.screened.findings, *doubted), case), given, step)
+    moved = step(_screened)(files, other)
+    return replace(other, screened=moved) if moved.key == other.screened.key else None
 
 
 def _bounded(end: Settled) -> Settled:
@@ -95,7 +121,8 @@ def _bounded(end: Settled) -> Settled:
     told = said.scatter.force > 1 and said.scatter.known_from == "contrasts"
     force = said.scatter.force * said.scatter.tracker if told else 1.0
     kept = bounds(right, best.system, best.estimate, left, force)
-    doubted = [at for one in end.screened.doubted if one.before > AWAY for at in one.at]
+    away = [one for one in end.screened.doubted if one.before > AWAY and not one.rivalled]
+    doubted = [at for one in away for at in one.at]
     kept = replace(kept, doubted=tuple(doubted))
     return replace(end, diagnosis=replace(said, facts=replace(said.facts, bounds=kept)))
 

@@ -284,12 +284,12 @@ def _moves(found: Cells, one: Suspect) -> Array:
 
 def _visible(found: Cells, asked: Sequence[_Suspect]) -> dict[str, float]:
     """Multiples of the typical size from which a cause is found in 80 % of the cases."""
-    out, best = {}, found.best
+    out, best, free = {}, found.best, {one.label for one in found.free}
     far = float(special.ndtri(1 - alarms.GEOMETRY / len(asked) / 2)) + _POWER
     for one in asked:
         at = list(one.columns)
         C = found.cov[best][np.ix_(at, at)]
-        if one not in found.free:
+        if one.label not in free:
             less = np.diag(1 / (found.std[best, at] ** -2 - one.wide**-2))
             C = C + C @ linear.solve(less - C, C)
         typical = np.array([parameter.typical for parameter in one.effect.parameters])

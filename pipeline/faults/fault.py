@@ -82,6 +82,8 @@ class Screening:
         reading by reading would soon be none. Where it rather is as stated, it is taken to be: a
         doubt about the tails is none about a reading that is far off.
         """
+        if one.rivalled:
+            return False
         return not one.may_be_noise or self.family.rather.mistaken(one.before**2, one.axes) > SURE
 
     @cached_property

@@ -33,6 +33,8 @@ class Mistake:
         together: Several readings are moved alike, which no tail of single ones does.
         since: Where a unit changes in mid-file, `file:line`; nothing where it does not.
         hopeless: Nothing puts it right, and no value holds.
+        rivalled: Others stand out nearly as far beside this model, which it may have spoilt: only
+            one that was found without it can tell.
     """
 
     name: str
@@ -51,6 +53,7 @@ class Mistake:
     together: bool = False
     since: str | None = None
     hopeless: bool = False
+    rivalled: bool = False
 
     @property
     def lost(self) -> Mistake:

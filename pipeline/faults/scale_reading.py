@@ -137,6 +137,8 @@ def scale_outliers(
 ) -> list[Mistake]:
     """The readings of the scale that contradict all other pulls, if they are few.
 
+    Where no few of them stand out by themselves the farthest one, `rivalled`.
+
     Args:
         case: The campaign.
         cell: The model beside which readings are judged.
@@ -153,15 +155,18 @@ def scale_outliers(
     if _chance(freed, system)[best] > alarms.SCALE:
         return []
     scale = case.settings.scale or Scale()
-    which = [best]
+    which, first = [best], list[Mistake]()
     for _ in range(min(count // PART, TOGETHER)):
         righted = _righted(cell, data, system, estimate.value, np.array(which), scale)
         if righted is None or not _matters(righted, scale):
-            return []
+            break
+        sure = (righted.alone or len(which) == 1) and _sure(data, righted)
+        found = _findings(case, data, righted) if sure else []
         if righted.alone:
-            return _findings(case, data, righted) if _sure(data, righted) else []
+            return found
+        first = first or [replace(one, rivalled=True) for one in found]
         which.append(righted.next)
-    return []
+    return first
 
 
 def _sure(data: Measured, righted: _Righted) -> bool:

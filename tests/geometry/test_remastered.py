@@ -13,6 +13,7 @@ from pipeline.diagnosis.causes import of_base, of_motion
 from pipeline.diagnosis.facts import Drift
 from pipeline.diagnosis.unloaded_geometry import corrected, standing
 from pipeline.machine.effects import catalogue, tracker_drift
+from pipeline.machine.robot.letters import changed, letters
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -120,6 +121,21 @@ def test_a_changed_zero_is_found_beside_one_that_was_wrong_from_the_beginning():
     _, found = stood(case)
     said = {(one.effect.where, one.effect.form) for one in found.causes}
     assert said == {(3, ""), (5, "since pose 6")}
+
+
+@pytest.mark.whole
+def test_what_is_visible_holds_for_a_cause_that_was_found_beside_a_change():
+    """An entry of the table is known as well beside it as its standard uncertainty says."""
+    case = bumped(clean(3), 6, 2e-3, 5e-4)
+    entry = next(one for one in letters(case.robot) if one.label == "link_length:4")
+    longer = changed(case.robot, (entry,), np.array([8e-3]))
+    _, found = stood(replace(case, robot=longer))
+    (one,) = [one for one in found.causes if one.effect.name != "base_moved"]
+    visible = found.visible[one.effect.label] * one.effect.parameters[0].typical
+
+    assert len(found.causes) == 2
+    assert one.effect.name.startswith("link")
+    assert one.std[0] < visible < abs(one.value[0])
 
 
 @pytest.mark.whole
