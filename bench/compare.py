@@ -233,6 +233,7 @@ FROZEN = Tolerance(
     1e-6,
     {
         r"_mm(\[\])?$": 1e-9,  # a millionth of a micrometre, where a deflection crosses zero
+        r"^geometry.*\.value$": 1e-15,  # [m] or [rad], of an entry that is zero
         r"\.probability$": 1e-12,
         r"\.share$": 1e-9,
         r" \[%\]$": 1e-7,

@@ -80,6 +80,8 @@ _CALLS = {
     "re",
     "getattr",
     "Parameter",
+    "_shift",
+    "_turn",
     "rename",
     "sort_values",
     "groupby",

@@ -1,4 +1,4 @@
-"""Pictures of a plan: every pose from the side and from above, the criterion along a quantity."""
+"""Figures of a plan: every pose from the side and from above, the criterion along a quantity."""
 
 from __future__ import annotations
 
@@ -22,9 +22,9 @@ from pipeline.report import words
 from pipeline.report.figures.marks import MARKERS, Tips, dots, legend_above, legend_below, title
 
 _AROUND_M = 1.0
-"""Room around robot and anchor in the pictures."""
+"""Space around robot and anchor in the pictures [m]."""
 _EDGE = 30.0
-"""Typical sizes at the right edge, where a cause stands that is seen at no size."""
+"""Right edge in typical sizes [1], where a cause is drawn that is detected at no size."""
 
 
 def pose_picture(
@@ -98,7 +98,7 @@ def size_curves(curves: BySize, scale: float, label: str, name: str = "size") ->
 
 
 def anchor_curve(curve: ByAnchor, scale: float, label: str, name: str = "anchor") -> Drawing:
-    """The criterion against the place of the anchor, poses chosen anew and poses kept: Fig. 6."""
+    """The criterion against the anchor's position, poses chosen anew and poses kept: Fig. 6."""
 
     def draw(canvas: Canvas) -> Tips:
         axes = canvas.subplots()
@@ -118,7 +118,7 @@ def anchor_curve(curve: ByAnchor, scale: float, label: str, name: str = "anchor"
 
 
 def sight_chart(sights: list[Sight], axes_of: words.Axes, name: str = "sights") -> Drawing:
-    """From which size on each cause is noticed and named, in multiples of its typical size."""
+    """Size from which each cause is detected and named, in multiples of its typical size."""
     shown = sorted(sights, key=lambda sight: -min(sight.named_from, 1e6))
     names = [words.from_twins(sight.name, axes_of) for sight in shown]
 

@@ -1,4 +1,4 @@
-"""From a proposal to the bytes of its measurement sheet, as page, PDF and pictures."""
+"""Measurement sheet of a proposal as page, PDF, workbook and pictures."""
 
 from __future__ import annotations
 
@@ -21,9 +21,10 @@ from pipeline.report.svg import Drawing
 _SIZES = (3, 4, 6, 12)
 """Numbers of poses and of readings of Table II."""
 _PLACES = 9
-"""Places of the anchor along an axis that the sheet shows."""
+"""Number of anchor positions along an axis that the sheet shows."""
 _FREE = 0.9
-"""Of the largest uncertainty allowed: a plan that stays below it is the best one without, too."""
+"""Fraction of the largest allowed uncertainty [1]: a plan below it is the best one without that
+limit, too."""
 
 
 def plan_files(
@@ -33,7 +34,7 @@ def plan_files(
 
     Args:
         proposal: The plan.
-        seconds: How long its search took.
+        seconds: Duration of its search.
         seed: Of the searches for the curves.
         language: Of the sheet.
 
@@ -59,7 +60,7 @@ def plan_files(
 
 
 def _sizes(proposal: Proposal, seed: int) -> BySize | None:
-    """Only where one search is quick and readings are independent, as in the paper."""
+    """Curves by size, if one search is quick and readings are independent, as in the paper."""
     problem, plan = proposal.problem, proposal.plan
     if problem.experiment.scatter.zero or proposal.mixed is not None:
         return None
@@ -69,7 +70,7 @@ def _sizes(proposal: Proposal, seed: int) -> BySize | None:
 
 
 def _anchors(proposal: Proposal, seed: int) -> ByAnchor | None:
-    """Along the first free coordinate of the anchor."""
+    """Curve along the first free coordinate of the anchor."""
     problem = proposal.problem
     if not problem.free.any() or proposal.mixed is not None:
         return None

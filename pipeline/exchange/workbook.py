@@ -17,7 +17,6 @@ import pandas as pd
 import pyarrow as pa
 
 from pipeline.answer.contract import Answer, Cause, TargetDeflection
-from pipeline.answer.nouns import noun
 from pipeline.answer.words import ABOUT
 from pipeline.base.shown import printable
 from pipeline.report import words
@@ -197,7 +196,7 @@ _CAUSES = (
     _SheetColumn("where", _of("where")),
     _number("probability [1]", _of("probability")),
     _number("p-value [1]", _of("p_value")),
-    _SheetColumn("quantity", lambda row: row.beside and noun(row.of, row.beside.name)),
+    _SheetColumn("quantity", lambda row: row.beside and row.beside.meaning),
     _SheetColumn("parameter", lambda row: row.beside and row.beside.name),
     _number("value", lambda row: row.beside and row.beside.value),
     _number("standard uncertainty", lambda row: row.beside and row.beside.std),

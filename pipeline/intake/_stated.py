@@ -1,4 +1,4 @@
-"""What the lines above a table say of all of it: kind of coordinates, units, sense of azimuths."""
+"""Statements of the lines above a table: kind of coordinates, units, sense of azimuths."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from pipeline.readers._named import ANGLE_WORDS, UNIT_LINE, UNIT_WORDS, WORD, sa
 
 @dataclass(frozen=True)
 class Stated:
-    """What the lines above a table and the one below its titles say of all of it.
+    """Statements of the lines above a table, which hold for the whole table.
 
     Attributes:
         kinds: Kinds of coordinates.
         units: Units of length.
         angles: Units of angles.
-        senses: Ways in which azimuths grow.
+        senses: Senses in which azimuths increase.
     """
 
     kinds: frozenset[str]
@@ -29,9 +29,10 @@ class Stated:
 
     @classmethod
     def of(cls, found: Sheet) -> Stated:
-        """Words of lines that speak of units or of the kind of coordinates; others may mean else.
+        """Collect words from lines about units or the kind of coordinates, and from no others.
 
-        A reflector's diameter in millimetres says nothing of the coordinates.
+        A reflector's diameter in millimetres says nothing about the coordinates. Only the sense of
+        azimuths is taken from any line.
         """
         kinds, units, angles, senses = set(), set(), set(), set()
         for line in found.preamble:
@@ -47,7 +48,7 @@ class Stated:
         return cls(*map(frozenset, (kinds, units, angles, senses)))
 
     def only(self, what: str) -> str | None:
-        """The one word that is said of something, None where there is none.
+        """The only statement on something, None if there is none.
 
         Raises:
             InputError: There are several.
@@ -62,9 +63,9 @@ class Stated:
 
 
 def _senses(words: Sequence[str]) -> set[str]:
-    """Which way azimuths grow by the words of a line.
+    """Sense in which azimuths increase, by the words of a line.
 
-    What is called spherical or cylindrical counts from x towards y, what is called polar may not.
+    Coordinates called spherical or cylindrical count from x towards y, those called polar may not.
     """
     if "clockwise" in words or "cw" in words:
         return {"counter-clockwise" if {"counter", "anti"} & {*words} else "clockwise"}

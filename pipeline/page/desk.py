@@ -24,6 +24,7 @@ _MOST_FILES = 500
 """Of an archive."""
 
 _PART = 2**20
+"""Bytes that are read at once."""
 
 _NAME = re.compile(r"(?![.-])[^/\\\x00-\x1f\x7f<>:\"|?*]{1,120}(?<![. ])")
 """Names that every system can have, none that is hidden or reads like an option."""

@@ -1,4 +1,4 @@
-"""Where a robot stands, by the model of a campaign of positions."""
+"""Predicted positions of a robot, by the model of a campaign of positions."""
 
 from __future__ import annotations
 
@@ -32,28 +32,29 @@ from pipeline.prediction.model import parse as model_of
 from pipeline.prediction.under_force import ByPulls, under_force
 
 LARGEST = 2**28
-"""Bytes of a model: the covariance of two thousand knots has 2^25."""
+"""Maximum size of a model [byte]: the covariance of two thousand knots has 2^25."""
 
 _ROWS = 2048
-"""Predicted together: their arrays stay in the processor's cache."""
+"""Number of poses predicted at a time, so that their arrays fit into the processor's cache."""
 
 
 @dataclass(frozen=True, eq=False)
 class Standing(Locked):
-    """A model of positions.
+    """A model estimated from positions.
 
     Attributes:
-        campaign: It comes from.
+        campaign: Campaign from which it was identified.
         mechanism: Table, tool, springs, laws.
         six: Targets whose orientation is known, shape (t,).
         targets: Their names, shape (t,).
         cov: Covariance of all parameters, shape (k, k).
-        joints: Error of each joint at a pose that no model holds [m] or [rad], shape (n,).
-        bodies: Payloads that campaign.toml knows.
-        gravity: [m/s^2], F_b, shape (3,).
-        series: Whose frame says where F_b is: the one with most poses.
-        tip: Where a force acts, flange frame [m], shape (3,); the first target where None.
-        by_pulls: What pulls of the same robot say a force does; None where nothing was pulled.
+        joints: Standard deviation of each joint's unmodelled error at a pose [m] or [rad], shape
+            (n,).
+        bodies: Payloads defined in campaign.toml.
+        gravity: Acceleration of gravity [m/s^2], F_b, shape (3,).
+        series: Series whose frame defines F_b: the one with most poses.
+        tip: Point at which a force acts, flange frame [m], shape (3,); the first target if None.
+        by_pulls: Model of the same robot estimated from pulls; None if there were none.
     """
 
     campaign: str
@@ -70,15 +71,15 @@ class Standing(Locked):
 
     @property
     def payloads(self) -> tuple[str, ...]:
-        """Names of the payloads that campaign.toml knows."""
+        """Names of the payloads defined in campaign.toml."""
         return self.bodies.names
 
     def weights(self, payload: Ints) -> ArmWeights:
-        """What pulls, with the payload of each pose: 0 for none, k + 1 for `payloads[k]`."""
+        """Weights with the payload of each pose: 0 for none, k + 1 for `payloads[k]`."""
         return ArmWeights(self.gravity, self.bodies, payload)
 
     def nominal(self) -> Standing:
-        """The table as delivered, with its nominal stiffnesses; tool as found."""
+        """The table as delivered, with its nominal stiffnesses; tool as estimated."""
         there, where = self.mechanism, layout(self.mechanism)
         bare = replace(
             there,
@@ -97,7 +98,7 @@ class Standing(Locked):
         return replace(self, mechanism=bare, cov=self.cov[kept, kept], by_pulls=None)
 
     def springs(self) -> Standing:
-        """The table as delivered with the springs found, without letters and laws."""
+        """The table as delivered with the estimated springs, without letters and laws."""
         bare = self.nominal()
         return replace(
             bare,
@@ -111,12 +112,13 @@ class Standing(Locked):
 
 @dataclass(frozen=True, eq=False)
 class PredictedTargets(Locked):
-    """Where targets are.
+    """Predicted poses of the targets.
 
     Attributes:
-        at: [m], F_b, shape (m, t, 3).
+        at: Positions [m], F_b, shape (m, t, 3).
         turn: Orientation, shape (m, t, 3, 3).
-        cov: Of position [m^2] and of rotation about the axes of F_b [rad^2], (m, t, 6, 6).
+        cov: Covariance of position [m^2] and of rotation about the axes of F_b [rad^2], (m, t, 6,
+            6).
     """
 
     at: Array
@@ -132,19 +134,19 @@ class PredictedTargets(Locked):
 def predict(
     model: Standing, q: Array, force: Array, payload: Ints, temperature: Array
 ) -> PredictedTargets:
-    """Where the targets are at joint values, with the uncertainty of the true position.
+    """Predict the targets at joint values, with the uncertainty of the true position.
 
-    F_b is where the instrument saw it: a shift of the whole robot against its base, of which no
-    reading tells, is no error. Parameters, laws and the error of each joint that no model holds are
-    in it; the noise of a reading is not. Beyond where a curve was taught it has the size of the
-    curve.
+    F_b is the frame realised by the instrument: a displacement of the whole robot relative to its
+    base, which no reading resolves, is not an error. The uncertainty includes parameters, laws and
+    the unmodelled error of each joint, but not the noise of a reading. Outside the range of its
+    data a curve has an uncertainty of its own size.
 
     Args:
-        model: Of a campaign.
+        model: Model of a campaign.
         q: Joint values [m] or [rad], shape (m, n).
         force: Force at the tip [N], F_b, shape (m, 3).
         payload: 0 for none, k + 1 for `payloads[k]`, shape (m,).
-        temperature: Of the air [degC], NaN unknown, shape (m,).
+        temperature: Temperature of the air [degC], NaN unknown, shape (m,).
     """
     parts = []
     for start in range(0, len(q), _ROWS):
@@ -184,7 +186,7 @@ def _predict(
 
 
 class _Moved(NamedTuple):
-    """How far pulls have targets from where positions do [m], (m, t, 3); covariance of both."""
+    """Displacement by pulls minus that by positions [m], (m, t, 3); covariance of both."""
 
     mean: Array
     cov: Array
@@ -193,7 +195,7 @@ class _Moved(NamedTuple):
 def _under_force(
     model: Standing, q: Array, force: Array, D: Array, K: Array, knots: Ints
 ) -> _Moved:
-    """The mixture of what the hypotheses of pulls say."""
+    """Mean and covariance of the mixture of the pulls' hypotheses."""
     there, m = model.mechanism, len(q)
     tip = there.tool[0, :3, 3] if model.tip is None else model.tip
     assert model.by_pulls is not None
@@ -213,7 +215,7 @@ def _under_force(
 
 
 def _of_points(moved: Array) -> Array:
-    """Rows (m, t, 3, k) of points as rows of points and turns, which are zero, (m, 6 t, k)."""
+    """Pad rows (m, t, 3, k) of points with zeros for rotations, (m, 6 t, k)."""
     wide = np.pad(moved, ((0, 0), (0, 0), (0, 3), (0, 0)))
     return np.asarray(wide.reshape(len(moved), 6 * moved.shape[1], moved.shape[-1]))
 
@@ -231,7 +233,7 @@ def _spread(cov: Array, D: Array, K: Array, knots: Ints) -> Array:
 
 
 def _unknown(law: JointLaw, mechanism: Mechanism, inputs: Inputs) -> Array:
-    """Variance of a law where its variable is not known, or beyond where it was taught, (m,)."""
+    """Variance of a law if its variable is unknown, or outside the range of the data, (m,)."""
     v = (law.of(inputs) - law.middle) / law.scale
     if law.periodic or law.kind == "step":
         return np.zeros(len(v))
@@ -244,7 +246,7 @@ def _unknown(law: JointLaw, mechanism: Mechanism, inputs: Inputs) -> Array:
 def standing(
     campaign: str, found: Identified, tip: Array | None = None, by_pulls: ByPulls | None = None
 ) -> Standing:
-    """The model of an estimate; where a force acts and what it does, as in `Standing`."""
+    """Create the model of an estimate; `tip` and `by_pulls` as in `Standing`."""
     return Standing(
         campaign=campaign,
         mechanism=found.mechanism,
@@ -261,7 +263,7 @@ def standing(
 
 
 def dumps(model: Standing) -> bytes:
-    """positions.npz: all of it."""
+    """Content of positions.npz: the whole model."""
     there = model.mechanism
     said = {
         "format": 2,
@@ -300,10 +302,10 @@ _ARRAYS = ("values", "tool", "frames", "compliance", "payload", "moments", "yiel
 
 
 def loads(data: bytes, name: str) -> Standing:
-    """The model in the content of a positions.npz, called by a name.
+    """Load the model from the content of a positions.npz of the given name.
 
     Raises:
-        InputError: It is no model.
+        InputError: It is not a model.
     """
     try:
         with np.load(io.BytesIO(data), allow_pickle=False) as kept:

@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from pipeline.answer.amounts import amount
 from pipeline.answer.contract import About, Answer, Cause, Data, Placed, Reason, Stiffness, Which
-from pipeline.answer.nouns import amount
 from pipeline.answer.words import DO, capital
 from pipeline.base.files import sha256
 from pipeline.base.language import Say, said

@@ -1,4 +1,4 @@
-"""`pipeline simulate`: plan in, raw folder out, truth elsewhere."""
+"""`pipeline simulate`: from a plan to a raw folder, with the truth elsewhere."""
 
 from __future__ import annotations
 
@@ -90,19 +90,19 @@ def write(
     truth: Path | None = None,
     force: bool = False,
 ) -> tuple[Path, Path]:
-    """Simulate a campaign and put it under data/raw; its folder, and where the truth is sealed.
+    """Simulate a campaign and put it under data/raw; return its folder, and the file of the truth.
 
     Args:
         root: The project's root.
         plan: A plan file, or None for the default plan.
-        changes: What the command line says otherwise, as in the plan; None is no change.
+        changes: Changes of the plan from the command line, in its structure; None is no change.
         noise: `paper`, `instrument`, or a standard uncertainty per axis in m.
         exact: Readings without noise, all digits written.
-        truth: Where the truth goes, data/processed/<name>.truth.json when not given.
+        truth: File of the truth, data/processed/<name>.truth.json when not given.
         force: Replace a campaign of the same name.
 
     Raises:
-        UsageError: The campaign is there already, or the truth would lie in a raw folder.
+        UsageError: The campaign exists already, or the truth would lie in a raw folder.
         InputError: The plan cannot be carried out.
     """
     from pipeline.simulate.library import carried_out, plan_for

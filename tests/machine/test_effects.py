@@ -425,13 +425,16 @@ def test_structural_twins_hold_to_rounding(bench):
 
 @pytest.mark.parametrize("effect", EFFECTS, ids=IDS)
 def test_every_effect_tells_what_it_is(effect):
-    """Each effect has a signature, a way to settle it, a source, and bounds around zero."""
+    """Each has a signature, what settles it, a source, bounds around zero, parameters in words."""
     assert effect.signature
     assert effect.needs
     assert effect.source
     for parameter in effect.parameters:
         assert parameter.lower <= 0 < parameter.upper
         assert parameter.typical < parameter.upper
+        said = parameter.meaning.format(joint="A2")
+        assert said
+        assert parameter.name not in said
     assert isinstance(effect, Noise) or effect.facets
     assert not isinstance(effect, Compound) or len(effect.facets) > 1
 

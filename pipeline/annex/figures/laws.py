@@ -11,7 +11,6 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure as Canvas
 
 from pipeline.answer.contract import Answer
-from pipeline.answer.nouns import noun
 from pipeline.answer.words import capital
 from pipeline.base.quantities import common_prefix, percent, plain, prefixed
 from pipeline.report import words
@@ -121,7 +120,8 @@ def _quantity(answer: Answer, first: pd.Series[Any]) -> str:
     name = str(first["is"])
     causes = {words.label(one).replace(" ", ":"): one for one in answer.diagnosis.causes}
     cause = causes.get(first["cause"])
-    return _NAMES.get(name) or (noun(cause, name) if cause else name)
+    called = {one.name: one.meaning for one in cause.parameters} if cause else {}
+    return _NAMES.get(name) or called.get(name, name)
 
 
 def _called(answer: Answer, label: str, part: int) -> str:

@@ -28,8 +28,14 @@ def since(before: tuple[int, ...], pose: int) -> Observation:
         shows_unloaded=True,
         form=f"since pose {pose}",
         parameters=(
-            *(Parameter(f"v_{axis}", "m", 1e-3, -0.1, 0.1) for axis in "xyz"),
-            *(Parameter(f"w_{axis}", "rad", 1e-3, -0.1, 0.1) for axis in "xyz"),
+            *(
+                Parameter(f"v_{axis}", "m", 1e-3, -0.1, 0.1, f"motion of the robot along {axis}")
+                for axis in "xyz"
+            ),
+            *(
+                Parameter(f"w_{axis}", "rad", 1e-3, -0.1, 0.1, f"turn of the robot about {axis}")
+                for axis in "xyz"
+            ),
         ),
         signature=f"since pose {pose} all unloaded reflectors stand off as one rigid motion would "
         "move them, before that they do not; the displacements hardly show it",

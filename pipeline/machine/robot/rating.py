@@ -1,4 +1,4 @@
-"""How hard a robot may be pulled: by what it carries, and by how far it would bend."""
+"""Permissible pulls of a robot, from its payload and from its deflection."""
 
 from __future__ import annotations
 
@@ -14,47 +14,47 @@ from pipeline.machine.robot.configuration import configure, torque
 from pipeline.machine.robot.mdh import Robot
 
 REFERENCE_PULL_N = 3000.0
-"""The hardest pull of the reference set-up [N], at a KR500 that carries `_REFERENCE_KG`."""
+"""Largest pull of the reference set-up [N], at a KR500 with a payload of `_REFERENCE_KG`."""
 
 _REFERENCE_KG = 480.0
 """Payload of a KUKA KR500 L480 [kg], by its name: the reference pull is 0.64 of its weight."""
 
 _MOST_M = 0.01
-"""How far the hardest pull should move the load point [m]. The equations are linear: of a
-deflection d of an arm that reaches L they leave out about d^2/L, which for 10 mm at 3 m is the
-scatter of one reading of a tracker, 0.03 mm."""
+"""Maximum displacement of the load point under the largest pull [m]. The linear equations neglect
+about d^2/L of a deflection d of an arm of reach L, which for 10 mm at 3 m is the scatter of one
+reading of a tracker, 0.03 mm."""
 
 ABSURD = 3.0
-"""A pull of more times the weight of the payload than this is a slip. Drives of robots are servo
-motors, which give about three times their rated torque for seconds (300 to 350 % in data sheets of
-the Yaskawa Sigma-7), and a robot is rated to move its payload all day: it does not hold more."""
+"""Multiple of the payload's weight above which a pull must be a mistake [1]. Servo motors give
+about three times their rated torque for seconds (300 to 350 % in data sheets of the Yaskawa
+Sigma-7), and a robot is rated to move its payload continuously: it cannot hold more."""
 
 
 def weight_n(robot: Robot) -> float | None:
-    """Weight of what the robot carries [N], None when its file does not say."""
+    """Weight of the rated payload [N], None if the robot's file does not state it."""
     return None if robot.payload_kg is None else robot.payload_kg * STANDARD_GRAVITY
 
 
 def payloads(robot: Robot, force_n: float) -> float | None:
-    """A force [N] as a multiple of the weight that the robot carries, None when nobody says."""
+    """Force [N] as a multiple of the weight of the rated payload, None if that is not stated."""
     weight = weight_n(robot)
     return None if weight is None else force_n / weight
 
 
 def relative(robot: Robot) -> float:
-    """Payload over that of the reference robot; 1 where its file does not say."""
+    """Payload relative to that of the reference robot [1]; 1 if not stated."""
     return 1.0 if robot.payload_kg is None else robot.payload_kg / _REFERENCE_KG
 
 
 def share(robot: Robot, load_point: Array) -> float:
-    """How hard to pull a robot, relative to the reference set-up.
+    """Appropriate pull of a robot relative to the reference set-up [1].
 
-    As much less as it carries less, and no harder than what moves the load point by `_MOST_M`; as
-    hard as there where its file says neither payload nor stiffness.
+    In proportion to its payload, and limited to what moves the load point by `_MOST_M`; 1 if its
+    file states neither payload nor stiffness.
 
     Args:
         robot: The robot.
-        load_point: Where it is pulled, flange frame [m], shape (3,).
+        load_point: Point of application, flange frame [m], shape (3,).
     """
     found = relative(robot)
     if all(joint.stiffness or joint.stiffness_range for joint in robot.joints):
@@ -63,9 +63,10 @@ def share(robot: Robot, load_point: Array) -> float:
 
 
 def _softness(robot: Robot, load_point: Array) -> float:
-    """Deflection of the load point along a pull [m/N], in the direction that bends most, rms.
+    """Compliance of the load point in its most compliant direction [m/N], rms over poses.
 
-    Over poses within the limits; joints without them turn once, and slide a metre.
+    Poses are random within the limits; joints without limits make one turn, or slide a metre either
+    way.
     """
     free = np.where(robot.prismatic, 1.0, np.pi)
     rng = np.random.default_rng(0)
@@ -78,33 +79,33 @@ def _softness(robot: Robot, load_point: Array) -> float:
 
 
 def round_pull(value: float) -> float:
-    """A pull as people set it: two digits."""
+    """Round a pull to two significant digits, as people set it."""
     return float(f"{value:.2g}")
 
 
 TWIST_RAD = 1e-2
-"""No spring of a joint gives way by more: gears twist by 1 to 10 mrad under the largest torque of
-their drives."""
+"""Maximum plausible deflection of a joint spring [rad]: gears twist by 1 to 10 mrad under the
+largest torque of their drives."""
 
 
 def refuse_unheld(
     robot: Robot, q: Array, force: Array, point: Array, file: str, line: Sequence[int]
 ) -> None:
-    """Refuse forces of a path that no such robot holds, as where newtons are taken for kilonewtons.
+    """Refuse forces that no such robot can hold, as when newtons are taken for kilonewtons.
 
-    They are more than `ABSURD` times the weight that it carries; where its file does not say what
-    it carries, they turn a joint of nominal stiffness by more than `TWIST_RAD`.
+    They exceed `ABSURD` times the weight of the payload; if that is not stated, they turn a joint
+    of nominal stiffness by more than `TWIST_RAD`.
 
     Args:
         robot: The robot.
         q: Joint values [m] or [rad], shape (m, n).
         force: Force on the robot [N], F_b, shape (m, 3).
-        point: Where it acts, flange frame [m], shape (3,).
-        file: Where the forces stand, for the message.
-        line: Of each of them, empty where they stand in no line.
+        point: Point of application, flange frame [m], shape (3,).
+        file: File of the forces, for the message.
+        line: Line of each force, empty if there are none.
 
     Raises:
-        InputError: One is too large; names the first.
+        InputError: A force is too large; names the first.
     """
     size, most = np.linalg.norm(force, axis=1), weight_n(robot)
     if most is not None:
@@ -130,16 +131,16 @@ def refuse_unheld(
 
 
 def refuse_absurd(robot: Robot, force_n: float, way_out: str, file: str | None = None) -> None:
-    """Refuse a pull that no such robot holds.
+    """Refuse a pull that no such robot can hold.
 
     Args:
         robot: The robot.
-        force_n: The hardest pull [N].
-        way_out: Where to pull less, or leave the pulls to us.
-        file: Where it stands, for the message.
+        force_n: Largest pull [N].
+        way_out: Where to reduce the pull, or leave the choice to the program.
+        file: File of the pull, for the message.
 
     Raises:
-        InputError: The pull is more than `ABSURD` times the weight that the robot carries.
+        InputError: The pull exceeds `ABSURD` times the weight of the payload.
     """
     times, weight = payloads(robot, force_n), weight_n(robot)
     if times is None or weight is None or times <= ABSURD:

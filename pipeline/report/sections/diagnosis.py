@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
+from pipeline.answer.amounts import sizes
 from pipeline.answer.contract import (
     Alone,
     Answer,
@@ -15,7 +16,6 @@ from pipeline.answer.contract import (
     Rival,
     Unnamed,
 )
-from pipeline.answer.nouns import sizes
 from pipeline.answer.words import capital, listed
 from pipeline.base.quantities import p_value, percent, plain, probability
 from pipeline.diagnosis.finding import Verdict
