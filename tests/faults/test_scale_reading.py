@@ -176,7 +176,23 @@ def test_what_all_pulls_share_is_no_mistyped_reading(case):
     loads = case.loads
     for change in (lambda f: f * (f / f.mean()) ** 0.3, lambda f: f + 300 * np.sin(np.arange(12))):
         other = replace(case, loads=loads.assign(force_n=change(loads["force_n"])))
-        assert scale_reading.FAULT.find(asked(other)) == []
+        told = asked(other)
+        assert not any(told.sure(one) for one in scale_reading.FAULT.find(told))
+
+
+def test_a_reading_beside_others_that_stand_out_as_far_is_rivalled(case):
+    """No mistake by itself; and one by itself where the others are as a model has them."""
+    force = case.loads["force_n"] + 300 * np.sin(np.arange(12))
+    wild = asked(replace(case, loads=case.loads.assign(force_n=force)))
+    typed_once = asked(typed(case, 5, 2, lambda f: 2 * f))
+
+    (doubted,) = scale_reading.FAULT.find(wild)
+    (named,) = scale_reading.FAULT.find(typed_once)
+
+    assert doubted.rivalled
+    assert not wild.sure(doubted)
+    assert not named.rivalled
+    assert typed_once.sure(named)
 
 
 def test_a_weaker_second_one_is_named_after_the_first(case):
