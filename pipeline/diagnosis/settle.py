@@ -18,14 +18,7 @@ from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import drift
 from pipeline.diagnosis.facts import Diagnosed
 from pipeline.faults.base_reading import astray
-from pipeline.faults.screen import (
-    Screened,
-    ScreeningBase,
-    files_of,
-    put_right,
-    singles_of,
-    tells,
-)
+from pipeline.faults.screen import Screened, ScreeningBase, files_of, singles_of
 from pipeline.machine.effects.tracker_drift import by_order
 from pipeline.machine.room import room_of
 from pipeline.reduction.bring import Reduced, Step, bring
@@ -75,38 +68,19 @@ def settle(case: Case, reduced: Reduced, given: Fitted, step: Step) -> Settled:
         step: How a stage is carried out.
     """
     files = step(files_of)(case, reduced)
-    end = _end(files, step(singles_of)(files, None if files.findings else reduced), given, step)
-    return _bounded(_without_rivalled(files, end, given, step) or end)
-
-
-def _end(files: Screened, held: Screened, given: Fitted, step: Step) -> Settled:
-    """Where no move changes anything, from some mistakes on."""
+    held = step(singles_of)(files, None if files.findings else reduced)
     ends: list[Settled] = []
     for _ in range(_ROUNDS):
         ends.append(_stand(held, given, step))
         moved = step(_screened)(files, ends[-1])
         if moved.key == held.key:
-            return replace(ends[-1], screened=moved)
+            return _bounded(ends[-1])
         held = moved
         again = [k for k, one in enumerate(ends) if one.screened.key == held.key]
         if again:
             break
     ends = ends[again[0] :] if again else ends[-2:]  # the cycle, or the last two
-    return min(ends, key=lambda one: len(one.screened.findings))
-
-
-def _without_rivalled(files: Screened, end: Settled, given: Fitted, step: Step) -> Settled | None:
-    """The end without what stands out beside a model that it may have spoilt.
-
-    None where beside the model that is found then it is not named by itself.
-    """
-    doubted = [one for one in end.screened.doubted if one.rivalled]
-    case = put_right(end.screened.case, doubted)
-    if not doubted or not tells(case):
-        return None
-    other = _stand(Screened((*end.screened.findings, *doubted), case), given, step)
-    moved = step(_screened)(files, other)
-    return replace(other, screened=moved) if moved.key == other.screened.key else None
+    return _bounded(min(ends, key=lambda one: len(one.screened.findings)))
 
 
 def _bounded(end: Settled) -> Settled:
@@ -121,7 +95,7 @@ def _bounded(end: Settled) -> Settled:
     told = said.scatter.force > 1 and said.scatter.known_from == "contrasts"
     force = said.scatter.force * said.scatter.tracker if told else 1.0
     kept = bounds(right, best.system, best.estimate, left, force)
-    away = [one for one in end.screened.doubted if one.before > AWAY and not one.rivalled]
+    away = [one for one in end.screened.doubted if one.before > AWAY and one.may_be_noise]
     doubted = [at for one in away for at in one.at]
     kept = replace(kept, doubted=tuple(doubted))
     return replace(end, diagnosis=replace(said, facts=replace(said.facts, bounds=kept)))

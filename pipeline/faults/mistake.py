@@ -34,8 +34,7 @@ class Mistake:
             do not explain.
         since: Line where a unit changes in mid-file, `file:line`; None if it does not.
         hopeless: Whether it cannot be corrected, and no value of the campaign holds.
-        rivalled: Whether others stand out nearly as far beside this model, which it may have
-            spoilt: only a model found without it can tell.
+        rivalled: Whether a cause that was not yet sought may do as much.
     """
 
     name: str

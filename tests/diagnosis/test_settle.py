@@ -10,9 +10,8 @@ import pytest
 from small_case import moved, small, where
 
 from pipeline.diagnosis import settle as module
-from pipeline.diagnosis.settle import Settled, settle
+from pipeline.diagnosis.settle import settle
 from pipeline.diagnosis.verdict import verdict
-from pipeline.faults.screen import Screened
 from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.store.campaign import in_memory
@@ -203,24 +202,5 @@ def test_ends_that_follow_each_other_for_ever_are_as_good(monkeypatch):
     monkeypatch.setattr(module, "_stand", lambda held, *_: SimpleNamespace(screened=held))
     monkeypatch.setattr(module, "_screened", lambda _, end: made[follows[end.screened.key]])
     monkeypatch.setattr(module, "_bounded", lambda end: end)
-    monkeypatch.setattr(module, "_without_rivalled", lambda *_: None)
 
     assert settle(None, None, None, plain).screened.key == 5
-
-
-@pytest.mark.parametrize("named", [("row",), (), ("row", "another")])
-def test_an_end_without_a_rivalled_row_counts_where_the_row_is_named_there(monkeypatch, named):
-    """By itself, beside the causes of that end; else the first end stands."""
-    row = SimpleNamespace(name="outlier", where="row", rivalled=True)
-    mistakes = [SimpleNamespace(name="outlier", where=one, rivalled=False) for one in named]
-    first = Settled(Screened((), None, (row,)), *3 * [None])
-    monkeypatch.setattr(module, "put_right", lambda case, _: case)
-    monkeypatch.setattr(module, "tells", lambda _: True)
-    monkeypatch.setattr(module, "_stand", lambda held, *_: replace(first, screened=held))
-    monkeypatch.setattr(module, "_screened", lambda *_: Screened(tuple(mistakes), None))
-
-    other = module._without_rivalled(None, first, None, plain)
-
-    assert (other.screened.findings if other else None) == (
-        tuple(mistakes) if named == ("row",) else None
-    )

@@ -176,23 +176,24 @@ def test_what_all_pulls_share_is_no_mistyped_reading(case):
     loads = case.loads
     for change in (lambda f: f * (f / f.mean()) ** 0.3, lambda f: f + 300 * np.sin(np.arange(12))):
         other = replace(case, loads=loads.assign(force_n=change(loads["force_n"])))
-        told = asked(other)
-        assert not any(told.sure(one) for one in scale_reading.FAULT.find(told))
+        assert scale_reading.FAULT.find(asked(other)) == []
 
 
-def test_a_reading_beside_others_that_stand_out_as_far_is_rivalled(case):
-    """No mistake by itself; and one by itself where the others are as a model has them."""
-    force = case.loads["force_n"] + 300 * np.sin(np.arange(12))
-    wild = asked(replace(case, loads=case.loads.assign(force_n=force)))
-    typed_once = asked(typed(case, 5, 2, lambda f: 2 * f))
+def test_a_reading_that_dominates_no_other_waits_for_the_causes():
+    """A few newtons beyond chance: no mistake before causes were sought, and one beside them."""
+    exact = small(8, tracker={"sigma_m": 1e-4}, scale={"sigma_n": 3.0})
+    force = exact.loads["force_n"].to_numpy()
+    sizes = [asked(typed(exact, 5, 2, lambda f, k=k: f + k * force.max())) for k in (0.05, 0.5)]
+    found = [scale_reading.FAULT.find(one) for one in sizes]
+    assert [[one.where for one in each] for each in found] == 2 * [["loads.csv pose05 rep2"]]
 
-    (doubted,) = scale_reading.FAULT.find(wild)
-    (named,) = scale_reading.FAULT.find(typed_once)
+    weak, gross = (each[0] for each in found)
 
-    assert doubted.rivalled
-    assert not wild.sure(doubted)
-    assert not named.rivalled
-    assert typed_once.sure(named)
+    assert weak.rivalled
+    assert not gross.rivalled
+    assert sizes[1].sure(gross)
+    assert not sizes[0].sure(weak)
+    assert replace(sizes[0], beside_causes=True).sure(weak)
 
 
 def test_a_weaker_second_one_is_named_after_the_first(case):
