@@ -13,7 +13,7 @@ from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.diagnosis.blindspots import blind_spots
-from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_scatter, of_unloaded
+from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_motion, of_scatter
 from pipeline.diagnosis.facts import (
     CrossValidation,
     Determining,
@@ -114,13 +114,14 @@ def diagnose(
     stated_p, misfit = _misfit(sets[0].estimate if sets else estimate, spread)
     lacking = missing(found, misfit)
     causes = tuple(replace(one, missing=lacking) for one in causes)
+    moved, drift = of_motion(stood, drift)
     facts = replace(
         facts,
         causes=causes,
         scatter=of_scatter(whole, spread),
         beyond_a_tracker=estimate.p_value is None and not fits(estimate, data.tracked),
         unloaded=stood,
-        moved=of_unloaded(stood),
+        moved=moved,
         base=drift,
         stated_p=stated_p,
         misfit_p=misfit,

@@ -110,11 +110,11 @@ def exchanged(case: Case) -> list[Mistake]:
     return found
 
 
-def misplaced(case: Case) -> frozenset[int]:
-    """Poses in which most groups are elsewhere than the robot's table predicts."""
+def misplaced(case: Case) -> frozenset[int] | None:
+    """Poses in which most groups are elsewhere than the table predicts; None if unknown."""
     laid = _lay(case)
     if laid is None or laid.in_order:
-        return frozenset()
+        return None if laid is None else frozenset()
     away = pd.Series(laid.own > (STANDS_OUT * laid.usual) ** 2).groupby(laid.poses[laid.pose])
     most = away.mean() > 0.5
     return frozenset(most.index[most].tolist())

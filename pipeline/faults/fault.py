@@ -34,6 +34,7 @@ class Screening:
         start: Initial values of its estimate, shape (k,).
         known: Its measurements, if available.
         accepted: Tails of the readings, if known.
+        beside_causes: Whether causes were sought already, and are in the model if any were found.
     """
 
     case: Case
@@ -41,6 +42,7 @@ class Screening:
     start: Array
     known: Reduced | None = None
     accepted: Family | None = None
+    beside_causes: bool = False
 
     @cached_property
     def reduced(self) -> Reduced:
@@ -83,6 +85,8 @@ class Screening:
         by one would soon leave no tail. If the stated noise is likelier, it is used: uncertainty
         about the tails must not excuse a reading that is far off.
         """
+        if one.rivalled and not self.beside_causes:
+            return False
         return not one.may_be_noise or self.family.rather.mistaken(one.before**2, one.axes) > SURE
 
     @cached_property
