@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.diagnosis.facts import ROUGH
+from pipeline.diagnosis.finding import ROUGH
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects.nameless import NAMELESS
