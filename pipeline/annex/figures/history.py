@@ -77,7 +77,7 @@ def _draw_course(view: Axes, name: str, points: _Points, colour: str, key: str) 
 
 
 def _name_campaigns(view: Axes, answers: Sequence[Answer]) -> None:
-    """Label the campaigns that fit along the axis, by day if no two have the same day."""
+    """Label as many campaigns along the axis as fit, by day if each has a day of its own."""
     step = max(1, -(-len(answers) // 8))
     days = [(one.measured or "")[:10] for one in answers]
     distinct = len(set(days)) == len(days) and all(days)

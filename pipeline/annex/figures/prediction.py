@@ -85,9 +85,7 @@ def _draw_prediction(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
     axes = canvas.subplots()
     tips: Tips = {}
     for index, ((where, draw_from), mu) in enumerate(errors.items()):
-        if (
-            np.quantile(mu, 0.1) <= 0
-        ):  # no stiffness had a value; zero cannot be drawn on a log axis
+        if np.quantile(mu, 0.1) <= 0:  # no stiffness had a value; zero is not on a log axis
             continue
         name = f"{_SETS.get(where, where)}, {_DRAWS.get(draw_from, draw_from)}"
         tips |= cumulative(
