@@ -220,9 +220,9 @@ def identified(fitted: Fitted, diagnosis: Diagnosed, where: Where) -> ModelValue
 
 
 def standing(fitted: Fitted, diagnosis: Diagnosed) -> Fitted:
-    """The joint springs with the geometry estimated from the unloaded reflectors, if significant.
+    """The joint springs with the geometry as estimated from the unloaded reflectors.
 
-    Otherwise with the nominal geometry.
+    If these do not correct it (`UnloadedFacts.corrects`), the geometry stays nominal.
     """
     stood, cell = diagnosis.facts.unloaded, fitted.case.cell
     if not stood.corrects:
