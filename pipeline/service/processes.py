@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import datetime
 import os
+import resource
 import signal
 import sys
 import threading
@@ -112,3 +113,10 @@ def alive(process: int) -> bool:
     except PermissionError:  # there is, of somebody else
         return True
     return True
+
+
+def at_most(memory: int) -> None:
+    """No more data in this process than so many bytes; some systems have no such limit."""
+    _, most = resource.getrlimit(resource.RLIMIT_DATA)
+    if most == resource.RLIM_INFINITY or memory < most:
+        resource.setrlimit(resource.RLIMIT_DATA, (memory, most))
