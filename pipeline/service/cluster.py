@@ -22,7 +22,8 @@ _REACHED_S = 10.0
 """How long a scheduler may take to answer [s]."""
 
 _DESERTED_S = 60.0
-"""A cluster without a worker for so long gets none [s]."""
+"""A cluster without a worker for so long gets none, and a worker that is not heard of for so long
+stands still [s]; the scheduler itself waits for it for five to ten minutes."""
 
 
 @dataclass(frozen=True)
@@ -47,7 +48,7 @@ class Cluster:
             Unfinished: The scheduler is gone, or has had no worker for a while.
         """
         with _connected(self.address) as client:
-            left, waiting = iter(items), dict[Any, S]()
+            left, waiting, heard = iter(items), dict[Any, S](), dict[str, float]()
             try:
                 while True:
                     room = max(1, self._threads(client)) - len(waiting)
@@ -55,19 +56,33 @@ class Cluster:
                         waiting[client.submit(_one_at_a_time, work, item, pure=False)] = item
                     if not waiting:
                         return
-                    for future in self._ended(client, [*waiting]):
+                    for future in self._ended(client, [*waiting], heard):
                         yield self._done(waiting.pop(future), future)
             finally:
                 client.cancel([*waiting])
 
-    def _ended(self, client: Any, futures: list[Any]) -> list[Any]:
-        """Those that have ended, one at least."""
+    def _ended(self, client: Any, futures: list[Any], heard: dict[str, float]) -> list[Any]:
+        """Those that have ended, one at least; `heard` is when each worker was last heard of."""
         while True:
             with contextlib.suppress(TimeoutError), client.as_current():
                 return [*_dask().wait(futures, _DESERTED_S, "FIRST_COMPLETED").done]
             if not self._threads(client):
                 thing = f"the cluster at {self.address} has no worker any more"
                 raise Unfinished(thing, "start some and run it again to go on")
+            self._replace_still(client, heard)
+
+    def _replace_still(self, client: Any, heard: dict[str, float]) -> None:
+        """Have workers begun again that were not heard of since the last look, or let them go."""
+        now = {
+            worker: float(said["last_seen"])
+            for worker, said in client.scheduler_info(n_workers=-1)["workers"].items()
+        }
+        still = [worker for worker, last in now.items() if heard.get(worker) == last]
+        heard.clear()
+        heard |= now
+        if still:
+            with contextlib.suppress(TimeoutError):  # what they were at is another one's by then
+                client.restart_workers(still, timeout=_REACHED_S, raise_for_error=False)
 
     def _threads(self, client: Any) -> int:
         """How many items it can work on at a time."""

@@ -1,7 +1,7 @@
 """What a folder of object storage lists, found by a process of its own.
 
-A driver lists a folder in one call, which ends when the storage says so: with the process that makes
-it, one that never says so ends within limits of time and memory.
+A driver lists a folder in one call, which ends when the storage says so: where it never does, with
+the process that makes the call, within limits of time and memory.
 """
 
 from __future__ import annotations

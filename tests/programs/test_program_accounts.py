@@ -152,6 +152,34 @@ CASES = {
         rapid('%"b"%;', f"MoveL {R},v1,z1,t;", "ENDPROC", "PROC b()", "PDispSet q;"),
         [3], [6],
     ),
+    "displaced by name": ("m.mod", rapid('%"PDispSet"% q;', f"MoveL {R},v1,z1,t;"), [3], [6]),
+    "no more displaced by name": (
+        "m.mod",
+        rapid("PDispSet q;", f"MoveL {R},v1,z1,t;", '%"PDispOff"%;', f"MoveL {R},v1,z1,t;"),
+        [3, 8], [6],
+    ),
+    "displaced by a computed name": (
+        "m.mod", rapid("%name%;", f"MoveL {R},v1,z1,t;"), [3], [6],
+    ),
+    "displaced by a name in parts": (
+        "m.mod", rapid('%"PD"+"ispSet"% q;', f"MoveL {R},v1,z1,t;"), [3], [6],
+    ),
+    "displaced by a name in a branch": (
+        "m.mod", rapid("IF a THEN", "%name%;", "ENDIF", f"MoveL {R},v1,z1,t;"), [3], [8],
+    ),
+    "displaced by name in short": (
+        "m.mod",
+        rapid(f"MoveL {R},v1,z1,t;", 'IF a %"PDispSet"% q;', "ENDPROC", "PROC b()",
+              f"MoveL {R},v1,z1,t;"),
+        [3, 5], [8],
+    ),
+    "a part of many by name": (
+        "m.mod", rapid('%"part"+NumToStr(n,0)%;', f"MoveL {R},v1,z1,t;"), [3, 6], [],
+    ),
+    "head of a file": (
+        "m.mod", "%%%\n VERSION:1\n LANGUAGE:ENGLISH\n%%%\n" + rapid(f"MoveL {R},v1,z1,t;"),
+        [7, 9], [],
+    ),
     "data by name": (
         "m.mod",
         rapid(f"VAR robtarget p2:={R};", 'SetDataVal "p2",x;', f"MoveL {R},v1,z1,t;",
