@@ -15,6 +15,7 @@ import pyarrow.compute as pc
 from pyarrow import csv as arrow_csv
 
 from pipeline.base.arrays import Bools, Ints, Locked
+from pipeline.base.errors import InputError
 from pipeline.readers._cells import Bad, cells, is_special
 from pipeline.readers._layout import JOINT, Layout
 from pipeline.readers._text import Text
@@ -134,6 +135,8 @@ def _each(text: Text, layout: Layout, line: Ints) -> _Cut:
             kept.append(number)
         except Bad as reason:
             rejected.append((number, str(reason)))
+            if not found and len(rejected) == _HOPELESS:
+                raise _hopeless(*rejected[0]) from reason
     cells = zip(*found, strict=True) if found else [()] * len(layout.fields)
     columns = [
         pa.array(column, pa.string()).cast(_TYPES[field.kind])
@@ -141,6 +144,19 @@ def _each(text: Text, layout: Layout, line: Ints) -> _Cut:
         if field.kind in _TYPES
     ]
     return _Cut(columns, np.array(kept, dtype=np.int64), tuple(rejected))
+
+
+_HOPELESS = 100_000
+"""Rows from the first on of which none has the cells of a row: what comes behind is not read."""
+
+
+def _hopeless(line: int, reason: str) -> InputError:
+    thing, _, way_out = reason.rpartition("; ")
+    return InputError(
+        f"nothing can be read, because {_HOPELESS} rows from here on are like this one: {thing}",
+        way_out,
+        line=line,
+    )
 
 
 def _row(line: str, layout: Layout) -> list[str]:
