@@ -135,8 +135,8 @@ def _each(text: Text, layout: Layout, line: Ints) -> _Cut:
             kept.append(number)
         except Bad as reason:
             rejected.append((number, str(reason)))
-            if not found and len(rejected) == _HOPELESS:
-                raise _hopeless(*rejected[0]) from reason
+            if not found and len(rejected) == HOPELESS:
+                raise hopeless(*rejected[0], HOPELESS) from reason
     cells = zip(*found, strict=True) if found else [()] * len(layout.fields)
     columns = [
         pa.array(column, pa.string()).cast(_TYPES[field.kind])
@@ -146,17 +146,16 @@ def _each(text: Text, layout: Layout, line: Ints) -> _Cut:
     return _Cut(columns, np.array(kept, dtype=np.int64), tuple(rejected))
 
 
-_HOPELESS = 100_000
-"""Rows from the first on of which none has the cells of a row: what comes behind is not read."""
+HOPELESS = 100_000
+"""So many rows of which none can be read are no export with mistakes in it: the others are not
+looked at one by one."""
 
 
-def _hopeless(line: int, reason: str) -> InputError:
+def hopeless(line: int, reason: str, rows: int) -> InputError:
+    """That none of so many rows can be read, with the reason of the first."""
     thing, _, way_out = reason.rpartition("; ")
-    return InputError(
-        f"nothing can be read, because {_HOPELESS} rows from here on are like this one: {thing}",
-        way_out,
-        line=line,
-    )
+    thing = f"nothing can be read, because {rows} rows from here on are like this one: {thing}"
+    return InputError(thing, way_out, line=line)
 
 
 def _row(line: str, layout: Layout) -> list[str]:
