@@ -122,6 +122,7 @@ CASES = {
     "twice in braces": ("p.src", f"{SET}LIN {K}\nLIN {K[:-1]},X 5}}", [3], [4]),
     "axes and pose": ("p.src", f"{SET}LIN {K}\nPTP {K[:-1]},A1 5}}", [3], [4]),
     "mark between files": ("p.src", f"{SET}LIN {K}\n\xef\xbb\xbfBAS(#TOOL,N)\nLIN {K}", [3], [5]),
+    "word of nobody": ("p.src", f"{SET}LIN {K}\nLINX {K}\nGLUE{{A1 5}}", [3], [4, 5]),
     # RAPID
     "displaced in short": ("m.mod", rapid("IF a PDispOn p10,t;", f"MoveL {R},v1,z1,t;"), [3], [6]),
     "short if": ("m.mod", rapid(f"IF a MoveL {R},v1,z1,t;"), [3, 5], []),
@@ -171,7 +172,7 @@ CASES = {
         "m.mod",
         rapid(f"MoveL {R},v1,z1,t;", 'IF a %"PDispSet"% q;', "ENDPROC", "PROC b()",
               f"MoveL {R},v1,z1,t;"),
-        [3, 5], [8],
+        [3, 5], [9],
     ),
     "a part of many by name": (
         "m.mod", rapid('%"part"+NumToStr(n,0)%;', f"MoveL {R},v1,z1,t;"), [3, 6], [],
