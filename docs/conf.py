@@ -3,7 +3,12 @@
 Built offline; warnings are errors there.
 """
 
+from pathlib import Path
+
 import pipeline
+from bench import constants
+
+Path(__file__).with_name("constants.md").write_text(constants.page(), encoding="utf-8")
 
 project = "Rail stiffness"
 author = "the authors of CITATION.cff"

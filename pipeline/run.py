@@ -1,7 +1,8 @@
 """START HERE: the order of the stages. Tracker exports in, stiffnesses and a report out.
 
 Every stage is a function from named tables to named tables (tables.py); this file puts them in
-order and keeps every table. How a stage is carried out (plainly, or as a Prefect task) is `step`.
+order and keeps every table. `step` determines how a stage is executed (directly, or as a Prefect
+task).
 """
 
 from __future__ import annotations
@@ -45,7 +46,6 @@ from pipeline.prediction.model import IdentifiedModel, dumps
 from pipeline.prediction.tolerance import Shown, asked, judge
 from pipeline.reduction.bring import Keep, Reduced, Step, bring, conformed, plain
 from pipeline.reduction.case import Case
-from pipeline.reduction.case import tool as tool
 from pipeline.reduction.ingest import ingest
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.stations import one_station
@@ -55,15 +55,15 @@ from pipeline.system.fit import fit
 from pipeline.system.one_pose import as_measured
 
 _FOR_OTHERS = "pipeline.exchange.files:files"
-"""A workbook, and the robot for simulators."""
+"""Door of the exports: a workbook, and the robot for simulators."""
 _LAST_RESORT = "campaign.toml"
-"""Named in what rejects an input for reasons that stand in no one file."""
+"""File named when input is rejected for reasons that concern no single file."""
 
 
 def run(campaign: CampaignFolder, step: Step = plain, force: bool = False) -> Answer:
-    """Bring one campaign up to date and give its answer.
+    """Bring one campaign up to date and return its answer.
 
-    Nothing is computed when inputs, code and libraries are those of the last finished run.
+    Nothing is computed if inputs, code and libraries are those of the last finished run.
     """
     raw = step(campaign.read)()
     # before any lock, because a finished project may be read-only
@@ -82,18 +82,28 @@ def run(campaign: CampaignFolder, step: Step = plain, force: bool = False) -> An
 
 @at(_LAST_RESORT)
 def reduce(raw: Raw, keep: Keep, step: Step = plain) -> Reduced:
-    """The first half, with nothing implausible let through: to forces and displacements in F_b."""
+    """First half, with implausible input rejected: to forces and displacements in F_b."""
     return bring(ingested(raw, keep, step), keep, step)
 
 
 def ingested(raw: Raw, keep: Keep, step: Step, plausible: bool = True) -> Case:
-    """A campaign's tables as read.
+    """Ingest the tables of a campaign.
+
+    Poses beyond the robot's limits that no wrong unit or convention explains are left out, and so
+    are
+    readings that contradict their rows.
+
+    Args:
+        raw: Files, settings and robot of the campaign.
+        keep: Keeps each table.
+        step: How a stage is executed.
+        plausible: Whether implausible values are to be rejected; otherwise they are kept for the
+            diagnosis of faults if a wrong unit or convention, or a contradicted row of joint
+            values, explains them.
 
     Raises:
-        InputError: A file cannot be trusted; with `plausible` also when only a wrong unit or
-            convention explains its values, else when not even that does. Poses beyond the robot's
-            limits are left out where no wrong unit or convention explains them, nor readings that
-            contradict their rows.
+        InputError: A file cannot be trusted; with `plausible` also if only a wrong unit or
+            convention explains its values, otherwise if not even that does.
     """
     case, doubt = as_read(raw, keep, step, plausible)
     if doubt is None:
@@ -107,7 +117,7 @@ def ingested(raw: Raw, keep: Keep, step: Step, plausible: bool = True) -> Case:
 def as_read(
     raw: Raw, keep: Keep = conformed, step: Step = plain, plausible: bool = True
 ) -> tuple[Case, InputError | None]:
-    """What was ingested, and why its values are implausible where that was not to stop it."""
+    """Ingested tables, and why their values are implausible if not to be rejected for that."""
     got = step(ingest)(raw.settings, raw.robot, raw.files, plausible)
     raws = keep("10_readings", got.readings, tables.READINGS)
     readings, stations = one_station(raw.settings, raws)
@@ -130,14 +140,14 @@ def as_read(
 
 
 def _doubt_row(doubt: InputError) -> pd.DataFrame:
-    """A file that no value of can be right as given, as a row of REJECTED."""
+    """Row of REJECTED for a file whose values cannot be right as given."""
     reason = f"{doubt.thing}; {doubt.way_out}"
     line = pd.array([doubt.line], dtype="Int64")
     return pd.DataFrame({"file": [doubt.file or _LAST_RESORT], "line": line, "reason": [reason]})
 
 
 def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
-    """Everything: to the answer, and a report on disk."""
+    """Run all stages: to the answer, and a report on disk."""
     began, dress = time.perf_counter(), looks(campaign.root)
     found = answered(campaign.name, raw, campaign.keep, step)
     run_time_s = time.perf_counter() - began
@@ -168,13 +178,13 @@ def _compute(campaign: CampaignFolder, raw: Raw, step: Step) -> Answer:
 
 @dataclass(frozen=True, eq=False)
 class Answered:
-    """What the files of a campaign say.
+    """Results from the files of a campaign.
 
     Attributes:
-        answer: What result.json holds.
-        shown: The tables a reader wants to see, by name.
-        model: The identified robot, for those who load it elsewhere.
-        files: Further files for others, by name.
+        answer: Content of result.json.
+        shown: Tables displayed in the report, by name.
+        model: The identified robot, for use elsewhere.
+        files: Further files to deliver, by name.
     """
 
     answer: Answer
@@ -184,7 +194,7 @@ class Answered:
 
 
 def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) -> Answered:
-    """To stiffnesses and what is wrong with data or model."""
+    """Run the stages up to stiffnesses, and what is wrong with data or model."""
     with raw.placing(), alone():
         read = None if raw.settings.positions is None else positions(name, raw, keep, step)
         if read is None or not raw.settings.of_positions:
@@ -194,7 +204,7 @@ def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) ->
 
 
 def _of_pulls(name: str, raw: Raw, read: PositionsFound | None, keep: Keep, step: Step) -> Answered:
-    """Of a campaign of pulls; beside what its positions say, where there are any."""
+    """Answer of a campaign of pulls, combined with its positions if there are any."""
     case, both = _joined(raw, read, keep, step)
     path = asked(raw.settings.tolerance, raw.files, case.robot, case.tool)
     case, reduced, pose = step(as_measured)(case, bring(case, keep, step))
@@ -249,7 +259,7 @@ def _of_pulls(name: str, raw: Raw, read: PositionsFound | None, keep: Keep, step
 def _joined(
     raw: Raw, read: PositionsFound | None, keep: Keep, step: Step
 ) -> tuple[Case, Both | None]:
-    """A campaign's tables of pulls, and what they are beside positions where it has such, too."""
+    """Tables of the pulls, and their combination with positions if there are any."""
     raw.settings.within_reach(raw.files[_LAST_RESORT].decode("utf-8", "replace"))
     case = ingested(raw, keep, step, plausible=False)
     if read is None:
@@ -259,16 +269,16 @@ def _joined(
 
 
 def _most_m(raw: Raw) -> float:
-    """The tolerance [m]; infinite where none is asked."""
+    """The tolerance [m]; infinite if none is given."""
     asked_mm = np.inf if raw.settings.tolerance is None else raw.settings.tolerance.deflection_mm
     return 1e-3 * asked_mm
 
 
 def _enough(data: Measured, robot: Robot) -> None:
-    """As of `Measured.enough`.
+    """Check that there are enough measurements, as in `Measured.enough`.
 
     Raises:
-        InputError: Fewer.
+        InputError: There are fewer.
     """
     size, noise = data.delta.size, data.tells_noise
     if not data.enough(robot.n):

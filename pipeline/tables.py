@@ -1,4 +1,4 @@
-"""What every table promises: columns, types, units, meaning; units travel in the Parquet file."""
+"""Schemas of all tables: columns, types, units, meaning; units are kept in the Parquet file."""
 
 from __future__ import annotations
 
@@ -14,11 +14,14 @@ from pipeline.base.covariance import PAIRS
 from pipeline.base.errors import TableMismatch, listed
 from pipeline.machine.robot import Robot
 
-pd.set_option("mode.string_storage", "python")  # Arrow's words cost a small table twice the time
+pd.set_option("mode.string_storage", "python")  # Arrow strings take twice the time
+
+XYZ = ["x_m", "y_m", "z_m"]
+"""Columns of a place."""
 
 
 def _col(name: str, kind: pa.DataType, unit: str, meaning: str, nullable: bool = False) -> pa.Field:
-    """One column of a promise."""
+    """One column of a schema."""
     return pa.field(name, kind, nullable, {"unit": unit, "meaning": meaning})
 
 
@@ -35,17 +38,17 @@ def _text(name: str, meaning: str, nullable: bool = False) -> pa.Field:
 
 
 def _word(name: str, meaning: str, nullable: bool = False) -> pa.Field:
-    """Text that is the same in many rows: each word once, and its number in every row."""
+    """Repetitive text, dictionary-encoded."""
     return _col(name, _WORD, "1", meaning, nullable)
 
 
 def _axes(name: str, unit: str, meaning: str) -> list[pa.Field]:
-    """A vector: one column per axis, which the name has in place of `{}`."""
+    """Columns of a vector, one per axis, which replaces `{}` in the name."""
     return [_number(name.format(axis), unit, meaning) for axis in "xyz"]
 
 
 def _six(name: str, unit: str, meaning: str) -> list[pa.Field]:
-    """A covariance: `{}` in the name is a pair of axes, those in the meaning are the two."""
+    """Columns of a covariance; `{}` in the name is a pair of axes, in the meaning the two axes."""
     return [_number(name.format(pair), unit, meaning.format(*pair)) for pair in PAIRS]
 
 
@@ -60,7 +63,7 @@ def _joint_values(robot: Robot, meaning: str) -> list[pa.Field]:
 
 
 def _promise(table: str, key: str, *columns: pa.Field) -> pa.Schema:
-    """A table's promise: its name, the columns that identify a row, and all columns."""
+    """Schema of a table: its name, the columns that identify a row, and all columns."""
     return pa.schema(columns, metadata={"table": table, "key": key})
 
 
@@ -75,7 +78,7 @@ _TIME = _col("time", pa.timestamp("us"), "UTC or local, as exported", "time of r
 _PULL = (_POSE, _count("repeat", "pull within the pose"))
 _SOURCE = (_FILE, _LINE)
 _ROW = (_count("row", "row of the system"), *_PULL, _TARGET, _text("axis", "x, y or z of F_b"))
-"""What a row of c = B x is: one coordinate of one displacement."""
+"""Columns that identify a row of c = B x: one coordinate of one displacement."""
 
 READINGS = _promise(
     "readings",
@@ -92,7 +95,7 @@ READINGS = _promise(
     _word("covariance_from", "file | instrument | sheet | stated | paper | none"),
     _TIME,
 )
-"""Readings in the frame of the tracker, in the order of the files; covariance of the reading."""
+"""Readings in the frame of the tracker, in the order of the files, with their covariance."""
 
 LOADS = _promise(
     "loads",
@@ -115,7 +118,7 @@ CURVES = _promise(
     _number("error_std", "m or rad", "its standard uncertainty"),
     _count("poses", "how many poses were measured there"),
 )
-"""Transmission errors of the joints, of a campaign of positions."""
+"""Transmission errors of the joints, from a campaign of positions."""
 
 HELD_OUT = _promise(
     "held_out",
@@ -127,7 +130,7 @@ HELD_OUT = _promise(
     _TARGET,
     _number("distance_m", "m", "from where a model without the pose puts the target"),
 )
-"""Targets of poses that were left out, of a campaign of positions."""
+"""Held-out errors of targets, from a campaign of positions."""
 
 REJECTED = _promise(
     "rejected",
@@ -155,7 +158,8 @@ PLACED = _promise(
     *(field.with_nullable(field.name == "time") for field in READINGS),
     _number("time_s", "s", "time after the first reading of the campaign, NaN when unknown"),
 )
-"""Readings of the poses moved into F_b, covariance included; columns of `readings`, seconds."""
+"""Readings of the poses transformed into F_b with their covariance; columns of `readings`, and
+seconds."""
 
 FORCES = _promise(
     "forces",
@@ -209,7 +213,7 @@ ERRORS = _promise(
     _count("row", "row of the system"),
     _number("value_m", "m", "what one standard uncertainty of it does to c"),
 )
-"""The covariance of c in factors: V = G G', with G[row, error] = value_m."""
+"""Factors of the covariance of c: V = G G', with G[row, error] = value_m."""
 
 RESIDUALS = _promise(
     "residuals",
@@ -243,11 +247,9 @@ RELIABILITY = _promise(
     _number("moves_sigmas", "1", "what that size moves most, in its std; infinite: no limit"),
     _text("moves_most", "what it moves most: a stiffness, or a target's deflection at test pose"),
 )
-"""How well the readings control each other: one row for each column of G, then the base readings.
-
-The r of all columns of G add up to rows minus parameters, those of the base readings, which have
-an adjustment of their own, to their number times three minus six.
-"""
+"""Redundancy of the readings: one row for each column of G, then the base readings. The r of all
+columns of G add up to rows minus parameters, those of the base readings, which have an adjustment
+of their own, to their number times three minus six."""
 
 INFLUENCE = _promise(
     "influence",
@@ -256,7 +258,7 @@ INFLUENCE = _promise(
     _word("what", "parameter of the model: compliance of a joint, or size of a cause"),
     _number("moves_sigmas", "1", "how far it moves without this pull, in std; NaN: lost"),
 )
-"""What each pull carries of what is estimated; a parameter that is not determined is left out."""
+"""Influence of each pull on the estimates; undetermined parameters are left out."""
 
 ESTIMATE = _promise(
     "estimate",
@@ -289,7 +291,7 @@ WORKSPACE = _promise(
     _number("std_m_per_n", "m/N", "its standard uncertainty"),
     *_axes("direction_{}", "1", "direction in which it moves, F_b"),
 )
-"""How soft the robot is over the plane that its arm sweeps."""
+"""Compliance of the robot over the plane that its arm sweeps."""
 
 SCENE = _promise(
     "scene",
@@ -301,7 +303,7 @@ SCENE = _promise(
     *_axes("to_{}_m", "m", "other end, F_b; the same for a point"),
     _number("radius_m", "m", "how thick it is, 0 for a point"),
 )
-"""What stands in the cell, as capsules (lines with a radius), at the poses that are drawn."""
+"""Bodies in the cell as capsules (line segments with a radius), at the poses that are drawn."""
 
 POSTURE = _promise(
     "posture",
@@ -317,7 +319,7 @@ POSTURE = _promise(
     *_axes("from_caused_{}_m", "m", "how far the one end moves by the identified causes alone"),
     *_axes("to_caused_{}_m", "m", "how far the other end does"),
 )
-"""The robot at the test pose, and how load and causes move its parts."""
+"""The robot at the test pose, and the displacements of its parts by load and causes."""
 
 POSES = _promise(
     "poses",
@@ -332,7 +334,7 @@ POSES = _promise(
     _count("pulls", "loads that it was measured under"),
     _number("force_n", "N", "the largest of them, NaN for the arm's own weight alone"),
 )
-"""The poses of `scene`, and where their numbers come from."""
+"""Poses of `scene`, and the source of their numbers."""
 
 VECTORS = _promise(
     "vectors",
@@ -344,7 +346,7 @@ VECTORS = _promise(
     *_axes("left_{}_m", "m", "what the recommended model leaves of it"),
     *_six("c{}_m2", "m^2", "covariance of {} and {} of the displacement, NaN when unknown"),
 )
-"""What the reflectors of `scene` did."""
+"""Displacements of the reflectors of `scene`."""
 
 MODELS = _promise(
     "models",
@@ -355,7 +357,7 @@ MODELS = _promise(
     _number("joint_springs_m", "m", "with the joint springs as identified"),
     _number("recommended_m", "m", "with the model that the answer stands for"),
 )
-"""Every displacement as the models give it."""
+"""Every displacement as measured and according to each model."""
 
 ENOUGH = _promise(
     "enough",
@@ -364,7 +366,7 @@ ENOUGH = _promise(
     _text("parameter", "name of the stiffness"),
     _number("relative_std", "1", "its relative standard uncertainty; infinite: not determined"),
 )
-"""How uncertain each stiffness would be had fewer poses been measured, or all of them twice."""
+"""Uncertainty of each stiffness had fewer poses been measured, or all of them twice."""
 
 LAWS = _promise(
     "laws",
@@ -381,7 +383,7 @@ LAWS = _promise(
     _number("y_std", "see y_unit", "its standard uncertainty from the scatter of the residuals"),
     _number("law", "see y_unit", "as the law has it"),
 )
-"""Laws of identified causes beside what each pull says of them."""
+"""Laws of identified causes, with the estimate of each pull by itself."""
 
 ARM = _promise(
     "arm",
@@ -405,7 +407,7 @@ CURVE_READINGS = _promise(
     _number("error_std", "m or rad", "standard uncertainty of the mean, from their scatter"),
     _count("poses", "how many poses"),
 )
-"""What the poses say of the curves of the joints, all else as identified."""
+"""Estimates of the joints' curves by single poses, all else as identified."""
 PATH = _promise(
     "path",
     "point",
@@ -418,11 +420,11 @@ PATH = _promise(
     _number("std_m", "m", "its standard uncertainty u; infinite: a spring is not determined"),
     _text("decision", "pass, fail or undecided by ISO 14253-1"),
 )
-"""The machining path of [tolerance], point by point."""
+"""Machining path of [tolerance], point by point."""
 
 
 def positions(robot: Robot) -> pa.Schema:
-    """Absolute positions as they were read, in the frame of the instrument."""
+    """Schema of absolute positions as read, in the frame of the instrument."""
     return _promise(
         "positions",
         "series,pose,target",
@@ -439,7 +441,7 @@ def positions(robot: Robot) -> pa.Schema:
 
 
 def joints(robot: Robot) -> pa.Schema:
-    """Promise of the table of joint values of a robot: pose, r1_m, theta2_rad, ..., approach."""
+    """Schema of the joint values of a robot: pose, r1_m, theta2_rad, ..., approach."""
     approach = _count("approach", "1 or -1: how the carriage came along the rail, 0 unknown")
     return _promise("joints", "pose", _POSE, *_joint_values(robot, "joint {}"), approach, *_SOURCE)
 
@@ -463,7 +465,7 @@ DIAGNOSIS = _promise(
     _number("smallest_visible", "typical sizes", "found in 80 % of the cases; inf: never"),
     _col("named", pa.bool_(), "1", "stands among the causes of the diagnosis"),
 )
-"""What the data say of every suspect: the evidence bars and their threshold."""
+"""Evidence for every suspect: the evidence bars and their threshold."""
 
 SEPARABILITY = _promise(
     "separability",
@@ -473,11 +475,11 @@ SEPARABILITY = _promise(
     _number("sigmas", "1", "what is left of the cause then, in standard deviations"),
     _number("sigmas_found", "1", "the same of an identified cause as large as it was found"),
 )
-"""Which causes this campaign can tell apart."""
+"""Separability of causes in this campaign."""
 
 
 def examined(robot: Robot) -> pa.Schema:
-    """Promise of the rows behind the pictures of a diagnosis, one per row of the system."""
+    """Schema of the rows behind the pictures of a diagnosis, one per row of the system."""
     work = "work of the pull, J_l' f"
     return _promise(
         "examined",
@@ -504,7 +506,7 @@ def examined(robot: Robot) -> pa.Schema:
 
 
 def system(parameters: Sequence[Parameter]) -> pa.Schema:
-    """Promise of c = B x: what each row is, c_m, and one column of B per parameter."""
+    """Schema of c = B x: identification of the row, c_m, and one column of B per parameter."""
     return _promise(
         "system",
         "row",
@@ -518,7 +520,7 @@ def system(parameters: Sequence[Parameter]) -> pa.Schema:
 
 
 def covariance(parameters: Sequence[Parameter]) -> pa.Schema:
-    """Promise of the covariance of the estimate: one row and one column per parameter."""
+    """Schema of the covariance of the estimate: one row and one column per parameter."""
     return _promise(
         "covariance",
         "parameter",
@@ -528,10 +530,10 @@ def covariance(parameters: Sequence[Parameter]) -> pa.Schema:
 
 
 def conform(table: pd.DataFrame | pa.Table | None, schema: pa.Schema) -> pa.Table:
-    """Order and cast the columns as promised, stamp the units on, drop the rest.
+    """Order and cast the columns according to the schema, add units, drop other columns.
 
     Raises:
-        TableMismatch: A promised column is missing, has another type or holds nulls it must not.
+        TableMismatch: A column is missing, has another type or contains nulls where not allowed.
     """
     name = schema.metadata[b"table"].decode()
     if table is None:
@@ -552,12 +554,12 @@ def conform(table: pd.DataFrame | pa.Table | None, schema: pa.Schema) -> pa.Tabl
 
 
 def frame(table: pa.Table) -> pd.DataFrame:
-    """A table as pandas has it, its columns not copied where that can be."""
+    """Table as a pandas frame, without copying columns if possible."""
     return table.to_pandas(split_blocks=True)
 
 
 def _arrow(table: pd.DataFrame, schema: pa.Schema) -> pa.Table:
-    """A frame whose NaN stay numbers: nobody stated that covariance is not an empty cell."""
+    """Arrow table of a frame, keeping NaN: an unknown covariance is not an empty cell."""
     columns = [
         pa.array(table[field.name].to_numpy(float))
         if pa.types.is_floating(field.type)
@@ -568,10 +570,10 @@ def _arrow(table: pd.DataFrame, schema: pa.Schema) -> pa.Table:
 
 
 def as_csv(table: pa.Table) -> bytes:
-    """A table as CSV for a spreadsheet; no cell of words can pass for a formula there.
+    """Table as CSV for a spreadsheet, with no text cell that it would take for a formula.
 
-    Names come from files, and a spreadsheet carries out a cell that starts with one of = + - @:
-    such cells get an apostrophe in front.
+    Names come from files, and a spreadsheet evaluates a cell that starts with one of = + - @: such
+    cells get a leading apostrophe.
     """
     texts = [column.cast(STR) if column.type == _WORD else column for column in table.columns]
     columns = [harmless(column) if column.type == STR else column for column in texts]
@@ -581,6 +583,6 @@ def as_csv(table: pa.Table) -> bytes:
 
 
 def harmless(words: pa.ChunkedArray) -> pa.ChunkedArray:
-    """Words with an apostrophe in front where a spreadsheet would carry them out."""
+    """Text with a leading apostrophe where a spreadsheet would evaluate it."""
     formula = pc.match_substring_regex(words, r"^\s*[=+\-@\t\r]")
     return pc.if_else(formula, pc.binary_join_element_wise("'", words, ""), words)

@@ -414,6 +414,7 @@ class Amplitude(Fact):
     std: Number
     unit: str
     ci95: Interval | None = None
+    meaning: str = Field(default="size", description="what it is, in words")
 
 
 class Rival(Placed):

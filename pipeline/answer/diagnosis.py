@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
@@ -131,7 +130,7 @@ def cause_entry(cause: FoundCause) -> contract.Cause:
         **placed(effect),
         location=effect.location,
         probability=cause.stated(cause.probability),
-        parameters=tuple(map(_amplitude, cause.told)),
+        parameters=tuple(_amplitude(effect, one) for one in cause.told),
         p_value=cause.p_value,
         times_typical=cause.largest.times_typical,
         rivals=tuple(
@@ -179,13 +178,15 @@ def _source(law: Law) -> int | None:
     return law.source if law.source and law.source != law.where else None
 
 
-def _amplitude(one: EffectSize) -> contract.Amplitude:
+def _amplitude(effect: Effect, one: EffectSize) -> contract.Amplitude:
+    joint = effect.axis or f"joint {effect.where}"
     return contract.Amplitude(
         name=one.parameter.name,
         value=one.value,
         std=one.std,
         unit=one.parameter.unit,
         ci95=one.ci95,
+        meaning=one.parameter.meaning.format(joint=joint) or "size",
     )
 
 
@@ -292,14 +293,6 @@ def best_pose(
     )
 
 
-def worst_known(stiffness: Sequence[contract.Stiffness]) -> contract.Stiffness | None:
-    """The first without a value, else the one with the largest relative uncertainty."""
-    lost = [joint for joint in stiffness if joint.value is None]
-    known = [joint for joint in stiffness if joint.relative_std is not None]
-    worst = max(known, key=lambda one: one.relative_std or 0.0, default=None)
-    return next(iter(lost), worst)
-
-
 _DETERMINED = 0.5
 """Standard uncertainty below which a joint has a value, in typical sizes: `identifiable`."""
 
@@ -375,10 +368,26 @@ def _shaped(found: Shape) -> list[contract.Cause]:
     """Tails heavier than stated, and a wander of the instrument, beside a model that fits."""
     family, wander = found.family, found.wander
     freedom = contract.Amplitude(
-        name="degrees_of_freedom", value=family.freedom, std=None, unit="1"
+        name="degrees_of_freedom",
+        value=family.freedom,
+        std=None,
+        unit="1",
+        meaning="degrees of freedom of the readings' distribution",
     )
-    size = contract.Amplitude(name="s_wander", value=wander.size, std=wander.std, unit="m")
-    time = contract.Amplitude(name="correlation_time", value=wander.time_s, std=None, unit="s")
+    size = contract.Amplitude(
+        name="s_wander",
+        value=wander.size,
+        std=wander.std,
+        unit="m",
+        meaning="wander of the instrument",
+    )
+    time = contract.Amplitude(
+        name="correlation_time",
+        value=wander.time_s,
+        std=None,
+        unit="s",
+        meaning="time over which it wanders",
+    )
     seen = (
         (found.tailed, "heavy_tails", family.p_value, (freedom,)),
         (found.wanders, "tracker_wander", wander.p_value, (size, time)),
@@ -386,14 +395,20 @@ def _shaped(found: Shape) -> list[contract.Cause]:
     return [_noise_cause(name, p, parameters) for there, name, p, parameters in seen if there]
 
 
+_SOURCE_OF = {"force": "scale"}
+"""What scatters, where the component has another name."""
+
+
 def _noisy(found: Components, i: int) -> contract.Cause:
     """A noise component that is larger than stated, as a cause."""
     name, p = found.name[i], float(found.p_value[i])
+    word = name.split("_")[0]
     excess = contract.Amplitude(
-        name=f"s_{name.split('_')[0]}",
+        name=f"s_{word}",
         value=float(found.scale[i]) - 1,
         std=float(found.std[i] * found.scale[i]),
         unit="1",
+        meaning=f"noise of the {_SOURCE_OF.get(word, word)} beyond that stated",
     )
     return _noise_cause(NAMES[name], p, (excess,))
 

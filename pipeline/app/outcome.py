@@ -89,7 +89,7 @@ EARLIER = "of an earlier input or program"
 
 
 def _outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
-    from pipeline.answer.nouns import sizes
+    from pipeline.answer.amounts import sizes
 
     name, answer = campaign.name, compute(campaign)
     first, *more = _first_screen(answer)

@@ -1,1 +1,1 @@
-"""What every other package uses: arrays, errors, files, covariances."""
+"""Common ground of all packages: arrays, errors, files, covariances."""

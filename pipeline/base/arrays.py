@@ -1,4 +1,4 @@
-"""Names for arrays, and frozen records whose arrays are read-only."""
+"""Array types, and frozen records whose arrays are read-only."""
 
 from __future__ import annotations
 
@@ -16,11 +16,11 @@ Strings = npt.NDArray[np.object_]
 
 
 class Locked:
-    """A frozen dataclass whose arrays cannot be written to."""
+    """Base of frozen dataclasses whose arrays are read-only."""
 
     def __post_init__(self) -> None:
-        """Replace every array that can be written to by a read-only view of it."""
-        own = self.__dict__  # thousands of records are made in a run: no walk over their fields
+        """Replace every writeable array by a read-only view of it."""
+        own = self.__dict__  # faster than iterating over fields: a run creates thousands of records
         for name, value in own.items():
             if isinstance(value, np.ndarray) and value.flags.writeable:
                 view = value.view()
@@ -29,7 +29,7 @@ class Locked:
 
 
 def sifted(columns: Mapping[str, Any], good: Bools) -> dict[str, Any]:
-    """The good rows of columns of numpy or Arrow; one that is None stays None."""
+    """Selected rows of numpy or Arrow columns; a column that is None stays None."""
 
     def rows(column: Any) -> Any:
         if column is None:
@@ -41,14 +41,15 @@ def sifted(columns: Mapping[str, Any], good: Bools) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class Parameter:
-    """One unknown of a model.
+    """One unknown parameter of a model.
 
     Attributes:
-        name: As in result.json, `c_r1`, `c_roll`.
+        name: Name as in result.json, `c_r1`, `c_roll`.
         unit: Its unit, `m/N`, `rad/(N m)`.
-        typical: Its usual size, in that unit; scales columns and priors.
+        typical: Typical magnitude, in that unit; scales columns and priors.
         lower: Physical lower bound (0 for a compliance).
         upper: Physical upper bound.
+        meaning: What it is, as reports call it; `{joint}` stands for the controller's axis.
     """
 
     name: str
@@ -56,3 +57,4 @@ class Parameter:
     typical: float
     lower: float = -np.inf
     upper: float = np.inf
+    meaning: str = ""

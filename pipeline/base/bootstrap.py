@@ -1,4 +1,4 @@
-"""Intervals by drawing poses with replacement."""
+"""Bootstrap intervals from poses drawn with replacement."""
 
 from __future__ import annotations
 
@@ -7,7 +7,8 @@ import numpy as np
 from pipeline.base.arrays import Array, Ints
 
 _DRAWS = 2000
-"""Bootstrap samples: the ends of a 95 % interval are known to some per cent of its length."""
+"""Number of bootstrap samples: the ends of a 95 % interval are known to some per cent of its
+length."""
 
 
 def interval(
@@ -15,9 +16,9 @@ def interval(
 ) -> tuple[float, tuple[float, float]]:
     """Reduction of the rms and its 95 % interval, poses drawn with replacement.
 
-    1 - sqrt(sum_p A_p / sum_p B_p), B_p and A_p the sums of squared residuals [m^2] of pose p
-    before and after; the interval has the 2.5 and 97.5 % quantiles of `_DRAWS` bootstrap samples
-    of the poses (Efron, Annals of Statistics 7, 1979).
+    1 - sqrt(sum_p A_p / sum_p B_p), where B_p and A_p are the sums of squared residuals [m^2] of
+    pose p before and after; the interval is given by the 2.5 and 97.5 % quantiles of `_DRAWS`
+    bootstrap samples of the poses (Efron, Annals of Statistics 7, 1979).
     """
     poses = pose.max() + 1
     squares = np.stack([np.bincount(pose, r**2, poses) for r in (before, after)])

@@ -1,4 +1,4 @@
-"""3x3 covariances in table columns, and factors of them."""
+"""3x3 covariances in table columns, and their factors."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ T = TypeVar("T")
 
 PAIRS = ("xx", "xy", "xz", "yy", "yz", "zz")
 ROW, COLUMN = np.triu_indices(3)
-"""Place of each of the six numbers of a covariance in its 3x3 matrix."""
+"""Row and column indices of the six numbers of a covariance in its 3x3 matrix."""
 PLACES = tuple(zip(ROW.tolist(), COLUMN.tolist(), strict=True))
 
 
@@ -32,7 +32,7 @@ def matrices(table: pd.DataFrame, names: Sequence[str] | None = None) -> Array:
 
 
 def weighing(table: pd.DataFrame) -> Array:
-    """The covariances of a table, shape (rows, 3, 3); all alike [1 m^2] where one is not known."""
+    """Covariances of a table, shape (rows, 3, 3); unit matrices [m^2] if any of them is unknown."""
     C = matrices(table)
     return C if np.isfinite(C).all() else np.broadcast_to(np.eye(3), C.shape)
 
@@ -51,7 +51,7 @@ def full(six: Sequence[Array]) -> Array:
 
 
 def flat(matrices: Array) -> Array:
-    """Matrices (m, 3, 3) as six columns (m, 6), in the order of `columns`."""
+    """Matrices (m, 3, 3) as six numbers (m, 6), in the order of `columns`."""
     return matrices[:, ROW, COLUMN]
 
 
@@ -61,9 +61,9 @@ def numbers(table: pd.DataFrame, names: Sequence[str] | None = None) -> list[Arr
 
 
 def alike(C: Array, work: Callable[[Array], Array]) -> Array:
-    """Work done on every matrix (m, k, k), once where all of them are equal.
+    """Apply `work` to every matrix (m, k, k), once if all of them are equal.
 
-    A million readings of one stated noise have one covariance.
+    A million readings with one stated noise have one covariance.
     """
     if len(C) < 2 or not (C[:1] == C).all():
         return work(C)
@@ -72,9 +72,9 @@ def alike(C: Array, work: Callable[[Array], Array]) -> Array:
 
 
 def each(columns: Sequence[Any], work: Callable[[Any], T]) -> list[T]:
-    """Work done on every column, once for those that are one array in memory.
+    """Apply `work` to every column, once for columns that share memory.
 
-    The covariances of a stated noise are such: two different arrays in six columns.
+    Covariances of a stated noise are of this kind: two distinct arrays in six columns.
     """
     where = [column.__array_interface__["data"][0] for column in columns]
     different = dict(zip(where, columns, strict=True))
@@ -84,15 +84,15 @@ def each(columns: Sequence[Any], work: Callable[[Any], T]) -> list[T]:
 
 
 def _alike(six: Sequence[Array]) -> bool:
-    """Whether all rows of six columns have the same covariance, and there is one."""
+    """Whether there are rows and all of them have the same covariance."""
     return len(six[0]) > 0 and all(each(six, lambda column: bool((column == column[0]).all())))
 
 
 def turned(six: Sequence[Array], R: Array) -> list[Array]:
-    """Columns of R C R' from those of C; a million equal ones cost as much as one."""
+    """Columns of R C R' from those of C; equal covariances are computed once."""
     if _alike(six):
         xx, xy, xz, yy, yz, zz = one = np.array([column[0] for column in six])
-        if xx == yy == zz and xy == xz == yz == 0:  # which no rotation changes
+        if xx == yy == zz and xy == xz == yz == 0:  # isotropic: invariant under rotation
             return list(six)
         one = flat(R @ symmetric(one[None]) @ R.T)[0]
         return [np.full(len(six[0]), value) for value in one]
@@ -101,11 +101,11 @@ def turned(six: Sequence[Array], R: Array) -> list[Array]:
 
 
 _NONE_M2 = 1e-24
-"""Scatter of a picometre is none: squares of it are no numbers any more."""
+"""Variance treated as zero [m^2], that of a picometre, since its square underflows."""
 
 
 def singular(six: Sequence[Array]) -> Bools:
-    """Where a covariance has no scatter in some direction, by Cholesky's pivots, shape (m,)."""
+    """Where a covariance is singular, by Cholesky's pivots, shape (m,)."""
     m = len(six[0])
     xx, xy, xz, yy, yz, zz = (column[:1] for column in six) if _alike(six) else six
     with np.errstate(divide="ignore", invalid="ignore"):
@@ -118,10 +118,10 @@ def singular(six: Sequence[Array]) -> Bools:
 
 
 def factors(matrices: Array) -> Array:
-    """The lower triangular L with L L' = C for positive semidefinite C, shape (m, 3, 3).
+    """Lower triangular L with L L' = C for positive semidefinite C, shape (m, 3, 3).
 
-    A direction without scatter costs a column: errors are as many as they are independent, and
-    follow no order or sign of axes that rounding chose.
+    A direction without scatter gives a zero column: there are as many error terms as independent
+    errors, and they do not depend on an order or sign of axes chosen by rounding.
     """
     if len(matrices) > _FEW:
         return _triangular(matrices)
@@ -140,30 +140,30 @@ def _triangular(matrices: Array) -> Array:
 
 
 _ROUNDING = 1e-12
-"""Part of all scatter that is none [1]."""
+"""Fraction of the total variance that is treated as zero [1]."""
 
 _FEW = 4096
-"""Matrices up to which factors are kept, in 5 MB at most [1]."""
+"""Maximum number of matrices whose factors are cached, at most 5 MB."""
 
 
 @lru_cache(maxsize=16)
 def _factors(matrices: bytes) -> Array:
-    """The same, kept: a diagnosis asks for those of the same readings 30 times."""
+    """Cached factors; a diagnosis requests those of the same readings 30 times."""
     out = _triangular(np.frombuffer(matrices).reshape(-1, 3, 3))
     out.flags.writeable = False
     return out
 
 
 def known(six: Sequence[Array]) -> Bools:
-    """Where a covariance is known, NaN standing for one that is not, shape (m,)."""
+    """Where a covariance is known, that is without NaN, shape (m,)."""
     return np.asarray(reduce(np.logical_and, each(six, np.isfinite)))
 
 
 def stated(known: Bools) -> bool:
-    """Whether measurements have covariances: all of them or none.
+    """Whether the measurements have covariances: all of them or none.
 
     Raises:
-        InputError: Only some have.
+        InputError: Only some have one.
     """
     if known.any() and not known.all():
         raise InputError(

@@ -1,7 +1,7 @@
-"""The doors of the outbuildings: found by name when somebody asks for them, never imported before.
+"""Doors of the outbuildings: imported by name on request, never before.
 
-An outbuilding is a folder that the core can do without. What the core offers of it stands where it
-is offered as "module:name", so that a package without the folder misses that offer alone.
+An outbuilding is a folder that the core can do without. The core refers to what it offers of one as
+"module:name", so that a package without the folder lacks that offer only.
 """
 
 from __future__ import annotations
@@ -14,13 +14,13 @@ from pipeline.base.errors import UsageError
 
 
 def opened(door: str) -> Any:
-    """What stands behind a door.
+    """Import the object behind a door.
 
     Args:
         door: "module:name".
 
     Raises:
-        UsageError: This installation comes without the outbuilding.
+        UsageError: This installation lacks the outbuilding.
     """
     module, _, name = door.partition(":")
     try:
@@ -35,16 +35,16 @@ def opened(door: str) -> Any:
 
 
 def found(door: str) -> Any | None:
-    """What stands behind a door; None where this installation comes without the outbuilding."""
+    """The object behind a door; None if this installation lacks the outbuilding."""
     return opened(door) if is_there(door) else None
 
 
 def is_there(door: str) -> bool:
-    """Whether this installation has the outbuilding of a door; nothing of it is imported."""
+    """Whether this installation has the outbuilding of a door, without importing it."""
     found = find_spec(_folder(door))
-    return found is not None and found.origin is not None  # not what an old folder has left behind
+    return found is not None and found.origin is not None  # not a removed package's empty folder
 
 
 def _folder(door: str) -> str:
-    """The package below pipeline/ that a door leads into."""
+    """Package below pipeline/ to which a door leads."""
     return ".".join(door.partition(":")[0].split(".")[:2])

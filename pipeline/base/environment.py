@@ -1,8 +1,8 @@
-"""What libraries take from around a process: the environment and the current folder.
+"""Influences of the environment and the current folder on libraries.
 
-Anybody's campaign may lie in the current folder. Prefect reads `.env`, `prefect.toml` and
-`pyproject.toml` there, Matplotlib `matplotlibrc`, and what they say can run programs. So a library
-that does so is imported and used in another folder.
+The current folder may contain anybody's campaign. Prefect reads `.env`, `prefect.toml` and
+`pyproject.toml` there, Matplotlib `matplotlibrc`, and their content can start programs. Libraries
+that do so are therefore imported and used in another folder.
 """
 
 from __future__ import annotations
@@ -16,30 +16,29 @@ OURS = {
     "VECLIB_MAXIMUM_THREADS": "1",
     "PYTHONSAFEPATH": "1",
 }
-"""What stands in the environment whatever the user has set, before numpy and any other process.
-
-Linear algebra gets one thread: our matrices are small, so that a second one only costs time, and
-with the number of threads the last digits change. No module is taken from the current folder, as
-`python -c` and `python -m` would, by which multiprocessing and Prefect start processes.
-"""
+"""Environment variables that are set regardless of the user's values, before numpy and other
+processes start. Linear algebra gets one thread: our matrices are small, so that a second one only
+costs time, and the last digits change with the number of threads. No module is taken from the
+current folder, as `python -c` and `python -m`, by which multiprocessing and Prefect start
+processes, would do."""
 
 
 def unproxied() -> dict[str, str]:
-    """What keeps a proxy of the environment from being asked for pages of this machine itself."""
+    """Environment variable that keeps requests to this machine from going through a proxy."""
     known = os.environ.get("no_proxy") or os.environ.get("NO_PROXY", "")
     return {"no_proxy": ",".join([*filter(None, [known]), "127.0.0.1", "localhost"])}
 
 
 NOBODYS = "/"
-"""A folder in which only those may write to whom the machine belongs; services stand there."""
+"""A folder in which only administrators can write; working directory of services."""
 
 
 @contextlib.contextmanager
 def elsewhere() -> Iterator[None]:
-    """Within the block the current folder is `NOBODYS`; paths have to be absolute there."""
+    """Change the current folder to `NOBODYS` within the block; paths must be absolute there."""
     try:
         here = os.getcwd()
-    except FileNotFoundError:  # it was removed: nothing lies in it, and there is no way back
+    except FileNotFoundError:  # it was removed: harmless, and there is no way back
         yield
         return
     os.chdir(NOBODYS)

@@ -1,4 +1,4 @@
-"""One family of errors, in the words of the test engineer: the thing, the number, the way out.
+"""Errors in the words of the test engineer: the thing, the number, the way out.
 
 The core raises these; only the command line turns them into a sentence and an exit code.
 """
@@ -17,24 +17,24 @@ if TYPE_CHECKING:
     from pydantic_core import ErrorDetails
 
 _PART, _SENTENCE = 500, 1600
-"""Letters of a message at most: of its file, thing and way out, and in all."""
+"""Maximum length of a message in characters: of its file, thing and way out, and in total."""
 _VALUE = 80
-"""Letters that are shown of a value."""
+"""Maximum number of characters that are shown of a value."""
 MISFIT = 4
 """Exit code of `run --strict` when the model does not fit; a verdict, not an error."""
 
 
 class PipelineError(Exception):
-    """Anything we can explain in one sentence.
+    """Any error that can be explained in one sentence.
 
     Attributes:
-        exit_code: What the command line returns for it, see the README.
+        exit_code: Exit code of the command line, see the README.
     """
 
     exit_code = 1
 
     def __init__(self, sentence: str) -> None:
-        """Keep the sentence, with its full stop, fit to be shown."""
+        """Keep the sentence with its full stop, made printable."""
         super().__init__(ended(printable(sentence, _SENTENCE)))
 
 
@@ -50,10 +50,10 @@ class InputError(PipelineError):
     Attributes:
         file: File name relative to the campaign folder, or None.
         line: Line in that file counted from 1, or None.
-        thing: What is wrong there.
+        thing: What is wrong.
         way_out: What to do about it, or a question that says so.
-        passing: True when trying again a little later may help.
-        key: Which entry of a TOML file it is about, as a path; its line is that of the file.
+        passing: True if trying again a little later may help.
+        key: Path of the entry of a TOML file that it concerns, which gives the line.
     """
 
     exit_code = 5
@@ -68,25 +68,25 @@ class InputError(PipelineError):
         passing: bool = False,
         key: Sequence[str | int] = (),
     ) -> None:
-        """Compose the one sentence from its parts."""
+        """Compose the sentence from its parts."""
         self.file = None if file is None else printable(file, _PART)
         self.thing, self.way_out = printable(thing, _PART), printable(way_out, _PART)
         self.line, self.passing, self.key = line, passing, list(key)
         super().__init__(f"{place(self.file, line)}{self.thing}; {self.way_out}")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Between processes it travels as its parts."""
+        """Pickle it as its parts, for other processes."""
         return partial(InputError, **self.parts), ()
 
     @property
     def parts(self) -> dict[str, Any]:
-        """All that it was made of, by name; enough to make it again."""
+        """All constructor arguments by name, sufficient to create it again."""
         return dict(vars(self))
 
 
 @contextmanager
 def at(file: str | None = None, line: int | None = None) -> Iterator[None]:
-    """Where the input is that is read here: errors about it that name no file get this place."""
+    """Place of the input that is read within the block, for errors that name no file."""
     try:
         yield
     except InputError as wrong:
@@ -97,34 +97,34 @@ def at(file: str | None = None, line: int | None = None) -> Iterator[None]:
 
 
 class CannotWrite(PipelineError):
-    """The disk refuses what we want to keep: no permission, no space, something in the way."""
+    """A result cannot be written: no permission, no space, or something blocks the path."""
 
     exit_code = 3
 
 
 class Unfinished(PipelineError):
-    """A campaign was given up: it took too long or too much memory, or its process ended."""
+    """A campaign was abandoned: it exceeded its time or memory, or its process ended."""
 
     exit_code = 6
 
     def __init__(self, thing: str, way_out: str) -> None:
-        """Compose the one sentence from its parts."""
+        """Compose the sentence from its parts."""
         self.thing, self.way_out = thing, way_out
         super().__init__(f"{thing}; {way_out}.")
 
     def __reduce__(self) -> tuple[Any, ...]:
-        """Likewise."""
+        """Pickle it as its parts."""
         return Unfinished, (self.thing, self.way_out)
 
 
 class Interrupted(PipelineError):
-    """The engineer stopped it."""
+    """The user interrupted the run."""
 
     exit_code = 130
 
 
 class TableMismatch(PipelineError):
-    """A table does not keep the promise of its schema."""
+    """A table does not conform to its schema."""
 
 
 def ended(sentence: str) -> str:
@@ -133,14 +133,14 @@ def ended(sentence: str) -> str:
 
 
 def first_wrong(problem: ValidationError) -> tuple[list[str], str]:
-    """The first word of a file that cannot be as it is: its path, and what is wrong with it."""
+    """Path of the decisive error in a file, and what is wrong there."""
     first = decisive(problem)
     path = [printable(str(part), _VALUE) for part in first["loc"] if part != "[key]"]
     return path, _wrong(first).removeprefix("Value error, ")
 
 
 def _wrong(first: ErrorDetails) -> str:
-    """What is wrong with a word, by its kind."""
+    """What is wrong with a value, by the kind of error."""
     kind = first["type"]
     if kind == "missing":
         last = first["loc"][-1]
@@ -157,7 +157,7 @@ def _wrong(first: ErrorDetails) -> str:
 
 
 def _of_letters(pattern: str) -> str:
-    """What a name may hold, by the pattern that it has to match."""
+    """Characters that a name may have, by the pattern that it must match."""
     if "_.-" in pattern:
         return "is not a name of letters, digits, dots, hyphens and underscores"
     return "is not a name of letters and digits that begins with a letter"
@@ -170,7 +170,7 @@ def _wrong_length(limits: Mapping[str, Any]) -> str:
 
 
 def _wrong_value(value: object, said: str) -> str:
-    """The value before what it should be, where it can be printed."""
+    """The value followed by what it should be, if it can be printed."""
     if not isinstance(value, str | int | float) or not said.startswith("Input should be "):
         return said
     shown = f'"{printable(value, _VALUE)}"' if isinstance(value, str) else value
@@ -198,24 +198,24 @@ _FORMS = {
     "tuple_type": "a list in square brackets",
     "string_type": "text in quotation marks",
 }
-"""What pydantic calls otherwise, in the words of a TOML file."""
+"""Kinds of error of pydantic in the terms of a TOML file."""
 
 
 def decisive(problem: ValidationError) -> ErrorDetails:
-    """The first error, or an unknown key: a key that is missing may stand there misspelt."""
+    """The first error, or else an unknown key, which may be a misspelt missing one."""
     every = problem.errors()
     return next((one for one in every if one["type"] == "extra_forbidden"), every[0])
 
 
 def worst(codes: Iterable[int]) -> int:
-    """The exit code that matters most: our faults, disk, command, input, model, nothing."""
+    """The most important exit code: internal, disk, unfinished, usage, input, misfit, none."""
     ours = (1, CannotWrite.exit_code, Unfinished.exit_code)
     order = (*ours, UsageError.exit_code, InputError.exit_code, MISFIT, 0)
     return min(codes, key=order.index, default=0)
 
 
 def place(file: str | None, line: int | None) -> str:
-    """Where it is, as `file:line: `, or nothing."""
+    """Place as `file:line: `, or empty."""
     if file is None:
         return ""
     return f"{file}: " if line is None else f"{file}:{line}: "

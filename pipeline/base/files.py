@@ -1,4 +1,4 @@
-"""Bytes to disk, whole or not at all."""
+"""Atomic reading and writing of files."""
 
 from __future__ import annotations
 
@@ -19,15 +19,15 @@ from pipeline.base.shown import too_large
 
 FULL = (errno.ENOSPC, errno.EDQUOT)
 _BEGUN = ".*.????????"
-"""What the names of half-written files are like."""
+"""Pattern of the names of unfinished files."""
 _CLOSED = (errno.EACCES, errno.EPERM, errno.EROFS)
 
 
 def write(path: Path, data: bytes) -> None:
-    """Replace `path` by `data` in one step; a reader sees the old or the new, never a part.
+    """Replace `path` by `data` atomically; a reader sees the old or the new file, never a part.
 
     Raises:
-        CannotWrite: The disk refuses.
+        CannotWrite: The file system refuses.
     """
     with writing(path):
         _write(path, data)
@@ -35,7 +35,7 @@ def write(path: Path, data: bytes) -> None:
 
 @contextlib.contextmanager
 def writing(path: Path) -> Iterator[None]:
-    """Say in one sentence what the disk refuses to write at `path`.
+    """Convert errors of the file system at `path` into one sentence.
 
     Raises:
         CannotWrite: With the way out.
@@ -62,7 +62,7 @@ def _way_out(path: Path, problem: OSError) -> str:
 def _write(path: Path, data: bytes) -> None:
     path.parent.mkdir(parents=True, exist_ok=True)
     temporary = path.with_name(f".{path.name}.{secrets.token_hex(4)}")
-    # the kernel takes the umask off; tempfile's are for their owner only
+    # subject to the umask; files of tempfile are readable by their owner only
     handle = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL | os.O_CLOEXEC, 0o666)
     try:
         with os.fdopen(handle, "wb") as file:
@@ -77,14 +77,14 @@ def _write(path: Path, data: bytes) -> None:
 
 
 def place(folder: Path, content: Mapping[str, bytes]) -> None:
-    """Put a whole folder in its place in one step; an old one of that name goes.
+    """Put a whole folder in its place atomically; an old one of that name is removed.
 
     Raises:
-        CannotWrite: The disk refuses; the old folder is still there.
+        CannotWrite: The file system refuses; the old folder is still there.
     """
     with writing(folder):
         folder.parent.mkdir(parents=True, exist_ok=True)
-        # not beside the folder, where a half-written one would count
+        # one level up: beside the folder an unfinished one would count
         temporary = Path(tempfile.mkdtemp(dir=folder.parent.parent, prefix=f".{folder.name}."))
         try:
             for name, data in content.items():
@@ -113,7 +113,7 @@ def sweep(folder: Path, pattern: str = f"**/{_BEGUN}") -> None:
 
 
 def leftovers(folder: Path, pattern: str = f"**/{_BEGUN}") -> list[Path]:
-    """Files in a folder that a `write` has begun; what nobody works at is of a killed one."""
+    """Temporary files of `write` in a folder; without a writer they stem from a killed one."""
     return [path for path in folder.glob(pattern) if path.is_file()]
 
 
@@ -124,17 +124,17 @@ def read(
     missing: InputError | None = None,
     begins: Callable[[bytes], object] = len,
 ) -> bytes:
-    """Content of a file that others write, which may be anything and may still be growing.
+    """Read a file written by others, which may be anything and may still be growing.
 
     Args:
-        path: Where it is.
+        path: Path of the file.
         file: Its name, for messages.
-        most: Bytes at most; of more nothing is read.
-        missing: What to raise where there is none.
-        begins: Raises where its first bytes are those of no file that is meant.
+        most: Maximum size in bytes; nothing is read of a larger file.
+        missing: Error to raise if there is no such file.
+        begins: Raises if the first bytes are not those of an expected file.
 
     Raises:
-        InputError: Missing, unreadable, no file, too large, or changed while it was read.
+        InputError: Missing, unreadable, not a file, too large, or changed while it was read.
     """
     refused = partial(InputError, file=file)
     try:
@@ -149,7 +149,7 @@ def read(
             opened.seek(0)
             data = opened.read(before.st_size + 1)
             after = os.fstat(opened.fileno())
-    except (FileNotFoundError, ValueError) as problem:  # no name of a file has a zero byte
+    except (FileNotFoundError, ValueError) as problem:  # ValueError: a null byte in the name
         raise missing or refused("there is no such file", "check the path") from problem
     except OSError as problem:
         thing, way_out = "cannot be read", "check the file and its permissions"
@@ -162,13 +162,13 @@ def read(
 
 
 BEGIN = 4096
-"""Bytes that tell what a file is."""
+"""Number of initial bytes that identify the type of a file."""
 NEVER = (errno.ENAMETOOLONG, errno.EISDIR, errno.ELOOP)
-"""What trying again does not help against."""
+"""Errors for which trying again does not help."""
 
 
 def words(path: Path, file: str, most: int, missing: InputError | None = None) -> str:
-    """The words of a file that people write.
+    """Read a text file written by people.
 
     Raises:
         InputError: As `read`, or it is not UTF-8.
@@ -177,7 +177,7 @@ def words(path: Path, file: str, most: int, missing: InputError | None = None) -
 
 
 def text(data: bytes, file: str) -> str:
-    """The words of a file that people write.
+    """Decode a text file written by people.
 
     Raises:
         InputError: Not UTF-8.
@@ -189,5 +189,5 @@ def text(data: bytes, file: str) -> str:
 
 
 def sha256(data: bytes) -> str:
-    """Hash of some bytes, in hexadecimal."""
+    """SHA-256 hash, in hexadecimal."""
     return hashlib.sha256(data).hexdigest()

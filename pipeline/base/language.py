@@ -1,10 +1,10 @@
-"""What people read on paper, in their language: the certificate and the measurement sheet.
+"""Translation of printed documents: the certificate and the measurement sheet.
 
-Both are made in English as ever. Here every text of them is looked up in a catalogue of gettext,
-as a whole, else as one of the texts with `{}` where something varies; what stands there is looked
-up in turn. A text that begins or ends with a space, a comma or a semicolon is said behind or before
-another one. What is in no catalogue, as a name or a sentence of the user's, stays as it is. English
-asks no catalogue.
+Both are composed in English. Each of their texts is looked up in a gettext catalogue, as a whole,
+or as a text with `{}` for its variable parts, which are looked up in turn. A catalogue entry that
+begins or ends with a space, a comma or a semicolon is used next to another text. Text that is in no
+catalogue, such as a name or a sentence of the user's, is left unchanged. English needs no
+catalogue.
 """
 
 from __future__ import annotations
@@ -20,11 +20,11 @@ from typing import Any, TypeVar
 
 _Any = TypeVar("_Any")
 Say = Callable[[str], str]
-"""A text in another language."""
+"""Function that translates a text."""
 
 
 class Language(StrEnum):
-    """The language of a certificate or a sheet."""
+    """Language of a certificate or a sheet."""
 
     EN = "en"
     DE = "de"
@@ -32,38 +32,39 @@ class Language(StrEnum):
 
 
 _KEPT = {"kind", "name", "key", "tone", "sort", "link", "language", "held"}
-"""Fields of the records of a report that nobody reads, or that are no words."""
+"""Fields of report records that are never displayed, or are not words."""
 
 _GLUE = " ,;"
-"""Signs at an end of a text that is said beside another one."""
+"""Characters at an end of a text that is used next to another one."""
 
 _SPECIFIC = 4
-"""So many letters make a text of its own; of one with fewer the parts are looked up first."""
+"""Minimum number of letters of a specific text; for texts with fewer the parts are looked up
+first."""
 
 _PARTS = (r"; ", r"(?<=[.!?]) (?=[A-Z])", r", ")
-"""Where a text is cut into parts, the coarsest first."""
+"""Separators at which a text is split into parts, the coarsest first."""
 
 _NUMBER = r"(?<!\w)[-−+]?\d+(?:\.\d+)?"
 _FIGURES = re.compile(
     rf"{_NUMBER}|[⁰¹²³⁴⁵⁶⁷⁸⁹⁻]+|°C|[±×→%°σ(),;=\s]|U\b|k\b|\b[AEJS]\d\b"
     r"|\b[pnµmkMG]?(?:N|m|rad|g|deg|s|h|min)\b(?:[·/][\w()·/]*)?"
 )
-"""What a text of numbers consists of: numbers, units, names of axes, signs between them."""
+"""Components of a text of numbers: numbers, units, names of axes, signs between them."""
 
 _WORD = re.compile(r"(?<![\w./:-])[a-z]{2,}(?![\w./:]|-\d)")
-"""A word, and no part of a name as `loads.csv` or `pose01_rep1`."""
+"""A word that is not part of a name such as `loads.csv` or `pose01_rep1`."""
 
 _NAME = 2
-"""A name has fewer spaces."""
+"""Number of spaces from which a text is more than a name."""
 
 
 def spoken(language: str) -> Say:
-    """How a text is said in a language."""
+    """Translator into a language."""
     return str if language == Language.EN else _catalogue(Language(language)).say
 
 
 def said(record: _Any, say: Say) -> _Any:
-    """A record of a report with all its texts said; cells of code stay."""
+    """Translate all texts of a report record; fields in `_KEPT` and other objects are unchanged."""
     if isinstance(record, str):
         return say(record)  # type: ignore[return-value]
     if isinstance(record, tuple):
@@ -79,13 +80,13 @@ def said(record: _Any, say: Say) -> _Any:
 
 
 def capital_like(text: str, there: str) -> str:
-    """With a capital where the English has one."""
+    """Capitalise the translation if the English text is capitalised."""
     return there[:1].upper() + there[1:] if text[:1].isupper() else there
 
 
 @dataclass(frozen=True)
 class _Said:
-    """A text in another language, and whether all of its words are."""
+    """A translated text, and whether all of its words were translated."""
 
     text: str
     whole: bool = True
@@ -93,9 +94,9 @@ class _Said:
 
 @dataclass
 class _Part:
-    """What varies in a text: said where a catalogue has `{0}`, as it is where it has `{0!r}`.
+    """Variable part of a text: translated where a catalogue has `{0}`, unchanged where `{0!r}`.
 
-    `{0:small}` begins with a small letter.
+    `{0:small}` begins with a lower-case letter.
     """
 
     text: str
@@ -113,17 +114,17 @@ class _Part:
 
 
 class Catalogue(gettext.GNUTranslations):
-    """The texts of a language: whole ones, and those in which something varies."""
+    """Texts of a language: complete ones, and those with variable parts."""
 
     @cached_property
     def texts(self) -> dict[str, str]:
-        """English texts and how they are said."""
+        """English texts and their translations."""
         every: dict[str, str] = vars(self)["_catalog"]
         return {one: there for one, there in every.items() if one}
 
     @cached_property
     def varied(self) -> Sequence[tuple[bool, re.Pattern[str], str]]:
-        """Whether a text is one of its own, its pattern and how it is said, the longest first."""
+        """Whether a text is specific, its pattern and translation, the longest first."""
         those = [_between(one, there) for one, there in self.texts.items() if _varies(one)]
         return [
             (
@@ -135,13 +136,13 @@ class Catalogue(gettext.GNUTranslations):
         ]
 
     def say(self, text: str) -> str:
-        """A text in this language; what is in no catalogue as it is, numbers apart."""
+        """Translate a text; without a catalogue entry only its numbers are adapted."""
         plain = text.replace("\N{NO-BREAK SPACE}", " ")
         found = self.find(plain).text
         return text if found == plain else found
 
     def find(self, text: str) -> _Said:
-        """The first way to say a text that leaves no word of it in English, else the first."""
+        """The first translation that leaves no English word, else the first one."""
         if text not in self._found:
             first = None if (shown := _figures(text)) == text else _Said(shown)
             for one in () if first else self._ways(text):
@@ -170,7 +171,7 @@ class Catalogue(gettext.GNUTranslations):
                 yield _Said(f"{rest.text}.", rest.whole)
 
     def _filled(self, text: str, *, specific: bool) -> Iterator[_Said]:
-        """Texts in which something varies."""
+        """Translations by texts with variable parts."""
         for own, pattern, there in self.varied:
             if own == specific and (
                 found := pattern.fullmatch(text) or pattern.fullmatch(_small(text))
@@ -180,7 +181,7 @@ class Catalogue(gettext.GNUTranslations):
                 yield _Said(said_, all(one.whole for one in parts))
 
     def _parted(self, text: str) -> Iterator[_Said]:
-        """Several texts beside each other, some of which are known."""
+        """Translations part by part, if some parts are known."""
         for cut in _PARTS:
             parts = re.split(cut, text)
             found = [self.find(one) for one in parts] if len(parts) > 1 else []
@@ -191,14 +192,14 @@ class Catalogue(gettext.GNUTranslations):
 
 
 def _figures(text: str) -> str:
-    """A text of numbers with decimal commas, and semicolons between them; another as it is."""
+    """A text of numbers with decimal commas and separated by semicolons; others unchanged."""
     if not re.search(r"\d\.\d", text) or _FIGURES.sub("", text):
         return text
     return re.sub(r"(?<=\d)\.(?=\d)", ",", text.replace(", ", "; "))
 
 
 def _prose(text: str) -> bool:
-    """Whether it has an English word, and not only names and numbers."""
+    """Whether it contains an English word, besides names and numbers."""
     return bool(_WORD.search(_FIGURES.sub(" ", text)))
 
 
@@ -211,7 +212,7 @@ def _varies(text: str) -> bool:
 
 
 def _between(text: str, there: str) -> tuple[str, str]:
-    """A text that is said beside another one as one in which that varies."""
+    """Write a text that is used next to another one with `{}` in that one's place."""
     count = text.count("{}")
     if text[-1] in _GLUE:
         text, there = f"{text}{{}}", f"{there}{{{count}}}"
@@ -222,7 +223,7 @@ def _between(text: str, there: str) -> tuple[str, str]:
 
 
 def _letters(text: str) -> int:
-    """How much of a text is said, the parts that vary apart."""
+    """Number of letters in the fixed parts of a text."""
     return len(re.sub(r"\{\}|[^\w]", "", text))
 
 

@@ -1,10 +1,10 @@
 """Linear algebra with one rank rule, for everything that solves, ranks or weights.
 
-Columns come in units in which they compare (each parameter in its typical size, rows in standard
-uncertainties). A column that is shorter than `_ROUNDING` times the longest is nothing: a joint that
-no pull loads moves the targets by rounding. All others are brought to unit length, so that no unit
-decides what the data determine, and a direction counts where it is longer than `_ROUNDING` times
-the longest. Products N = X'X hold the squares of lengths: there the limit is `PRODUCTS`.
+Columns are scaled to comparable units (each parameter by its typical magnitude, rows by standard
+uncertainties). A column shorter than `_ROUNDING` times the longest is treated as zero: a joint that
+no pull loads moves the targets by rounding only. All others are normalised to unit length, so that
+units do not affect what the data determine, and a direction counts if it is longer than `_ROUNDING`
+times the longest. Products N = X'X contain squared lengths: there the limit is `PRODUCTS`.
 """
 
 from __future__ import annotations
@@ -17,25 +17,26 @@ import scipy.linalg
 from pipeline.base.arrays import Array, Bools, Ints
 
 _ROUNDING = 1e-9
-"""Length of a mix of unit columns, over the longest, that is rounding [1]: doubles carry 1e-16,
-derivatives by differences 1e-10."""
+"""Relative length of a combination of unit columns that is treated as zero [1]: doubles carry
+1e-16, derivatives by differences 1e-10."""
 
 PRODUCTS = 1e-11
-"""The same in products of unit columns [1]: sums of some thousand squares carry 1e-13."""
+"""The corresponding limit in products of unit columns [1]: sums of some thousand squares carry
+1e-13."""
 
 LEFT = 1e-7
-"""Squared part of a column that is left of it when it is a mix of others [1]: products carry eleven
-digits, and a base of some tens of columns uses up four."""
+"""Squared fraction of a column that remains, due to rounding, if it is a combination of others [1]:
+products carry eleven digits, and a base of some tens of columns uses up four."""
 
 _PART = 1e-8
-"""Squared part of a parameter in directions that nothing determines, from which it is one of
-them [1]."""
+"""Squared fraction of a parameter in undetermined directions from which the parameter itself counts
+as undetermined [1]."""
 
 _ROUNDED = 1e-12
-"""Part of a row's variance that is rounding where hundreds of rows share one error [1]."""
+"""Fraction of a row's variance that is rounding if hundreds of rows share one error [1]."""
 
 TINY = 1e-300
-"""What a square, divided by, is at least [any]: doubles end at 1e-308."""
+"""Lower bound of a squared quantity that is a divisor [any]: doubles end at 1e-308."""
 
 
 def rms(values: Array) -> float:
@@ -49,8 +50,8 @@ class _Inverse:
 
     Attributes:
         U: Orthonormal directions of the rows, shape (M, r).
-        half: What each of them moves in the parameters, shape (k, r).
-        lost: Parameters with a part in directions that nothing determines, shape (k,).
+        half: Change of the parameters with each of them, shape (k, r).
+        lost: Parameters with a component in undetermined directions, shape (k,).
         free: These directions, orthonormal, shape (k, k - r).
     """
 
@@ -70,9 +71,9 @@ class _Inverse:
         return np.asarray(self.half @ self.U.T)
 
     def __call__(self, y: Array) -> Array:
-        """The shortest least-squares solution x = X+ y in unit columns, (k,) or (k, j).
+        """Minimum-norm least-squares solution x = X+ y in unit columns, (k,) or (k, j).
 
-        Columns that nothing tells apart share what is theirs equally.
+        Columns that the data cannot separate share their contribution equally.
         """
         return np.asarray(self.half @ (self.U.T @ y))
 
@@ -85,38 +86,38 @@ class _Inverse:
 
 
 def _lengths(X: Array) -> Array:
-    """Length of each column of (..., m, k), infinite for one that is nothing, shape (..., 1, k)."""
-    X = np.asarray(X, float)  # squares of integers overflow without a word
+    """Length of each column of (..., m, k), infinite for a zero one, shape (..., 1, k)."""
+    X = np.asarray(X, float)  # squares of integers overflow silently
     square = np.einsum("...mk,...mk->...k", X, X)[..., None, :]
     least = _ROUNDING**2 * square.max(axis=-1, keepdims=True, initial=TINY)
     return np.sqrt(np.where(square > least, square, np.inf))
 
 
 def orthonormal(X: Array, least: float = _ROUNDING) -> Array:
-    """Orthonormal columns Q, (M, r), that span the columns of X, (M, k).
+    """Orthonormal basis Q, (M, r), of the column space of X, (M, k).
 
     Args:
         X: Columns.
-        least: Part of the longest mix of unit columns below which a mix is rounding.
+        least: Relative length of a combination of unit columns that is treated as zero.
     """
     U, s, _ = np.linalg.svd(X / _lengths(X), full_matrices=False)
     return np.asarray(U[:, s > least * s.max(initial=TINY)])
 
 
 def span(X: Array, least: float) -> Array:
-    """Orthonormal columns that span what columns reach beyond the absolute length `least`."""
+    """Orthonormal basis of the directions in which X exceeds the absolute length `least`."""
     U, s, _ = np.linalg.svd(X, full_matrices=False)
     return np.asarray(U[:, s > least])
 
 
 def spans(X: Array) -> Array:
-    """`orthonormal` for many blocks at once, (p, s, k): columns that are rounding are zero."""
+    """`orthonormal` for many blocks at once, (p, s, k); columns beyond the rank are zero."""
     U, s, _ = np.linalg.svd(X / _lengths(X), full_matrices=False)
     return np.asarray(U * (s > _ROUNDING * s[:, :1])[:, None, :])
 
 
 def complement(X: Array) -> Array:
-    """Orthonormal columns, (M, M - r), that no mix of the columns of X, (M, k), reaches."""
+    """Orthonormal basis, (M, M - r), of the complement of the column space of X, (M, k)."""
     U, s, _ = np.linalg.svd(X / _lengths(X), full_matrices=True)
     return np.asarray(U[:, int(np.sum(s > _ROUNDING * s.max(initial=TINY))) :])
 
@@ -133,19 +134,19 @@ def pseudoinverse(X: Array) -> _Inverse:
 
 
 def shortest(X: Array, least: float = _ROUNDING) -> Array:
-    """X+ of matrices (..., m, k) in the units they come in: where length has a meaning."""
+    """X+ of matrices (..., m, k) in their original units, for which the norm is meaningful."""
     return np.asarray(np.linalg.pinv(X, rcond=least))
 
 
 def least_squares(X: Array, y: Array) -> Array:
-    """The x, (k,) or (k, j), for which |y - X x| is smallest; see `pseudoinverse`."""
+    """Least-squares solution x, (k,) or (k, j), of y = X x; see `pseudoinverse`."""
     return pseudoinverse(X)(y)
 
 
 def unit(N: Array) -> tuple[Array, Array]:
-    """Products of columns brought to unit length, (..., k, k), and their lengths, (..., k).
+    """Products of columns normalised to unit length, (..., k, k), and their lengths, (..., k).
 
-    A column that is nothing has infinite length, and products of zero.
+    A column that is treated as zero has infinite length, and products of zero.
     """
     square = np.einsum("...ii->...i", N)
     least = _ROUNDING**2 * np.max(square, axis=-1, keepdims=True, initial=TINY)
@@ -154,7 +155,7 @@ def unit(N: Array) -> tuple[Array, Array]:
 
 
 def determined(N: Array) -> Array:
-    """Orthonormal mixes of parameters, (k, r), that rows with products N, (k, k), determine."""
+    """Orthonormal combinations of parameters, (k, r), that rows with products N determine."""
     scaled, size = unit(N)
     values, vectors = directions(scaled)
     seen = vectors[:, values > PRODUCTS * values.max(initial=TINY)]
@@ -162,23 +163,24 @@ def determined(N: Array) -> Array:
 
 
 def rank(N: Array) -> int:
-    """Number of directions that rows with products N, (k, k), determine."""
-    return int(np.sum(directions(unit(N)[0])[0] > PRODUCTS))
+    """Number of directions determined by rows with products N, (k, k)."""
+    values = directions(unit(N)[0])[0]
+    return int(np.sum(values > PRODUCTS * values.max(initial=TINY)))
 
 
 def nothing(X: Array) -> Bools:
-    """Columns of (M, k) that are nothing beside the longest, shape (k,)."""
+    """Columns of (M, k) that are zero relative to the longest, shape (k,)."""
     return np.asarray(np.isinf(_lengths(X))[..., 0, :], dtype=bool)
 
 
 def directions(N: Array) -> tuple[Array, Array]:
-    """Squared lengths, ascending, and directions of symmetric matrices (..., k, k)."""
+    """Eigenvalues, ascending, and eigenvectors of symmetric matrices (..., k, k)."""
     values, vectors = np.linalg.eigh(N)
     return np.asarray(values), np.asarray(vectors)
 
 
 def inverse(N: Array, least: float = PRODUCTS) -> Array:
-    """Inverse of products (..., k, k), where they have one; directions that are rounding are left.
+    """Inverse of products (..., k, k); directions without information are left out.
 
     The inverse of X'X is the covariance of the least-squares solution of unit-variance rows.
     """
@@ -188,7 +190,7 @@ def inverse(N: Array, least: float = PRODUCTS) -> Array:
 
 
 def regular_inverse(N: Array) -> Array:
-    """Inverse of matrices (n, k, k), the fastest; NaN for one that is singular."""
+    """Inverse of matrices (n, k, k) by the fastest method; NaN for a singular one."""
     try:
         return np.asarray(np.linalg.inv(N))
     except np.linalg.LinAlgError:
@@ -200,7 +202,7 @@ def regular_inverse(N: Array) -> Array:
 
 
 def covariance(N: Array) -> Array:
-    """Inverse of products (k, k), variances infinite where a parameter has a part in rounding."""
+    """Inverse of products (k, k), with infinite variance for undetermined parameters."""
     scaled, size = unit(N)
     values, vectors = directions(scaled)
     dark = values <= PRODUCTS * values.max(initial=TINY)
@@ -212,13 +214,16 @@ def covariance(N: Array) -> Array:
 
 
 def left(G: Array, whole: Array, least: float = LEFT) -> tuple[Array, Ints]:
-    """Inverse of what is left of columns beside a base, (..., k, k), and its rank, (...).
+    """Inverse of the products of columns after a base is projected out, (..., k, k), and rank.
 
     Args:
-        G: Products of what is left, shape (..., k, k).
-        whole: Squared lengths of the columns before the base was taken out, shape (..., k).
-        least: Squared part of a whole column that is none: what the base explains to seven digits
-            is the base.
+        G: Products of the projected columns, shape (..., k, k).
+        whole: Squared lengths of the columns before projection, shape (..., k).
+        least: Squared fraction of a column that is treated as zero: a column that the base explains
+            to seven digits belongs to the base.
+
+    Returns:
+        The inverse, shape (..., k, k), and its rank, shape (...).
     """
     size = np.sqrt(np.maximum(whole, TINY))
     outer = size[..., :, None] * size[..., None, :]
@@ -237,7 +242,7 @@ def solve(A: Array, y: Array) -> Array:
 
 @dataclass(frozen=True, eq=False)
 class Cholesky:
-    """Factors of a positive definite matrix whose diagonal was brought to one.
+    """Cholesky factors of a positive definite matrix scaled to unit diagonal.
 
     Attributes:
         lower: L with L L' = S A S, shape (k, k).
@@ -260,7 +265,7 @@ class Cholesky:
 
 
 def cholesky(A: Array) -> Cholesky:
-    """Factors of a positive definite matrix (k, k), the fastest for large ones.
+    """Factor a positive definite matrix (k, k), the fastest method for large ones.
 
     Raises:
         LinAlgError: It is not positive definite.
@@ -273,10 +278,11 @@ def cholesky(A: Array) -> Cholesky:
 def whitening(V: Array) -> Array:
     """W with W V W' = 1 for positive definite V, (..., k, k): inverse Cholesky factors.
 
-    Where one error is so large that the others are below its rounding, they count as that.
+    If one error is so large that others are lost in its rounding, V is regularised by that
+    rounding.
 
     Raises:
-        LinAlgError: A row has no scatter at all.
+        LinAlgError: A row has no variance.
     """
     try:
         L = np.linalg.cholesky(V)
@@ -290,10 +296,10 @@ def whitening(V: Array) -> Array:
 
 
 def factor(C: Array) -> Array:
-    """The symmetric L with L L' = C for positive semidefinite C, shape (..., k, k).
+    """Symmetric square root L with L L' = C for positive semidefinite C, shape (..., k, k).
 
-    There is one of its kind: what is drawn along its columns follows no order or sign of directions
-    that rounding chose.
+    It is unique: random numbers along its columns do not depend on an order or sign of eigenvectors
+    chosen by rounding.
     """
     values, vectors = directions(C)
     root = vectors * np.sqrt(np.clip(values, 0.0, None))[..., None, :]
@@ -301,13 +307,13 @@ def factor(C: Array) -> Array:
 
 
 def log_det(N: Array) -> Array:
-    """Natural log of det N, shape (...); NaN where the determinant is not positive."""
+    """Natural logarithm of det N, shape (...); NaN if the determinant is not positive."""
     sign, log = np.linalg.slogdet(N)
     return np.where(sign > 0, log, np.nan)
 
 
 def rigid(a: Array, b: Array) -> tuple[Array, Array]:
-    """R, t for which the sum of |b - R a - t|^2 is smallest (Kabsch 1976), points (n, 3) each."""
+    """R, t that minimise the sum of |b - R a - t|^2 (Kabsch 1976), points (n, 3) each."""
     U, _, Vt = np.linalg.svd((a - a.mean(axis=0)).T @ (b - b.mean(axis=0)))
     flip = np.diag([1.0, 1.0, np.sign(np.linalg.det(U @ Vt))])
     R = (U @ flip @ Vt).T
@@ -315,18 +321,18 @@ def rigid(a: Array, b: Array) -> tuple[Array, Array]:
 
 
 def principal(X: Array) -> tuple[Array, Array, Array]:
-    """U, s, V' of matrices (..., m, k): the directions that a map stretches most, and how much."""
+    """Singular value decomposition U, s, V' of matrices (..., m, k)."""
     U, s, Vt = np.linalg.svd(X)
     return np.asarray(U), np.asarray(s), np.asarray(Vt)
 
 
 def extent(points: Array) -> Array:
-    """Lengths of the three main axes of a set of points (n, 3), the longest first."""
+    """Singular values of a centred set of points (n, 3), the largest first."""
     return np.asarray(np.linalg.svd(points - points.mean(axis=0), compute_uv=False))
 
 
 def turning(levers: Array) -> Array:
-    """Matrices that take a small turn w [rad] to the shift w x lever, (..., 3, 3) of (..., 3)."""
+    """Matrices from a small rotation w [rad] to the shift w x lever, (..., 3, 3) of (..., 3)."""
     x, y, z = np.moveaxis(levers, -1, 0)
     out = np.zeros((*levers.shape, 3))
     out[..., 0, 1], out[..., 1, 2], out[..., 2, 0] = z, x, y

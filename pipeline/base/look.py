@@ -1,4 +1,4 @@
-"""How a project wants its certificates: their language, and what its house adds to them."""
+"""Appearance of a project's certificates: language, and additions of its house."""
 
 from __future__ import annotations
 
@@ -11,17 +11,17 @@ from pipeline.base import files, preferences
 from pipeline.base.doors import opened
 
 HOUSE = "pipeline.house:house"
-"""The door behind which a folder of overrides is read."""
+"""Door of the reader of a folder of overrides."""
 
 
 @dataclass(frozen=True)
 class Look:
-    """How a certificate looks beyond what it says.
+    """Appearance of a certificate, apart from its content.
 
     Attributes:
-        language: Of the certificate.
+        language: Language of the certificate.
         logo: An SVG drawing; empty for none.
-        fields: Lines of the house's own, each with its label.
+        fields: Additional lines of the house, each with its label.
         order: Keys of the annexes that come first.
     """
 
@@ -32,25 +32,25 @@ class Look:
 
     @property
     def key(self) -> str:
-        """The same for the same look."""
+        """Hash that is equal for equal appearance."""
         return files.sha256(repr(self).encode())
 
 
 PLAIN = Look()
-"""In English, as it comes."""
+"""Default appearance, in English."""
 
 Facts = Mapping[str, str]
-"""What a line of the house may say of a campaign, by name."""
+"""Facts about a campaign that lines of the house may use, by name."""
 
 
 def looks(root: Path) -> Callable[[Mapping[str, Any], Facts], Look]:
-    """What makes the look of a campaign from what campaign.toml says of it, and its facts.
+    """Function from statements of campaign.toml and facts to the look of a campaign.
 
     Args:
         root: The project's root.
 
     Raises:
-        InputError: pipeline.toml or the folder that it names says what it cannot.
+        InputError: pipeline.toml, or the folder that it names, is invalid.
     """
     said = preferences.load(root).report
     house = None if said.templates is None else opened(HOUSE)(root, said.templates)

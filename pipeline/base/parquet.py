@@ -1,8 +1,8 @@
-"""Tables as Parquet, read and written on the calling thread alone.
+"""Tables as Parquet, read and written on the calling thread only.
 
-A thread of Arrow that still holds memory or a file of Python's when the interpreter ends has to
-ask for its lock, and aborts the process (exit code 134, apache/arrow issue 34314). Our tables are
-small: nothing is gained by threads.
+An Arrow thread that still holds memory or a file of Python's when the interpreter ends must acquire
+its lock, and aborts the process (exit code 134, apache/arrow issue 34314). Our tables are small:
+threads would gain nothing.
 """
 
 from __future__ import annotations
@@ -17,21 +17,21 @@ from pipeline.base import files
 
 
 def read(path: Path) -> pa.Table:
-    """The table of a Parquet file.
+    """Read the table of a Parquet file.
 
     Raises:
-        OSError: No such file, or one that cannot be read.
-        pa.ArrowInvalid: No Parquet.
+        OSError: No such file, or it cannot be read.
+        pa.ArrowInvalid: Not Parquet.
     """
     with pq.ParquetFile(pa.BufferReader(path.read_bytes()), pre_buffer=False) as opened:
         return opened.read(use_threads=False)
 
 
 def write(path: Path, table: pa.Table) -> None:
-    """Replace the Parquet file at `path` in one step.
+    """Replace the Parquet file at `path` atomically.
 
     Raises:
-        CannotWrite: The disk refuses.
+        CannotWrite: The file system refuses.
     """
     sink = pa.BufferOutputStream()
     pq.write_table(table, sink, compression="zstd")
@@ -39,7 +39,7 @@ def write(path: Path, table: pa.Table) -> None:
 
 
 def begins_and_ends(path: Path) -> bool:
-    """Whether a file looks like a whole Parquet file: one that was cut has another end."""
+    """Whether a file looks like a complete Parquet file, by its first and last bytes."""
     try:
         with path.open("rb") as opened:
             if os.fstat(opened.fileno()).st_size < 3 * len(_MAGIC):
@@ -52,4 +52,4 @@ def begins_and_ends(path: Path) -> bool:
 
 
 _MAGIC = b"PAR1"
-"""First and last bytes of a Parquet file (its format, version 2)."""
+"""First and last bytes of a Parquet file (format version 2)."""

@@ -1,7 +1,7 @@
-"""Patterns that people write in files, for names: none of them may cost more than reading them.
+"""User-supplied patterns for names, matched in bounded time.
 
-Regular expressions are matched by RE2, which comes with Arrow: it takes a time that grows with the
-name and the expression only, whatever is nested, and so knows neither look-around nor references.
+Regular expressions are matched by RE2, which comes with Arrow: its time is linear in the length of
+name and expression, whatever is nested, and so it has neither look-around nor back-references.
 """
 
 from __future__ import annotations
@@ -16,19 +16,19 @@ if TYPE_CHECKING:
     import pyarrow as pa
 
 _MOST = 300
-"""Letters of an expression."""
+"""Maximum number of characters of an expression."""
 _LONGEST = 200
-"""Letters of a name that is matched; no longer one has a meaning."""
+"""Maximum number of characters of a name that is matched."""
 
 _TOKENS = re.compile(r"\\.|\[\^?\]?(?:\\.|\[:\w*:\]|[^\]\\])*\]?|\(\??|\{\d+,?\d*\}|.", re.DOTALL)
-"""A sign with its backslash, a class, a bracket that opens a part, a count, or any other sign."""
+"""An escaped character, a class, an opening parenthesis, a count, or any other character."""
 _LETTERS = r"\pL\p{Nd}_"
 _ANY_LETTERS = {r"\w": f"[{_LETTERS}]", r"\W": f"[^{_LETTERS}]", r"\Z": r"\z", "(": "(?:"}
-"""What RE2 knows of ASCII only or otherwise, and what it says instead."""
+"""Replacements for what RE2 restricts to ASCII or writes differently."""
 
 
 def _in_re2(pattern: str) -> str:
-    """The expression in RE2's words: letters are those of all languages, as people expect."""
+    """The expression in the syntax of RE2, with Unicode letters as users expect them."""
 
     def said(token: re.Match[str]) -> str:
         if token[0].startswith("["):
@@ -39,7 +39,7 @@ def _in_re2(pattern: str) -> str:
 
 
 def parts(names: pa.StringArray, pattern: str) -> pa.StructArray:
-    """The named parts of whole names, null where the expression does not fit."""
+    """Named groups of complete matches, null where the expression does not match."""
     import pyarrow.compute as pc
 
     short = pc.if_else(pc.less_equal(pc.utf8_length(names), _LONGEST), names, None)
@@ -47,10 +47,10 @@ def parts(names: pa.StringArray, pattern: str) -> pa.StructArray:
 
 
 def named(pattern: str) -> set[str]:
-    """The named parts of an expression.
+    """Names of the groups of an expression.
 
     Raises:
-        ValueError: It is none that RE2 knows.
+        ValueError: RE2 does not accept it.
     """
     import pyarrow as pa
 
@@ -70,7 +70,7 @@ def named(pattern: str) -> set[str]:
 
 
 def _written_out(pattern: str) -> int:
-    """Signs of an expression once everything that is counted stands there so often."""
+    """Number of characters of an expression with all counted repetitions written out."""
     sizes, last = [0], 0
     for token in _TOKENS.findall(pattern):
         if token.startswith("("):
@@ -89,20 +89,21 @@ def _written_out(pattern: str) -> int:
 
 
 def is_glob(pattern: str) -> bool:
-    """Whether it may stand for several files."""
+    """Whether it may match several files."""
     return any(mark in pattern for mark in "*?[")
 
 
 def depth(glob: str, most: int) -> int:
-    """How deep a folder has to be looked through for a glob, at most so deep."""
+    """Depth to which folders must be searched for a glob, at most `most`."""
     parts = PurePosixPath(glob).parts
     return most if "**" in parts else min(most, len(parts))
 
 
 def fits(name: str, glob: str) -> bool:
-    """Whether folders and name of a file fit those of a glob; ** stands for any folders.
+    """Whether the path of a file matches a glob, in which ** stands for any folders.
 
-    In a time of their product: all places of the glob are followed at once.
+    The time is bounded by the product of their lengths: all positions in the glob are followed at
+    once.
     """
     pattern, open_at = PurePosixPath(glob).parts, {0}
     for part in PurePosixPath(name).parts:
@@ -117,7 +118,7 @@ def fits(name: str, glob: str) -> bool:
 
 
 def _past_any(open_at: set[int], pattern: Sequence[str]) -> set[int]:
-    """Places in a pattern, and those behind the ** there, which may stand for nothing."""
+    """Positions in a pattern, and those after a ** there, which may match nothing."""
     reached = set(open_at)
     for k in range(len(pattern)):
         if k in reached and pattern[k] == "**":

@@ -1,4 +1,4 @@
-"""pipeline.toml in the project's root: how often to look for campaigns, where, and whom to tell."""
+"""pipeline.toml in the project's root: service, notification, storage, fleet and certificates."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ def _on_the_web(address: str) -> str:
 
 
 def _elsewhere(address: str) -> str:
-    """Not a folder of this machine."""
+    """Check that it is an address, not a folder of this machine."""
     if "://" not in address:
         raise ValueError("an address looks like s3://bucket/folder")
     return address
@@ -51,15 +51,15 @@ _Address = Annotated[str, AfterValidator(_elsewhere)]
 
 
 class Service(Strict):
-    """`serve` and `watch`.
+    """Settings of `serve` and `watch`.
 
     Attributes:
-        interval_s: Seconds from one look at data/raw to the next.
+        interval_s: Time between two scans of data/raw [s].
         cron: A cron line instead of the interval; `serve` only.
-        quiet_s: A folder counts as complete when nothing in it changes for so long [s].
-        port: Prefect's page on this machine; the reports are one port further.
-        limit_s: What takes longer than this for one campaign is given up [s].
-        memory_gib: As for time, its memory [GiB].
+        quiet_s: A folder counts as complete if nothing in it changes for this time [s].
+        port: Port of Prefect's page on this machine; the reports are on the next one.
+        limit_s: Maximum time for one campaign before it is abandoned [s].
+        memory_gib: Maximum memory for one campaign [GiB], likewise.
     """
 
     interval_s: Annotated[float, Field(ge=5, le=86400)] = 60.0
@@ -71,27 +71,27 @@ class Service(Strict):
 
     @property
     def every_s(self) -> float | None:
-        """Seconds from one look to the next; None where a cron line says when."""
+        """Time between two scans [s]; None if a cron line is given."""
         return None if self.cron else self.interval_s
 
 
 class Notify(Strict):
-    """Whom to tell when a verdict changes.
+    """Notification when a verdict changes.
 
     Attributes:
-        webhook: Address that takes a JSON object by POST; its `text` is what chats show.
+        webhook: Address that accepts a JSON object by POST; chats display its `text`.
     """
 
     webhook: Annotated[str, AfterValidator(_on_the_web)] | None = None
 
 
 class Storage(Strict):
-    """Campaigns that live on object storage.
+    """Campaigns on object storage.
 
     Attributes:
         raw: Address of the campaign folders, such as s3://bucket/raw; copied to data/raw.
-        reports: Where reports/ is put after a run.
-        processed: Where the tables of data/processed are put after a run.
+        reports: Address to which reports/ is copied after a run.
+        processed: Address to which the tables of data/processed are copied after a run.
     """
 
     raw: _Address | None = None
@@ -100,22 +100,22 @@ class Storage(Strict):
 
 
 class Fleet(Strict):
-    """All robots together.
+    """Settings for all robots together.
 
     Attributes:
-        scatter: What a stiffness is expected to differ by from day to day beyond its uncertainty,
-            one standard deviation [1]; 0.01 where nobody says. Campaigns that tell it correct it.
+        scatter: Expected standard deviation of a stiffness from day to day, relative and in
+            addition to its uncertainty [1]; 0.01 if not given. Repeated campaigns update it.
     """
 
     scatter: Annotated[float, Field(ge=1e-4, le=0.5)] | None = None
 
 
 class Certificates(Strict):
-    """Certificates.
+    """Settings of certificates.
 
     Attributes:
-        language: Of those whose campaign.toml says none.
-        templates: Folder below the root with what the house adds to them; docs/house.md.
+        language: Language if campaign.toml does not state one.
+        templates: Folder below the root with the additions of the house; docs/house.md.
     """
 
     language: Language = Language.EN
@@ -123,7 +123,7 @@ class Certificates(Strict):
 
 
 class Preferences(Strict):
-    """A whole pipeline.toml; all of it may be missing."""
+    """Content of pipeline.toml; every part is optional."""
 
     service: Service = Service()
     notify: Notify = Notify()
@@ -133,20 +133,20 @@ class Preferences(Strict):
 
 
 def load(root: Path, said: Mapping[str, Any] | None = None) -> Preferences:
-    """The preferences of a project.
+    """Load the preferences of a project.
 
     Args:
         root: The project's root.
-        said: What the command line says about the service instead.
+        said: Options of the command line that override those of the service.
 
     Raises:
-        InputError: pipeline.toml is not TOML, or has a word or value it cannot have.
-        UsageError: The command line says what it cannot have.
+        InputError: pipeline.toml is not TOML, or has an unknown key or invalid value.
+        UsageError: An option of the command line is invalid.
     """
     path = root / FILE
     text = files.words(path, FILE, toml.LARGEST) if os.path.lexists(path) else ""
     content = toml.loads(text, FILE)
-    _validated(content, text)  # before the command line outdoes it, so that each gets its own blame
+    _validated(content, text)  # before options override it, so that errors name the right source
     content["service"] = {**content.get("service", {}), **(said or {})}
     try:
         return _validated(content)

@@ -1,4 +1,4 @@
-"""Numbers as a reader wants them: digits that their uncertainty allows, units with prefixes."""
+"""Numbers for readers: digits justified by their uncertainty, units with prefixes."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ MISSING = "–"
 _PREFIXES = {9: "G", 6: "M", 3: "k", 0: "", -3: "m", -6: "µ", -9: "n", -12: "p"}
 
 MM = 1e3
-"""Millimetres in a metre, the unit of pages and result.json."""
+"""Millimetres per metre; millimetres are the unit of pages and result.json."""
 
 _ROUNDING = 1e-15
-"""Part of a double that is rounding [1]: nothing is known better."""
+"""Relative rounding of a double [1]; no smaller uncertainty is meaningful."""
 
 _DIGITS = r"\d⁰¹²³⁴⁵⁶⁷⁸⁹"
 _UNIT = r"%|°C|deg|σ|×|±|[pnµmkMG]?(?:N|m|rad|kg|g|s)(?:[·/][\w()·/]*)?"
@@ -25,7 +25,7 @@ _BINDS = re.compile(
     rf"(?<=[{_DIGITS})]) (?=(?:{_UNIT})(?:\W|$))|(?<=[×±=<]) (?=[\d(])|(?<=\b[pkU]) (?=[=<])"
     r"|(?<=\b[AEJS]\d) (?=-?\d)|(?<=\d,) (?=-?[\d.]+[,)])"
 )
-"""Spaces that belong inside a quantity or a relation."""
+"""Spaces inside a quantity or a relation, at which no line may break."""
 
 _POWER = re.compile(r"(?<![\w.])(\d+(?:\.\d+)?)e([+-]?\d{1,3})(?![\w.])")
 
@@ -40,15 +40,16 @@ def known(value: object) -> TypeGuard[float]:
 def _place_of(std: float, significant: int = 2) -> int:
     """Decimal exponent of the last digit that an uncertainty justifies.
 
-    Two significant digits of the uncertainty after rounding: 0.0994 counts in 0.001,
-    0.0996 becomes 0.10 and counts in 0.01.
+    Two significant digits of the uncertainty after rounding: 0.0994 gives 0.001, 0.0996 becomes
+    0.10
+    and gives 0.01.
     """
     rounded = Context(significant, ROUND_HALF_EVEN).create_decimal(repr(float(std)))
     return rounded.adjusted() - significant + 1
 
 
 def _at_place(value: float, place: int) -> str:
-    """A number rounded at a decimal place, without an exponent: (1234.5, 1) -> 1230.
+    """Number rounded at a decimal place, without an exponent: (1234.5, 1) -> 1230.
 
     A double has no more than seventeen digits, whatever its uncertainty would justify.
     """
@@ -57,7 +58,7 @@ def _at_place(value: float, place: int) -> str:
 
 
 def with_std(value: float | None, std: float | None) -> str:
-    """`80.0 ± 1.6`: two significant digits of the uncertainty decide how many the value gets."""
+    """`80.0 ± 1.6`: two significant digits of the uncertainty determine those of the value."""
     if not known(value):
         return MISSING
     if not known(std) or std <= _ROUNDING * abs(value):
@@ -77,7 +78,7 @@ def with_uncertainty(value: float, expanded: float) -> tuple[str, str]:
 
 
 def bracketed(value: float | None, std: float | None) -> str:
-    """The same in brackets, so that a unit may follow."""
+    """`with_std` in brackets, so that a unit may follow."""
     text = with_std(value, std)
     return f"({text})" if "±" in text and not text.startswith("(") else text
 
@@ -90,7 +91,7 @@ def _scientific(value: float, std: float) -> str:
 
 
 def _ten_to(power: int) -> str:
-    """10⁻⁸."""
+    """Power of ten as text, such as 10⁻⁸."""
     return f"10{str(power).translate(_SUPERSCRIPT)}"
 
 
@@ -113,7 +114,7 @@ def _limit(bound: float | None, place: int | None) -> str | None:
 
 
 def plain(value: float | None, significant: int = 3) -> str:
-    """A number that carries no uncertainty, to some significant digits."""
+    """Number without a stated uncertainty, to some significant digits."""
     if not known(value):
         return MISSING
     if value == 0:
@@ -126,12 +127,12 @@ def plain(value: float | None, significant: int = 3) -> str:
 
 
 def percent(ratio: float | None, significant: int = 2) -> str:
-    """A ratio in per cent."""
+    """Ratio in per cent."""
     return MISSING if not known(ratio) else f"{plain(100 * ratio, significant)} %"
 
 
 def probability(p: float | None) -> str:
-    """A probability in words that fit one: never 100 % for what is only nearly certain."""
+    """Probability as text: never 100 % for what is only nearly certain."""
     if not known(p):
         return MISSING
     if p > 0.999:
@@ -140,21 +141,21 @@ def probability(p: float | None) -> str:
 
 
 def p_value(p: float | None) -> str:
-    """`p = 0.33`, or `p < 10⁻⁶`: nobody knows a distribution farther out in its tail."""
+    """`p = 0.33`, or `p < 10⁻⁶`: no distribution is known further out in its tail."""
     if not known(p):
         return "p unknown"
     return f"p = {plain(p, 2)}" if p >= 1e-6 else f"p < {_ten_to(-6)}"
 
 
 def typeset(text: str) -> str:
-    """A sentence as it is printed: ± and powers of ten, no line end inside a quantity."""
+    """Sentence for print: ± and powers of ten, no line break inside a quantity."""
     text = _POWER.sub(lambda found: f"{found[1]} × {_ten_to(int(found[2]))}", text)
     text = re.sub(r"\+-(?= ?\d)", "±", text)
     return _BINDS.sub("\N{NO-BREAK SPACE}", text)
 
 
 def common_prefix(values: Iterable[float | None]) -> tuple[float, str]:
-    """One SI prefix for a whole column, from the middle of the values: its factor and letter."""
+    """Factor and letter of one SI prefix for a whole column, from its median."""
     sizes = sorted(abs(v) for v in values if known(v) and v != 0)
     if not sizes:
         return 1.0, ""
@@ -164,7 +165,7 @@ def common_prefix(values: Iterable[float | None]) -> tuple[float, str]:
 
 
 def mix(weights: Iterable[float], names: Iterable[str]) -> str:
-    """A sum of weighted names: `c_theta2 + 0.58 c_theta4`."""
+    """Linear combination of names: `c_theta2 + 0.58 c_theta4`."""
     said = ""
     for weight, name in zip(weights, names, strict=True):
         sign = "-" if weight < 0 else "+" if said else ""
@@ -175,10 +176,10 @@ def mix(weights: Iterable[float], names: Iterable[str]) -> str:
 
 
 def scaled(value: float | None, factor: float) -> float | None:
-    """A value in a prefixed unit; None stays None."""
+    """Value in a prefixed unit; None stays None."""
     return None if value is None else value / factor
 
 
 def prefixed(unit: str, letter: str) -> str:
-    """A unit with a prefix on its first factor, spaces as products: `MN·m/rad`."""
+    """Unit with a prefix on its first factor, spaces as products: `MN·m/rad`."""
     return letter + unit.replace(" ", "·") if unit else ""

@@ -1,7 +1,7 @@
-"""Text of others as we show it and write it: nothing in it may steer a terminal or break a file.
+"""Display and storage of foreign text: it must not control a terminal or break a file.
 
-One way each: `printable` for what people read, `in_json`, `in_toml` and `in_xml` for files.
-Sentences of ours put what to type between backticks; `runs` and `quoted` show it without them.
+`printable` is for people, `in_json`, `in_toml` and `in_xml` are for files. Our own sentences put
+what to type between backticks; `runs` and `quoted` show it without them.
 """
 
 from __future__ import annotations
@@ -18,15 +18,15 @@ _ODD = re.compile(
     "[\x00-\x1f\x7f-\x9f\xad\u0600-\u0605\u061c\u06dd\u070f\u180e\u200b-\u200f\u2028-\u202e"
     "\u2060-\u206f\ud800-\udfff\ufeff\ufff9-\ufffb\ufffe\uffff\U000e0000-\U000e0fff]"
 )
-"""Control and format characters, line ends, halves of characters, and what is none."""
+"""Control and format characters, line ends, lone surrogates, and noncharacters."""
 _HALF = re.compile("[\ud800-\udfff]")
 _IN_STRINGS = re.compile(f"(?!\n){_ODD.pattern}")
-"""All that is odd but line ends, which JSON escapes by itself and is laid out with."""
+"""The same without line feeds, which JSON escapes itself and uses for its layout."""
 _NOT_XML = re.compile("[\x00-\x08\x0b\x0c\x0e-\x1f\ud800-\udfff\ufffe\uffff]")
 
 
 def printable(text: str, most: int | None = None) -> str:
-    r"""One line that says what stands there: \x1b for an escape, the middle left out if long."""
+    r"""One printable line: \x1b for an escape, with the middle left out if it is long."""
     if most is not None and len(text) > 2 * most:  # what is left out need not be escaped
         text = text[:most] + text[-most:]
     plain = _ODD.sub(_named, text)
@@ -49,7 +49,7 @@ _SHORT = {"\n": "\\n", "\r": "\\r", "\t": "\\t"}
 
 
 def is_printable(text: str) -> bool:
-    """Whether it can be shown as it is."""
+    """Whether it can be shown unchanged."""
     return _ODD.search(text) is None
 
 
@@ -58,42 +58,42 @@ _TYPED = re.compile(
     rf"`(pipeline(?:{_WORD})*|dask scheduler|dask worker tcp://[\w.:-]+ --nthreads 1"
     r"|xacro FILE\.xacro > FILE\.urdf)`"
 )
-"""What to type. Whatever stands between somebody else's backticks, nothing else passes for ours:
-no other program, no sign of a shell and no address, where `--on` would send the work."""
+"""Commands to type. Text of other origin between backticks never passes as ours: no other program,
+no shell character and no address, to which `--on` would send the work."""
 
 
 def runs(text: str) -> Iterator[tuple[str, bool]]:
-    """The text in pieces, and of each whether it is to be typed as it stands."""
+    """Pieces of the text, each with whether it is a command to be typed."""
     for place, piece in enumerate(_TYPED.split(text)):
         if piece:
             yield piece, bool(place % 2)
 
 
 def typed(name: str) -> str:
-    """A name as it is typed behind a command: in quotes where a shell would do more with it."""
+    """Name as an argument of a command, quoted if the shell requires it."""
     return shlex.quote(name)
 
 
 def quoted(text: str) -> str:
-    """The text for a terminal: what to type stands in single quotes, or has some of its own."""
+    """Text for a terminal: commands are in single quotes, unless they contain some."""
     return "".join(
         f"'{piece}'" if told and "'" not in piece else piece for piece, told in runs(text)
     )
 
 
 def lines(text: str) -> str:
-    """Several lines of ours, in which a name may be somebody else's."""
+    """Several lines of our own, which may contain a foreign name."""
     return "\n".join(printable(line) for line in text.split("\n"))
 
 
 def in_json(content: object, indent: int | None = None) -> str:
-    r"""Dumped as JSON, with everything odd as \uXXXX, halves of characters too; never NaN."""
+    r"""Dump as JSON, with unprintable characters and surrogates as \uXXXX; never NaN."""
     dumped = json.dumps(content, indent=indent, ensure_ascii=False, allow_nan=False)
     return _IN_STRINGS.sub(lambda found: json.dumps(found[0])[1:-1], dumped)
 
 
 def in_toml(text: str) -> str:
-    """A basic string of TOML, which knows no halves of characters."""
+    """A basic string of TOML, which does not allow surrogates."""
     written = json.dumps(_HALF.sub("\ufffd", text), ensure_ascii=False)
     return _IN_STRINGS.sub(lambda found: f"\\U{ord(found[0]):08x}", written)
 
@@ -104,7 +104,7 @@ def in_xml(text: str) -> str:
 
 
 def say(line: str, screen: TextIO | None = None) -> None:
-    """One line on stdout or `screen`; a log on a full disk misses some, and that stops nothing."""
+    """Write one line to stdout or `screen`; errors, as of a full disk, are ignored."""
     screen = screen or sys.stdout
     with contextlib.suppress(OSError):
         screen.write(f"{lines(line)}\n")
@@ -112,6 +112,6 @@ def say(line: str, screen: TextIO | None = None) -> None:
 
 
 def too_large(size: int, most: int) -> str:
-    """What is wrong with a file of so many bytes."""
+    """Description of a file with too many bytes."""
     unit, one = ("GB", 1e9) if most >= 1e9 else ("MiB", 2**20)
     return f"has {size / one:.1f} {unit}, more than the {most / one:g} {unit} that are read"

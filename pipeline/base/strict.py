@@ -1,8 +1,8 @@
-"""Settings as typed records that know every word they allow, and how large a number may be.
+"""Settings as typed records that reject unknown keys and implausible numbers.
 
-A bound is what nothing in a hall exceeds, with room for a unit that was mistaken: a thousand times
-too large must still be read, or nobody can say which unit it is. Squares and products of all of
-them stay numbers, which those of 1e160 do not.
+A bound is more than anything in a hall, with room for a mistaken unit: a value that is a thousand
+times too large must still be read, so that the unit can be identified. Squares and products of all
+of them remain finite, unlike those of 1e160.
 """
 
 from __future__ import annotations
@@ -30,7 +30,7 @@ from pipeline.base.shown import is_printable, printable
 
 
 def _visible(least: float) -> AfterValidator:
-    """For numbers above zero: one that is as good as zero is a slip, and its square is none."""
+    """For positive numbers: one that is practically zero is a slip, and its square underflows."""
 
     def check(value: float) -> float:
         if value < least:
@@ -41,47 +41,49 @@ def _visible(least: float) -> AfterValidator:
 
 
 Positive = Annotated[float, Field(gt=0, le=1e12), _visible(1e-12)]
-"""A number of any kind: a time, a weight, a factor."""
+"""A positive number of any kind: a time, a weight, a factor."""
 NotNegative = Annotated[float, Field(ge=0, le=1e12)]
 """The same, or zero."""
 
 Seconds = Annotated[float, Field(ge=0, le=1e6)]
-"""Between one reading and the next [s]: a week has 6e5."""
+"""Time between two readings [s]; for comparison, a week has 6e5."""
 Length = Annotated[float, Field(ge=-1e5, le=1e5)]
-"""A coordinate or a distance [m]: 100 m of hall in millimetres."""
+"""A coordinate or a distance [m]; the bound is a hall of 100 m in millimetres."""
 Degrees = Annotated[float, Field(ge=-1e5, le=1e5)]
-"""An angle [deg]: 280 turns."""
+"""An angle [deg]; the bound is 280 turns."""
 JointValue = Length
-"""A joint's, [m] or [deg]."""
+"""Value of a joint [m] or [deg]."""
 AxisValue = Annotated[float, Field(ge=-1e6, le=1e6)]
-"""A controller's axis as it shows it, [mm] or [deg]."""
+"""Value of a controller's axis as displayed [mm] or [deg]."""
 Force = Annotated[float, Field(ge=-1e7, le=1e7)]
-"""A force or a part of one [N]: a thousand tonnes."""
+"""A force or a component of one [N]; the bound is the weight of a thousand tonnes."""
 LEAST_FORCE = 1e-6
-"""A pull is stronger [N]: nothing measures what a micronewton does to a robot."""
+"""Minimum pull [N]: no instrument resolves the effect of a micronewton on a robot."""
 Pull = Annotated[float, Field(gt=0, le=1e7), _visible(LEAST_FORCE)]
 """A force that is not zero [N]."""
 Stiffness = Annotated[float, Field(gt=0, le=1e18), _visible(1e-3)]
-"""A joint's [N/m] or [N m/rad]: a cube of steel of a metre has 2e11, a rubber band 1e1."""
+"""Stiffness of a joint [N/m] or [N m/rad]; for comparison, a steel cube of a metre has 2e11, a
+rubber band 1e1."""
 
 Scatter = Annotated[float, Field(gt=0, le=10), _visible(1e-10)]
-"""Standard uncertainty of a reading [m]: less than an atom, more than a room."""
+"""Standard uncertainty of a reading [m]; the bounds are less than an atom and more than a room."""
 Uncertainty = Annotated[float, Field(ge=0, le=10)]
 """Standard uncertainty of a length [m] or of an angle [rad]."""
 Relative = Annotated[float, Field(ge=0, lt=1)]
 """Standard uncertainty relative to a length or force [1]: with 1 not even its sign is known."""
 ForceUncertainty = Annotated[float, Field(ge=0, le=1e7)]
-"""Standard uncertainty of a force [N]: as large as the largest."""
+"""Standard uncertainty of a force [N]; the bound is the largest force."""
 STANDARD_GRAVITY = 9.80665
-"""[m/s^2]; CGPM 1901. Between equator and pole it is 9.780 to 9.832 (WGS 84)."""
+"""Standard acceleration of gravity [m/s^2]; CGPM 1901. From equator to pole it is 9.780 to 9.832
+(WGS 84)."""
 LEAST_MASS = 1e-7
-"""A weight is heavier [kg]: it pulls with a micronewton."""
+"""Minimum mass of a weight [kg]: its weight is a micronewton."""
 Temperature = Annotated[float, Field(ge=-50, le=100)]
-"""Of a hall [degC]; kelvins and Fahrenheit of most halls are above."""
+"""Temperature of a hall [degC]; in kelvin or degrees Fahrenheit most halls exceed the bound."""
 Mass = Annotated[float, Field(gt=0, le=1e6), _visible(LEAST_MASS)]
-"""Of a weight or payload [kg]: a thousand tonnes."""
+"""Mass of a weight or payload [kg]; the bound is a thousand tonnes."""
 MassUncertainty = Annotated[float, Field(ge=0, le=1e6)]
-"""Standard uncertainty of a mass [kg]: as large as the largest."""
+"""Standard uncertainty of a mass [kg]; the bound is the largest mass."""
 
 
 def _plain(name: str) -> str:
@@ -111,9 +113,9 @@ def _glob(pattern: str) -> str:
 
 
 Name = Annotated[str, Field(min_length=1, max_length=200), AfterValidator(_plain)]
-"""Of anything, typed by a person: one line that can be shown."""
+"""A name typed by a person: one printable line."""
 Prose = Annotated[str, Field(max_length=10_000), AfterValidator(_prose)]
-"""Sentences by a person, which may have several lines."""
+"""Sentences by a person, possibly of several lines."""
 FileName = Annotated[Name, AfterValidator(_inside)]
 """A path relative to the campaign's folder that does not leave it."""
 Glob = Annotated[FileName, AfterValidator(_glob)]
@@ -121,7 +123,7 @@ Glob = Annotated[FileName, AfterValidator(_glob)]
 
 
 def with_parts(*names: str) -> AfterValidator:
-    """For text that must be a regular expression with some named parts."""
+    """Validator of a regular expression that must have some named groups."""
     needed = ", ".join(f"(?P<{name}>...)" for name in names)
 
     def check(pattern: str) -> str:
@@ -133,7 +135,7 @@ def with_parts(*names: str) -> AfterValidator:
 
 
 class Numbers(BaseModel):
-    """A table whose numbers are numbers: `true` is none, though Python would count it as one."""
+    """A table whose numbers must not be booleans, which Python would accept as integers."""
 
     @field_validator("*", mode="before")
     @classmethod
@@ -147,7 +149,7 @@ class Numbers(BaseModel):
 
 @functools.cache
 def _kinds(record: type[BaseModel], field: str) -> frozenset[type]:
-    """The plain types that values of a field may have."""
+    """Plain types that values of a field may have."""
     return frozenset(_plain_kinds(record.model_fields[field].annotation))
 
 
@@ -164,24 +166,24 @@ def _plain_kinds(annotation: object) -> Iterator[type]:
 
 
 def _holds_truth(value: object) -> bool:
-    """Whether a value or one of a list, at any depth, is true or false; tables see to their own."""
+    """Whether a value, or one in nested lists, is a boolean; tables check themselves."""
     if isinstance(value, list | tuple):
         return any(map(_holds_truth, value))
     return isinstance(value, bool)
 
 
 class Strict(Numbers):
-    """A table that reports unknown words instead of overlooking them."""
+    """A table that rejects unknown keys."""
 
     model_config = ConfigDict(extra="forbid", frozen=True, allow_inf_nan=False)
 
 
 class Misplaced(ValueError):
-    """Something wrong with one entry, found where the whole file is seen.
+    """Error in one entry that is found when the whole file is checked.
 
     Attributes:
         key: Its path in the file.
-        way_out: What to do about it; empty for what is usual in that file.
+        way_out: How to correct it; empty for the usual way in that file.
     """
 
     def __init__(self, said: str, key: Sequence[str | int], way_out: str = "") -> None:
@@ -202,18 +204,18 @@ def checked(
     way_out: str,
     text: str = "",
 ) -> _Record:
-    """The content of a file as a record.
+    """Validate the content of a file as a record.
 
     Args:
-        kind: Of the record.
-        content: What the file says.
+        kind: Class of the record.
+        content: Content of the file.
         file: Its name, for the message.
-        whole: What it is called where no word of it alone is wrong; empty for nothing.
-        way_out: What to do about it.
-        text: The file, for the line; empty where it is none.
+        whole: Subject of the message if no single key is wrong; empty for none.
+        way_out: How to correct it.
+        text: Text of the file, to find the line; empty if there is none.
 
     Raises:
-        InputError: An unknown word, a missing table or a value of the wrong kind.
+        InputError: An unknown key, a missing table or a value of the wrong kind.
     """
     try:
         return kind.model_validate(content)
@@ -227,7 +229,7 @@ def checked(
         line = toml.line_of(text, key)
         if first["type"] == "extra_forbidden":
             way_out = _meant(kind, key) or way_out
-        if first["type"] == "too_long":  # a decimal comma makes two numbers of one
+        if first["type"] == "too_long":  # a decimal comma splits a number in two
             way_out = toml.remedy(text, line, way_out)
         message, way_out = _with_way_out(message, way_out)
         where = ".".join(words) or whole
@@ -236,30 +238,30 @@ def checked(
 
 
 def _with_way_out(message: str, otherwise: str) -> tuple[str, str]:
-    """What is wrong, and the way out that the message has behind a semicolon, if it has one."""
+    """Split a message at its semicolon into what is wrong and a way out of its own."""
     said, own, told = message.partition("; ")
     return said, told if own else otherwise
 
 
 def _without_unions(kind: type[BaseModel], words: Sequence[_Part]) -> list[_Part]:
-    """A path without the members of a union, which are no keys."""
+    """A path without the members of a union, which are not keys."""
     called = {record.__name__ for record, _ in _nested(kind)}
     return [one for one in words if one not in called]
 
 
 def _path(kind: type[BaseModel], location: Sequence[str | int]) -> list[str | int]:
-    """The keys of a file that lead to a wrong word."""
+    """Keys of a file that lead to a wrong entry."""
     return [part for one in _without_unions(kind, location) for part in _apart(one)]
 
 
 def _apart(word: str | int) -> list[str | int]:
-    """`tool.capsules` is a table within another one."""
+    """Split the key `tool.capsules`, a table within another one."""
     inner = isinstance(word, str) and word.startswith("tool.")
     return [*str(word).split(".", 1)] if inner else [word]
 
 
 def _meant(kind: type[BaseModel], key: Sequence[str | int]) -> str | None:
-    """What an unknown key may be: one of its table that is written alike, or one of another."""
+    """Suggestion for an unknown key: a similar one of its table, or the table it belongs to."""
     *table, last = (one for one in key if isinstance(one, str))
     every = list(_known(kind))
     here = {name.lower(): name for where, name in every if _same(where, table)}
@@ -271,19 +273,19 @@ def _meant(kind: type[BaseModel], key: Sequence[str | int]) -> str | None:
 
 
 def _same(where: Sequence[str], table: Sequence[str]) -> bool:
-    """Whether a table is one of those at a place, whatever name of its own it has."""
+    """Whether a table matches a place, in which `_ANY` stands for any name."""
     pairs = zip(where, table, strict=False)
     return len(where) == len(table) and all(a in (b, _ANY) for a, b in pairs)
 
 
 _ANY = "NAME"
-"""Stands for the name that a table is given by who writes the file."""
+"""Placeholder for the name of a table chosen by the author of a file."""
 
 
 def _known(
     kind: type[BaseModel], path: Sequence[str] = ()
 ) -> Iterator[tuple[tuple[str, ...], str]]:
-    """Every key of a file with the table that it stands in."""
+    """Every key of a file with the path of its table."""
     for field, info in kind.model_fields.items():
         spelt = info.validation_alias
         first = spelt.choices[0] if isinstance(spelt, AliasChoices) else spelt
@@ -302,7 +304,7 @@ def _nested(kind: type[BaseModel]) -> Iterator[tuple[type[BaseModel], bool]]:
 
 
 def _records(annotation: object, called: bool = False) -> Iterator[tuple[type[BaseModel], bool]]:
-    """Records that a type holds, and whether each has a name of its own."""
+    """Records that a type contains, and whether each is named by the author of the file."""
     if isinstance(annotation, type) and issubclass(annotation, BaseModel):
         yield annotation, called
     for one in get_args(annotation):

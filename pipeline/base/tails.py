@@ -1,4 +1,4 @@
-"""Tails of distributions, from scipy.special: scipy.stats takes half a second to import."""
+"""Tails of distributions by scipy.special, as scipy.stats takes half a second to import."""
 
 import numpy as np
 from scipy import special
@@ -6,19 +6,18 @@ from scipy import special
 from pipeline.base.arrays import Array
 
 NORMAL_95 = 1.96
-"""95 % of a normal quantity lie within so many standard uncertainties [1]; statistics, with the
-three digits of GUM table G.1."""
+"""Coverage factor of 95 % of a normal distribution [1], to the three digits of GUM table G.1."""
 
 
 CHI2_95 = 3.84
-"""95 % of chi2 of one degree of freedom lie below [1]: the square of it, as tables have it."""
+"""95 % quantile of chi2 with one degree of freedom [1], the square of `NORMAL_95`, as tabulated."""
 
 
 def chi2_below(chi2: Array | float, dof: Array | float) -> Array:
-    """P(chi2_dof < chi2); 0 below zero, and nan without freedom."""
+    """P(chi2_dof < chi2); 0 below zero, NaN without degrees of freedom."""
     return special.chdtr(np.where(np.greater(dof, 0), dof, np.nan), np.maximum(chi2, 0.0))
 
 
 def chi2_beyond(chi2: Array | float, dof: Array | float) -> Array:
-    """P(chi2_dof > chi2); 1 below zero, where rounding may lead, and nan without freedom."""
+    """P(chi2_dof > chi2); 1 below zero, as rounding may give, NaN without degrees of freedom."""
     return special.chdtrc(np.where(np.greater(dof, 0), dof, np.nan), np.maximum(chi2, 0.0))

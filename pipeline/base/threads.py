@@ -1,6 +1,6 @@
-"""Work on two threads: numpy and Arrow let go of the interpreter while they run through arrays.
+"""Work on two threads: numpy and Arrow release the interpreter lock while they process arrays.
 
-Linear algebra itself has one: with another number its last digits are others.
+Linear algebra itself has one thread: with another number its last digits differ.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ S = TypeVar("S")
 T = TypeVar("T")
 
 MUCH = 100_000
-"""Rows, or bytes to be read, from which on a second thread costs less than it saves."""
+"""Number of rows, or bytes to be read, from which a second thread saves time."""
 
 
 def both(first: Callable[[], S], second: Callable[[], T], much: bool) -> tuple[S, T]:
-    """What two pieces of work give, in parallel where there is much to do.
+    """Results of two functions, evaluated in parallel if there is much to do.
 
-    Where both fail, the first is heard.
+    If both fail, the error of the first is raised.
     """
     if not much:
         return first(), second()
@@ -35,7 +35,7 @@ def both(first: Callable[[], S], second: Callable[[], T], much: bool) -> tuple[S
 
 
 def spread(work: Callable[[S], T], items: Iterable[S], much: bool = True) -> list[T]:
-    """Work done on every item, in their order; two at a time where there is much to do."""
+    """Apply `work` to every item in order; two at a time if there is much to do."""
     if not much:
         return [work(item) for item in items]
     with ThreadPoolExecutor(2) as two:

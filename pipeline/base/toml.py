@@ -1,7 +1,7 @@
-"""TOML text to records and back; one record over another.
+"""Reading and writing of TOML, and merging of records.
 
-Written by hand, because people read and edit these files: the library for it, tomli-w, gives every
-number of a list a line of its own, five lines for a point of the tool.
+Written by hand, because people read and edit these files: the library tomli-w puts every number of
+a list on a line of its own, five lines for a point of the tool.
 """
 
 from __future__ import annotations
@@ -18,37 +18,38 @@ from pipeline.base.errors import InputError
 from pipeline.base.shown import in_toml, too_large
 
 LARGEST = 2**20
-"""Bytes of a file that people write; a plan with a thousand poses has a tenth of it."""
+"""Maximum number of characters of a file written by people; a plan with a thousand poses has a
+tenth of it."""
 _LARGEST_NUMBER = 2**63
-"""Whole numbers of TOML have 64 bits."""
+"""Bound of whole numbers in TOML, which have 64 bits."""
 _SMALLER = "keep the data in the other files"
 _MOST_PARTS = 20
-"""Parts of a dotted key; tomllib takes the square of them in time."""
+"""Maximum number of parts of a dotted key, as tomllib takes quadratic time."""
 _STRINGS = re.compile(
     r""""{3}(?:\\.|[^\\])*?(?:"{3}|\Z)|'{3}.*?(?:'{3}|\Z)"""
     r"""|"(?:\\.|[^"\\\n])*"?|'[^'\n]*'?|\#[^\n]*""",
     re.DOTALL,
 )
-"""Strings and comments, also unfinished ones, each of them in one go."""
+"""Strings and comments, also unterminated ones, each in one match."""
 _LONG_KEY = re.compile(rf"(?<![\w-])(?:[\w-]++[ \t]*+\.[ \t]*+){{{_MOST_PARTS}}}")
 
 
 _AT_LINE = re.compile(r"\(at line (\d+),")
-"""How `tomllib` says where it stopped; at the end of the text it says otherwise."""
+"""Position in messages of `tomllib`; at the end of the text there is none."""
 _DECIMAL_COMMA = re.compile(r"=\s*\[?\s*[-+]?\d+,\d")
-"""A number as much of Europe writes it, where a value begins."""
+"""A number with a decimal comma at the beginning of a value."""
 
 
 def loads(text: str, file: str, most: int = LARGEST) -> dict[str, Any]:
-    """The record in a TOML text, in a time that grows with the text only.
+    """Parse a TOML text, in time linear in its length.
 
     Args:
         text: The TOML.
         file: Its name, for messages.
-        most: Letters at most.
+        most: Maximum number of characters.
 
     Raises:
-        InputError: Not TOML, or more than a file for people has; names the place.
+        InputError: Not TOML, or larger than a file for people; names the place.
     """
     if len(text) > most:
         raise InputError(too_large(len(text), most), _SMALLER, file=file)
@@ -66,14 +67,14 @@ def loads(text: str, file: str, most: int = LARGEST) -> dict[str, Any]:
 
 
 def _invalid(text: str, thing: str, file: str) -> InputError:
-    """What is said of a text that is no TOML, with the line where the reader stopped."""
+    """Error for a text that is not TOML, with the line where the parser stopped."""
     at = _AT_LINE.search(thing)
     line = int(at[1]) if at else None
     return InputError(thing, remedy(text, line, "correct that place"), file=file, line=line)
 
 
 def remedy(text: str, line: int | None, usual: str) -> str:
-    """What to do about a line: a point for a comma that makes two numbers of one, or as usual."""
+    """How to correct a line: a decimal point for a decimal comma, or the usual way."""
     there = text.splitlines()[line - 1 : line] if line else []
     commas = any(_DECIMAL_COMMA.search(one) for one in there)
     return "write numbers with a decimal point" if commas else usual
@@ -93,7 +94,7 @@ def _numbers_of_64_bits(content: Mapping[str, Any], file: str) -> None:
 
 
 def merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
-    """A record with the entries of another; tables in both are merged, not replaced."""
+    """A record updated with another; tables in both are merged, not replaced."""
     out = dict(old)
     for key, value in new.items():
         both = isinstance(value, Mapping) and isinstance(out.get(key), Mapping)
@@ -102,7 +103,7 @@ def merged(old: Mapping[str, Any], new: Mapping[str, Any]) -> dict[str, Any]:
 
 
 def given(changes: Mapping[str, Any]) -> dict[str, Any]:
-    """What was said of some changes: no entry that is None, no table without entries."""
+    """Changes without entries that are None and without empty tables."""
     inner = {k: given(v) if isinstance(v, Mapping) else v for k, v in changes.items()}
     return {key: value for key, value in inner.items() if value is not None and value != {}}
 
@@ -139,7 +140,7 @@ def _value(value: Any) -> str:
     if isinstance(value, list | tuple):
         return _list(value)
     if isinstance(value, float) and not math.isfinite(value):
-        return str(value)  # inf, -inf and nan are words of TOML
+        return str(value)  # inf, -inf and nan are valid TOML
     return quoted(value) if isinstance(value, str) else json.dumps(value)
 
 
@@ -157,17 +158,17 @@ def quoted(text: str) -> str:
 
 
 _PART = re.compile(r""""((?:\\.|[^"\\])*)"|'([^']*)'|([\w-]+)""")
-"""One part of a key, bare or in quotes."""
+"""One part of a key, bare or quoted."""
 _KEYS = r"""((?:[\w-]++|"[^"]*"|'[^']*')(?:[ \t]*\.[ \t]*(?:[\w-]++|"[^"]*"|'[^']*'))*)"""
 _HEADER = re.compile(rf"\s*(\[{{1,2}})\s*{_KEYS}\s*\]")
 _ENTRY = re.compile(rf"\s*{_KEYS}\s*=")
 
 
 def line_of(text: str, path: Sequence[str | int]) -> int | None:
-    """The line on which an entry stands, or the innermost table around it that is written out.
+    """Line of an entry, or of the innermost enclosing table that is written out.
 
     Args:
-        text: TOML that can be read.
+        text: Valid TOML.
         path: Keys from the outermost inwards; numbers from 0 count the tables of a `[[list]]`.
     """
     best, line = 0, None
@@ -184,7 +185,7 @@ def line_of(text: str, path: Sequence[str | int]) -> int | None:
 
 @contextmanager
 def placed(file: str, text: str) -> Iterator[None]:
-    """Errors about an entry of a TOML file get its line; those that name no file get this one."""
+    """Add file and line to errors about an entry of a TOML file, unless they name another file."""
     try:
         yield
     except InputError as wrong:
@@ -195,7 +196,7 @@ def placed(file: str, text: str) -> Iterator[None]:
 
 
 def _entries(text: str) -> Iterator[tuple[int, list[str | int], str]]:
-    """Every header and key: its line, its whole path, and what stands behind it in that line."""
+    """Every header and key: its line, its full path, and the rest of its line."""
     counts: dict[tuple[str | int, ...], int] = {}
     table: list[str | int] = []
     within: list[str | int] = []
@@ -215,7 +216,7 @@ def _entries(text: str) -> Iterator[tuple[int, list[str | int], str]]:
 
 
 def _blank(found: re.Match[str]) -> str:
-    """A string on one line as it is; of other strings and comments the line ends."""
+    """A one-line string unchanged; of other strings and comments only the line ends."""
     several = found[0].startswith(('"""', "'''", "#"))
     return "\n" * found[0].count("\n") if several else found[0]
 
@@ -227,7 +228,7 @@ def _parts(key: str) -> list[str]:
 def _counted(
     parts: Sequence[str], counts: dict[tuple[str | int, ...], int], several: bool
 ) -> list[str | int]:
-    """The path of a header, in which tables of a list have their number."""
+    """Path of a header, including the index of tables in a list."""
     path: list[str | int] = []
     for k, part in enumerate(parts, 1):
         path.append(part)
@@ -240,7 +241,7 @@ def _counted(
 
 
 def _within(value: str, path: Sequence[str | int]) -> int:
-    """How many keys of a path stand in an inline table, the first of them at least."""
+    """Number of keys of a path that are found in an inline table, from the first on."""
     at = 0
     for count, part in enumerate(path):
         if isinstance(part, int):

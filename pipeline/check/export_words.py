@@ -1,8 +1,8 @@
-"""A word of [tracker] that the export contradicts: unit, decimal mark, kind, what angles are.
+"""Entries of [tracker] contradicted by the export: unit, decimal mark, kind, meaning of angles.
 
-Each is tried with every other value that it may have. One is wrong where the distances between
-reflectors, and where the robot's table has them, fit with another value and not with the stated
-one, or where the export can be read only with another.
+Each is tried with every other possible value. An entry is wrong if the distances between
+reflectors, and their places according to the robot's table, fit with another value and not with the
+stated one, or if the export can be read only with another value.
 """
 
 from __future__ import annotations
@@ -21,19 +21,20 @@ from pipeline.reduction.settings import Settings
 _WORDS = ("unit", "decimal", "coordinates", "angle", "vertical", "horizontal")
 
 _Read = Callable[[Settings], Case | None]
-"""A campaign with some settings, None where it cannot be read so."""
+"""Reads a campaign with given settings; None if it cannot be read with them."""
 
 
 @dataclass(frozen=True)
 class Word:
-    """A word of [tracker] that is wrong.
+    """A wrong entry of [tracker].
 
     Attributes:
-        key: The word.
-        stated: What campaign.toml says.
-        better: What it should say; None for nothing at all, the export says it itself.
-        before_m: How far distances or places are off as stated [m]; None where it cannot be read.
-        after_m: The same with the better value.
+        key: Its key.
+        stated: Its value in campaign.toml.
+        better: Correct value; None to remove the entry, as the export states it itself.
+        before_m: Error of distances or places with the stated value [m]; None if the export cannot
+            be read.
+        after_m: The same with the correct value.
     """
 
     key: str
@@ -44,12 +45,12 @@ class Word:
 
 
 def wrong_word(settings: Settings, given: Case | None, read: _Read) -> Word | None:
-    """The one word of [tracker] that is wrong; None where all are right or nobody can tell.
+    """The one wrong entry of [tracker]; None if all are right or it cannot be decided.
 
     Args:
-        settings: As stated.
-        given: The campaign as stated; None where it cannot be read.
-        read: How it is read with other words.
+        settings: Settings as stated.
+        given: The campaign as stated; None if it cannot be read.
+        read: Reads it with other settings.
     """
     before = None if given is None else _misfit(given)
     if before is not None and before < GROSS_M:
@@ -64,7 +65,7 @@ def wrong_word(settings: Settings, given: Case | None, read: _Read) -> Word | No
 
 
 def _others(settings: Settings) -> Iterator[tuple[str, str, str | None]]:
-    """Every stated word with every other value that it may have, none at all last."""
+    """Every stated entry with every other value that it may have, and finally none."""
     said = settings.tracker
     for key in _WORDS if said else ():
         stated = getattr(said, key)
@@ -75,13 +76,13 @@ def _others(settings: Settings) -> Iterator[tuple[str, str, str | None]]:
 
 
 def _with(settings: Settings, key: str, value: str | None) -> Settings:
-    assert settings.tracker is not None  # it has words
+    assert settings.tracker is not None  # it has entries
     tracker = settings.tracker.model_copy(update={key: value})
     return settings.model_copy(update={"tracker": tracker})
 
 
 def _misfit(case: Case) -> float | None:
-    """How far distances and places of unloaded reflectors are off [m]; None where none is known."""
+    """Largest error of distances and places of unloaded reflectors [m]; None if none is known."""
     off = [one.off_m for one in distances(case)]
     away = miss(case)
     return max([*off, *([] if away is None else [away])], default=None)

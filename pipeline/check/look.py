@@ -1,4 +1,4 @@
-"""`check`: what a campaign holds, what is wrong with it, what to type next."""
+"""`check`: contents of a campaign, errors in it, and the next command."""
 
 from __future__ import annotations
 
@@ -25,6 +25,7 @@ from pipeline.base.shown import typed
 from pipeline.base.toml import line_of
 from pipeline.check.of_positions import of_positions
 from pipeline.check.proven import proven
+from pipeline.check.remarks import remarks
 from pipeline.check.survey import Clock, Distance, Stand, clock, distances, over_nominal, stands
 from pipeline.check.wrong_lines import TOML, Wrong, mistaken, text_of, wrong_lines
 from pipeline.machine.effect import HUNG, MOUNTED
@@ -32,7 +33,6 @@ from pipeline.machine.robot import Robot, axes, configure
 from pipeline.machine.robot.axes import in_log_units
 from pipeline.prediction.path import Path, beside_pulls
 from pipeline.prediction.tolerance import asked
-from pipeline.readers import logs
 from pipeline.reduction.bring import Reduced, bring, conformed, plain
 from pipeline.reduction.case import Case
 from pipeline.reduction.expected import expected
@@ -41,14 +41,14 @@ from pipeline.run import ingested
 from pipeline.store.campaign import CampaignFolder, Raw
 
 _MOST_LINES = 40
-"""More of a kind fit no screen."""
+"""Maximum number of lines of a kind on the screen."""
 _OTHER_UNIT = 2.2
-"""A scale read in another unit is off by as much (lb and kg) or more; robots of one type differ by
-tens of per cent."""
+"""Ratio of displacements to nominal ones from which another unit of force is suspected [1]: units
+differ by this (lb and kg) or more, robots of one type by tens of per cent."""
 
 
 def check(campaign: CampaignFolder) -> Outcome:
-    """Read a campaign and say what would be used; write nothing.
+    """Read a campaign and report what would be used; write nothing.
 
     Raises:
         InputError: It cannot be used, and no line of campaign.toml explains why.
@@ -78,7 +78,7 @@ def check(campaign: CampaignFolder) -> Outcome:
 def _with_tolerance(
     told: Outcome, settings: Settings, path: Path | None, pulled: tuple[float, float]
 ) -> Outcome:
-    """The same with what [tolerance] asks, where there is one, beside the pulls [N]."""
+    """Add what [tolerance] requests, if it is given, compared with the pulls [N]."""
     tolerance = settings.tolerance
     if tolerance is None:
         return told
@@ -101,7 +101,7 @@ def _with_tolerance(
 
 
 def _beside(pulls: Outcome, positions: Outcome) -> Outcome:
-    """What is said of the pulls of a campaign, and above the last line what of its positions."""
+    """Report on pulls with that on positions inserted above the last line."""
     *above, last = pulls.text.split("\n")
     *more, _ = positions.text.split("\n")
     text = [*above, *(f"  {line.strip()}" for line in more), last]
@@ -117,7 +117,7 @@ def _beside(pulls: Outcome, positions: Outcome) -> Outcome:
 def _refused(
     campaign: CampaignFolder, wrong: list[Wrong], others: list[str], problem: InputError
 ) -> Outcome:
-    """A campaign that can be used when a line, or a whole file, is corrected."""
+    """Report on a campaign that can be used once a line, or a whole file, is corrected."""
     shown = problem
     for first in wrong[:1]:
         shown = InputError(first.said, "then check again", file=TOML, line=first.line)
@@ -197,7 +197,7 @@ def _told(
 
 
 def _unplaced(settings: Settings) -> Iterator[str]:
-    """That nothing says where the base is."""
+    """Remark that nothing defines the base frame."""
     if settings.tracker is not None and not settings.base_frame:
         yield (
             "[base_frame] of campaign.toml has no reflectors: readings are taken to be in F_b; "
@@ -206,9 +206,9 @@ def _unplaced(settings: Settings) -> Iterator[str]:
 
 
 def _load_point_at_a_target(raw: Raw) -> Iterator[str]:
-    """That the load point has the coordinates of a reflector: nothing can be hung there.
+    """Remark that the load point coincides with a reflector, where nothing can be suspended.
 
-    Not asked of reduced data, which may state force and displacement at one point.
+    Reduced data are excepted, which may state force and displacement at one point.
     """
     tool = raw.settings.tool
     measured = raw.settings.measured if raw.settings.tracker is not None else []
@@ -234,14 +234,14 @@ def _used(reduced: Reduced) -> dict[str, int]:
 
 
 def _hung(reduced: Reduced) -> dict[str, int]:
-    """How many pulls are no pulls of a chain, where there are such."""
+    """Number of weights and of payloads among the pulls, if there are any."""
     by = reduced.data.pulls.by
     kinds = {"weights": int((by == HUNG).sum()), "payloads": int((by == MOUNTED).sum())}
     return {what: count for what, count in kinds.items() if count}
 
 
 def _next(name: str, wrong: list[Wrong], others: list[str]) -> tuple[str, str]:
-    """What is to be done, in words and as a command."""
+    """Next step, in words and as a command."""
     if wrong:
         return (
             f"correct campaign.toml, then: pipeline check {typed(name)}",
@@ -262,7 +262,7 @@ def _logs(raw: Raw) -> dict[str, bytes]:
 
 
 def _remarks(raw: Raw, robot: Robot) -> list[str]:
-    """What the logs remark of their rows."""
+    """Remarks of the log readers on their rows."""
     settings, files = raw.settings, raw.files
     both = [
         (settings.loads_file, settings.loads_log, None),
@@ -272,13 +272,13 @@ def _remarks(raw: Raw, robot: Robot) -> list[str]:
         one
         for file, form, whose in both
         if file in files
-        for one in logs.remarks(file, files[file], form, whose)
+        for one in remarks(file, files[file], form, whose)
     ]
 
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """What is there, for text and for JSON."""
+    """Findings, as text and as JSON."""
 
     case: Case
     stands: list[Stand]
@@ -298,7 +298,7 @@ class _Seen:
         return least, max((one.most_n for one in self.stands), default=0.0)
 
     def content(self) -> dict[str, Any]:
-        """For JSON."""
+        """Findings for JSON."""
         robot = self.case.robot
         return {
             "force_range_n": list(self.range_n),
@@ -333,7 +333,7 @@ class _Seen:
         }
 
     def lines(self, raw: Raw) -> Iterator[str]:
-        """For people."""
+        """Findings as lines of text."""
         text = text_of(raw)
         least, most = self.range_n
         nominal = "" if self.ratio is None else (
@@ -359,7 +359,7 @@ class _Seen:
         yield from _table(self.case.robot, self.stands)
 
     def _asked_about(self) -> Iterator[str]:
-        """The test pose by the controller's axes, and its load point: a wrong sign shows."""
+        """Test pose in the controller's axes, and its load point, so that a wrong sign shows."""
         robot, asked = self.case.robot, self.case.settings.test_pose
         if asked is None:
             return
@@ -371,13 +371,13 @@ class _Seen:
         yield f"  test pose    {pose} (mm, deg); its load point is at [{place}] m in F_b"
 
     def _farthest_off(self) -> list[Distance]:
-        """Distances to show: all, or the worst where they are many."""
+        """Distances to be shown: all, or those with the largest errors if there are many."""
         every = self.between
         most = sorted((one.off_m for one in every), reverse=True)[:_MOST_LINES]
         return [one for one in every if one.off_m >= most[-1]] if most else []
 
     def doubts(self) -> Iterator[str]:
-        """What may be wrong, in sentences."""
+        """Possible errors, in sentences."""
         if self.ratio is not None and not 1 / _OTHER_UNIT < self.ratio < _OTHER_UNIT:
             yield (
                 f"the displacements are {in_digits(self.ratio, 2)} times those of the nominal "
@@ -401,7 +401,7 @@ def _span(when: Clock) -> str:
 
 
 def _table(robot: Robot, poses: list[Stand]) -> Iterator[str]:
-    """Every pose with the controller's axes, pulls and forces."""
+    """Table of poses with the controller's axes, pulls and forces."""
     mapped = axes.of(robot)
     units = ["mm" if slides else "deg" for slides in mapped.slides]
     titles = [f"{name}_{unit}" for name, unit in zip(mapped.names, units, strict=True)]

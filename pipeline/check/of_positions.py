@@ -22,12 +22,12 @@ from pipeline.geometry.positioned import Positioned, as_read, usable
 from pipeline.store.campaign import Raw
 
 _FAR_M = 0.02
-"""Median distance of the targets from the nominal robot [m] from which a unit, a sense or a
-convention is wrong: tables are off by millimetres."""
+"""Median distance of the targets from the nominal robot [m] above which a unit, a sense or a
+convention is wrong: errors of tables are millimetres."""
 
 
 def of_positions(name: str, raw: Raw) -> Outcome:
-    """What a campaign of positions holds, and how far it is from the robot's table."""
+    """Contents of a campaign of positions, and its distance from the robot's table."""
     with raw.placing():
         table, rejects = as_read(raw.settings, raw.robot, raw.files)
         wrong, sheet = position_rows(PositionSheet(raw.robot, raw.settings, table))
@@ -73,7 +73,7 @@ def _entry(one: Mistake) -> dict[str, Any]:
 
 
 def _off_m(raw: Raw, read: Positioned) -> float:
-    """Median distance of the targets from where the robot's table has them [m]."""
+    """Median distance of the targets from their places by the robot's table [m]."""
     points = {target: np.array(point) for target, point in raw.settings.tool.items()}
     start = begin(raw.robot, read.readings, points)
     rows = linearised(read.readings, start, read.weights)
@@ -81,7 +81,7 @@ def _off_m(raw: Raw, read: Positioned) -> float:
 
 
 def _far(off_m: float) -> Iterator[str]:
-    """That the targets are nowhere near the nominal robot."""
+    """Remark that the targets are far from the nominal robot."""
     if off_m > _FAR_M:
         yield (
             f"the targets are {plain(1e3 * off_m, 3)} mm from where the robot file "

@@ -1,8 +1,8 @@
-"""What the files prove by themselves, as `run` finds it, while the robot still stands there.
+"""Errors that the files prove by themselves, as `run` finds them, while the robot is still set up.
 
-Mistakes that spoil whole files, base reflectors that no place of the tracker brings to where
-[base_frame] has them, and what the unloaded reflectors say of the robot's table. Causes and single
-readings, which only a whole search tells apart, are left to `run`.
+These are mistakes that spoil whole files, base reflectors that no position of the tracker makes
+agree with [base_frame], and evidence of unloaded reflectors against the robot's table. Causes and
+single readings, which only a full search can separate, are left to `run`.
 """
 
 from __future__ import annotations
@@ -48,7 +48,7 @@ def proven(case: Case, reduced: Reduced) -> list[str]:
 
 
 def _not_rigid(case: Case) -> Iterator[str]:
-    """That base reflectors are not as far from each other as [base_frame] has them."""
+    """Remark that distances between base reflectors contradict [base_frame]."""
     off_m = not_rigid(case)
     if off_m is None:
         return
@@ -62,10 +62,10 @@ def _not_rigid(case: Case) -> Iterator[str]:
 
 
 def _table(case: Case, reduced: Reduced | None) -> Iterator[str]:
-    """What the unloaded reflectors say of the robot's table; nothing where too few were read."""
+    """Evidence of the unloaded reflectors against the robot's table; none if too few were read."""
     try:
         given = fit(case, reduced or bring(case))
-    except PipelineError:  # which `run` says
+    except PipelineError:  # `run` reports it
         return
     cell, data = given.case.cell, given.data
     certain = case_of(cell, data, given.estimate)[0].certain_noise

@@ -1,4 +1,4 @@
-"""What a campaign holds, said before anybody computes with it."""
+"""Survey of a campaign's contents before anything is computed."""
 
 from __future__ import annotations
 
@@ -20,20 +20,20 @@ from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Point
 
 _ZONE = pd.Timedelta(minutes=15)
-"""Time zones differ by multiples of it (IANA tz database); clocks that are set differ by less."""
+"""Step of time zones (IANA tz database); clocks that are set differ by less."""
 
 
 @dataclass(frozen=True)
 class Distance:
-    """Between two reflectors, as read and as campaign.toml has it.
+    """Distance between two reflectors, as read and as stated in campaign.toml.
 
     Attributes:
         table: `tool` or `base_frame`.
         first: One of them.
         second: The other.
-        read_m: Median over the unloaded states of all poses, or of all readings [m].
-        stated_m: By their places in campaign.toml [m].
-        count: Of how many states or rounds.
+        read_m: Median over the unloaded states of all poses, or over all readings [m].
+        stated_m: By their coordinates in campaign.toml [m].
+        count: Number of states or rounds.
     """
 
     table: str
@@ -45,12 +45,12 @@ class Distance:
 
     @property
     def off_m(self) -> float:
-        """How far they are apart [m]."""
+        """Absolute difference of read and stated distance [m]."""
         return abs(self.read_m - self.stated_m)
 
 
 def distances(case: Case) -> list[Distance]:
-    """Between all measured targets read unloaded, and between all base reflectors."""
+    """Distances between all measured targets read unloaded, and between all base reflectors."""
     base = case.readings[case.readings["pose"].isna()]
     tool = {name: case.settings.tool[name] for name in case.settings.measured}
     known = [("tool", tool, unloaded(case)), ("base_frame", case.settings.base_frame, base)]
@@ -59,14 +59,14 @@ def distances(case: Case) -> list[Distance]:
 
 @dataclass(frozen=True, eq=False)
 class Stand:
-    """One pose with what was done in it.
+    """One pose and its loads.
 
     Attributes:
         pose: Its number.
         q: Joint values [m] or [rad], shape (n,).
-        pulls: How many loads.
-        least_n: The smallest force [N].
-        most_n: The largest [N].
+        pulls: Number of loads.
+        least_n: Smallest force [N].
+        most_n: Largest force [N].
     """
 
     pose: int
@@ -92,9 +92,9 @@ def stands(data: Measured) -> list[Stand]:
 
 
 def over_nominal(case: Case, data: Measured) -> float | None:
-    """Measured displacements over those of the nominal stiffnesses, rms.
+    """Ratio of measured displacements to those of the nominal stiffnesses, rms [1].
 
-    None where the robot file lacks a stiffness.
+    None if the robot file lacks a stiffness, or there are no displacements.
     """
     if any(joint.stiffness is None for joint in case.robot.joints) or not len(data.delta):
         return None
@@ -105,15 +105,15 @@ def over_nominal(case: Case, data: Measured) -> float | None:
 
 @dataclass(frozen=True)
 class Clock:
-    """When a campaign was measured.
+    """Times of a campaign.
 
     Attributes:
         first: Time of the first reading.
-        last: That of the last one.
-        pause: The longest time between two readings.
+        last: Time of the last reading.
+        pause: Longest time between two readings.
         before: Group of the reading after it.
-        backwards: Readings that are earlier than the row above, in their file.
-        away: How far the times of a log are from those of the readings, by its file name.
+        backwards: Number of readings earlier than the previous one of their file.
+        away: Offset of the times of a log from those of the readings, by its file name.
     """
 
     first: pd.Timestamp
@@ -125,11 +125,11 @@ class Clock:
 
 
 def clock(case: Case, files: Mapping[str, bytes]) -> Clock | None:
-    """The times of a campaign; None where no reading has one.
+    """Times of a campaign; None if no reading has one.
 
     Args:
         case: The campaign.
-        files: Content of its logs by name; those that have a column `time` are compared.
+        files: Content of its logs by name; those with a column `time` are compared.
     """
     rows = case.readings.dropna(subset=["time"])
     if not len(rows):
@@ -150,7 +150,7 @@ def clock(case: Case, files: Mapping[str, bytes]) -> Clock | None:
 
 
 def _away(rows: pd.DataFrame, name: str, data: bytes) -> pd.Timedelta | None:
-    """Median time of a log's rows after the readings of their poses; None where it has none."""
+    """Median offset of a log's times from the readings of their poses; None without times."""
     time = logs.Quantity("time", {}, "name", needed=False)
     try:
         log = logs.table(name, data, [logs.POSE, time])

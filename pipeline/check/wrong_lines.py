@@ -1,4 +1,4 @@
-"""Which line of campaign.toml the readings contradict, in words."""
+"""Lines of campaign.toml that the readings contradict, in words."""
 
 from __future__ import annotations
 
@@ -22,13 +22,13 @@ TOML = "campaign.toml"
 
 @dataclass(frozen=True)
 class Wrong:
-    """A line of campaign.toml that is wrong.
+    """A wrong line of campaign.toml.
 
     Attributes:
-        line: Its number; None where it cannot be found.
-        key: What stands there.
+        line: Its number; None if it cannot be found.
+        key: Its key.
         said: What is wrong with it, and the way out.
-        probability: That it is this line, if one is wrong.
+        probability: Probability that it is this line, if one is wrong.
     """
 
     line: int | None
@@ -38,14 +38,14 @@ class Wrong:
 
     @property
     def sentence(self) -> str:
-        """With the place in front."""
+        """The sentence preceded by its place."""
         return f"{place(TOML, self.line)}{self.said}"
 
 
 def wrong_lines(raw: Raw) -> list[Wrong]:
     """Lines of campaign.toml that the readings contradict, the most probable first.
 
-    At most one of them is wrong; several are said where the readings leave it open.
+    At most one of them is wrong; several are reported if the readings leave it open.
     """
     if raw.settings.tracker is None:
         return []
@@ -59,7 +59,7 @@ def wrong_lines(raw: Raw) -> list[Wrong]:
 
 
 def _read(raw: Raw, settings: Settings) -> Case | None:
-    """With some settings, whatever is implausible in it; None where it cannot be read so."""
+    """Read with other settings, keeping implausible values; None if it cannot be read."""
     try:
         return as_read(replace(raw, settings=settings), plausible=False)[0]
     except InputError:
@@ -67,7 +67,7 @@ def _read(raw: Raw, settings: Settings) -> Case | None:
 
 
 def text_of(raw: Raw) -> str:
-    """campaign.toml as it stands."""
+    """Text of campaign.toml."""
     return raw.files[TOML].decode("utf-8", "replace")
 
 
@@ -91,6 +91,6 @@ def _wrong_entry(text: str, one: Entry, found: Sequence[Entry]) -> Wrong:
 
 
 def mistaken(raw: Raw) -> list[str]:
-    """Units, signs and names of whole files that explain readings that are far off."""
+    """Units, signs and names of whole files that explain grossly wrong readings."""
     given = _read(raw, raw.settings)
     return [] if given is None else [one.evidence for one in conventions(given)]

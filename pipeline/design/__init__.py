@@ -1,4 +1,4 @@
-"""Outbuilding: which poses to measure, with plan file and measurement sheet.
+"""Outbuilding: selection of the poses to measure, with plan file and measurement sheet.
 
 Door: `design.command:design` for the command line, `design.library` for `import pipeline`; for the
 diagnosis `design.undecided`, the next poses of a campaign that was measured.

@@ -1,4 +1,4 @@
-"""The bodies of an arm, made where its file has none, and what it leaves free by itself."""
+"""Bodies of an arm, made up where its file has none, and the free space it needs by itself."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pipeline.machine.room import Room, room_of
 from pipeline.machine.surroundings import Surrounded, Surroundings
 
 _THICK, _THIN = 0.10, 0.035
-"""Radii of links at foot and wrist over the length of the arm [1]: estimates, as those of the rough
+"""Radii of links at foot and wrist over the length of the arm [1]: estimates, similar to the rough
 hulls that ship (KR 210: 0.33 and 0.12 m of 3.5 m)."""
 
 
@@ -24,12 +24,12 @@ def bodied(robot: Robot) -> Robot:
 
 
 def arm_alone(robot: Robot, tool: Tool, said: Surrounded) -> Room:
-    """What the arm leaves free whatever is read: itself, the chain, the floor where somebody says.
+    """Free space that the arm needs regardless of the readings: itself, the chain, a stated floor.
 
     Args:
         robot: The robot.
         tool: The effector.
-        said: What the file says of cell and effector.
+        said: Cell and effector as the file describes them.
     """
     cell = said.cell or Surroundings()
     said = said.model_copy(update={"cell": cell.model_copy(update={"tracker_m": None})})
@@ -39,7 +39,7 @@ def arm_alone(robot: Robot, tool: Tool, said: Surrounded) -> Room:
 
 
 def hulls(robot: Robot) -> Capsules:
-    """Rough bodies of a robot whose file has none: its links as the table has them.
+    """Rough bodies of a robot whose file has none: the links of its table.
 
     A capsule from each turning joint to the next, in the frame of the first, thinner towards the
     wrist.

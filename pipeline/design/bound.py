@@ -1,14 +1,14 @@
-"""How good any plan could be: a lower bound from the continuous design.
+"""Lower bound of the figure of any plan, from the continuous design.
 
-Let g be the criterion's information function and Z a support of it at some information M (see
-`Criterion.support`). Then for every plan of m_0 poses, whatever its poses and their anchor,
+Let g be the criterion's information function and Z a support of it at some information M
+(see `Criterion.support`). Then for every plan of m_0 poses, whatever its poses and their anchor,
 
     g(M_plan) <= trace(Z M_plan) <= m_0 max_q trace(Z I(q)),
 
-so that figure >= (m_0 max_q trace(Z I(q)))^(-1/2). Taken at the optimal continuous design the
-bound is tight (general equivalence theorem). Every Z gives a valid bound; the maximum over q, the
-worst direction, is searched numerically from many starts, and the bound holds as far as that
-search has found the highest peak.
+so that figure >= (m_0 max_q trace(Z I(q)))^(-1/2). At the optimal continuous design the bound is
+tight (general equivalence theorem). Every Z gives a valid bound; the maximum over q, the worst
+direction, is searched numerically from many starts, and the bound is valid as far as that search
+has found the highest peak.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from pipeline.design.problem import Problem
 from pipeline.design.space import Box
 
 _WALL = 1e3
-"""Weight of broken limits in the search for the worst direction: what it overshoots by only
-lowers the bound."""
+"""Weight of violated limits in the search for the worst direction; overshooting only lowers the
+bound."""
 _GAP = 5e-4
-"""Relative distance of the best bound from the continuous design at which to stop."""
+"""Relative distance of the best bound from the continuous design at which to stop [1]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Certificate:
-    """What no plan can beat, and how that was found.
+    """Lower bound of the figure of any plan, and how it was found.
 
     Attributes:
         figure: Lower bound of the criterion, in its unit.
         continuous: Figure of the best continuous design found; the bound cannot be above it.
-        rounds: Worst directions that were searched.
-        starts: Starts of each search.
-        agreeing: Share of the starts of the deciding search that ended at its highest peak.
+        rounds: Number of worst directions that were searched.
+        starts: Starts of the deciding search.
+        agreeing: Fraction of the starts of the deciding search that ended at its highest peak.
     """
 
     figure: float
@@ -59,8 +59,8 @@ class Worst(Locked):
     Attributes:
         most: Largest trace(Z I(q)) found.
         informations: I of the best distinct poses, shape (c, n, n).
-        starts: How many starts.
-        agreeing: Share of the starts that ended at the largest value.
+        starts: Number of starts.
+        agreeing: Fraction of the starts that ended at the largest value.
     """
 
     most: float
@@ -70,7 +70,8 @@ class Worst(Locked):
 
 
 _Oracle = Callable[[Array, bool], Worst]
-"""Z (n, n) in, and whether to search harder than usual; the pose that gains most from it out."""
+"""From Z (n, n), and whether to search harder than usual: the pose with the largest
+trace(Z I(q))."""
 
 
 def certify(
@@ -78,15 +79,15 @@ def certify(
 ) -> Iterator[Certificate]:
     """Lower bounds of the figure of every plan of the problem, each at least as good as the last.
 
-    The limit on the uncertainty of single compliances is left out, and with a free anchor every
-    pose may have its own: both only lower the bound.
+    The limit on the uncertainty of single compliances is dropped, and with a free anchor every pose
+    may have its own: both only lower the bound.
 
     Args:
         problem: The problem.
         pool: Good poses with their anchors, unit coordinates of plans of one pose, (p, d).
         rng: Draws the starts.
-        rounds: At most so many searches.
-        starts: Random starts of each search, beside the poses that the design uses.
+        rounds: Maximum number of searches.
+        starts: Random starts of each search, in addition to the good poses found so far.
     """
     oracle = _Directions(problem, rng, starts, pool)
     first = information(problem.experiment, Box(problem, 1).stations(pool))
@@ -107,13 +108,13 @@ def bounds(
     A bound becomes the best one only after a second, harder search for the worst direction.
 
     Args:
-        criterion: What is to be small.
-        informations: I of the poses to begin with, shape (c, n, n).
+        criterion: The criterion to minimise.
+        informations: I of the initial poses, shape (c, n, n).
         poses: m_0.
         oracle: Searches the worst direction.
-        rounds: At most so many searches.
-        known: Information that is already there, shape (n, n).
-        steps: At most so many for the weights; fewer give a valid but lower bound.
+        rounds: Maximum number of searches.
+        known: Prior information, shape (n, n).
+        steps: Maximum number of steps for the weights; fewer give a valid but lower bound.
     """
     candidates, highest, continuous = informations, 0.0, np.inf
     deciding = Worst(np.inf, informations[:0], 0, 0.0)
@@ -183,7 +184,7 @@ class _Directions:
         )
 
     def _loss(self, x: Array, Z: Array) -> tuple[Array, Array]:
-        """Broken limits less trace(Z I), (k,), and its slope (k, d), at poses (k, d)."""
+        """Violated limits minus trace(Z I), (k,), and its gradient (k, d), at poses (k, d)."""
         at = self.box.stations(x)
         gain, by_q, by_anchor = value_and_slope(self.problem.experiment, at, Z)
         broken, q_slope, anchor_slope = penalty(
@@ -194,7 +195,7 @@ class _Directions:
 
 
 def _distinct(x: Array, apart: float = 1e-3) -> Array:
-    """Rows that differ from every better row, at most the first hundred looked at."""
+    """Rows that differ from every better row, among the first hundred."""
     chosen: list[Array] = []
     for row in x[:100]:
         if all(np.abs(row - other).max() > apart for other in chosen):

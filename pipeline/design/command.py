@@ -87,7 +87,7 @@ def design(
 
 
 def _more(add_to: str | None, language: Language) -> str:
-    """Options of a command that gives the same plan again."""
+    """Options of a command that reproduces the plan."""
     more = f" --add-to {typed(add_to)}" if add_to else ""
     return more + (f" --language {language}" if language is not Language.EN else "")
 
@@ -101,7 +101,7 @@ def write(
         root: The project's root: data/plans/NAME.toml and reports/plans/NAME.
         made: The design.
         seed: Of its searches; the curves use it too.
-        by: Options with which the problem gives this plan again.
+        by: Options with which the problem reproduces this plan.
         language: Of the sheet.
 
     Raises:
@@ -122,7 +122,7 @@ def write(
     content = dump(made.content())
     driven = _programs(made.proposal, at_work)
     robot = made.proposal.problem.robot
-    if made.proposal.problem.spec.robot not in SHIPPED:  # beside the plan, which names it
+    if made.proposal.problem.spec.robot not in SHIPPED:  # next to the plan, which names it
         files.write(plan.parent / Path(made.proposal.problem.spec.robot).name, robot.text.encode())
     for inner, data in plan_files(made.proposal, made.seconds, seed, language).items():
         files.write(folder / inner, data)
@@ -137,10 +137,10 @@ def write(
 def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, bytes]:
     """Programs that drive the plan, for the maker of the robot or for all.
 
-    None where the arm would meet itself or the floor and nobody asked it not to, which is told.
+    Empty, with a message, where the arm would meet itself or the floor and the problem allows that.
 
     Raises:
-        InputError: It would, and the problem asks it not to; with pose and reason.
+        InputError: It would, and the problem forbids it; with pose and reason.
     """
     import numpy as np
 
@@ -168,7 +168,7 @@ def _programs(proposal: Proposal, tell: Callable[[str], object]) -> dict[str, by
 
 
 def _every_pose(proposal: Proposal) -> tuple[Array, list[list[float]], Array]:
-    """Joint values, load steps and ways of the carriage of all poses, those without a pull last."""
+    """Joint values, load steps and approaches of all poses, those without a pull last."""
     import numpy as np
 
     measurement, beside = proposal.measurement, proposal.unpulled
@@ -180,10 +180,10 @@ def _every_pose(proposal: Proposal) -> tuple[Array, list[list[float]], Array]:
 
 
 def _undriven(wrong: Sequence[str], refused: bool, tell: Callable[[str], object]) -> None:
-    """Say why a plan cannot be driven.
+    """Report why a plan cannot be driven.
 
     Raises:
-        InputError: The problem asks that it can.
+        InputError: The problem requires that it can.
     """
     if refused:
         raise InputError(

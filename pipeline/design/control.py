@@ -1,8 +1,8 @@
-"""Which readings of a plan nobody controls, before anything is measured.
+"""Readings of a plan that are not controlled by others, before anything is measured.
 
-The plan's readings as c = B x + G e with the scatter that it states; redundancy and smallest
-visible errors need no c (`system.reliability`). Chain and base reflectors are no part of a plan's
-scatter and do not stand here.
+The plan's readings as c = B x + G e with the scatter that it states; redundancy and minimal
+detectable biases need no c (`system.reliability`). Chain and base reflectors are not part of a
+plan's scatter and are not included.
 """
 
 from __future__ import annotations
@@ -33,9 +33,9 @@ class Control:
         pull: Number of its pull in the pose, from 1; 0 for a zero.
         target: Its reflector; empty for the scale.
         r: Redundancy number.
-        visible: Smallest visible error [m] or [N]; infinite where nothing controls it.
-        moves: What that error moves most, in standard uncertainties.
-        most: Number of the joint whose stiffness that is, from 1.
+        visible: Minimal detectable bias [m] or [N]; infinite where uncontrolled.
+        moves: Largest effect of that error on a stiffness, in standard uncertainties.
+        most: Number of the joint of that stiffness, from 1.
     """
 
     source: str
@@ -70,7 +70,7 @@ def controls(problem: Problem, measurement: Measurement) -> tuple[Control, ...]:
 
 @dataclass(frozen=True, eq=False)
 class _Part:
-    """One pose: its rows of B and G, whose readings the columns of G are, and their sizes."""
+    """One pose: its rows of B and G, the reading of each column of G, and its size."""
 
     B: Array
     G: Array
@@ -79,14 +79,14 @@ class _Part:
 
 
 def _pose(problem: Problem, measurement: Measurement, pose: int) -> _Part:
-    """Pulls of one pose: own readings, the zero that they share, and the scale's readings."""
+    """Errors of one pose: readings of pulls, the zero they share, and readings of the scale."""
     cell, steps, q = paper_cell(problem.robot, problem.tool), measurement.steps[pose], measurement.q
     made, x = with_steps(problem, steps), problem.experiment.scale
     way = measurement.approach[[pose]]
     pulls = pulls_at(made, q[[pose]], measurement.anchor, way, steps, np.zeros(1))
     B = jacobian(cell, pulls, x).reshape(-1, len(x))
     points = station(made, q[[pose]], measurement.anchor).points
-    own = linear.factor(made.scatter.reading(points))[0]  # of one reading of all targets
+    own = linear.factor(made.scatter.reading(points))[0]  # for one reading of all targets
     s, size = len(steps), np.linalg.norm(own, axis=0)
     newtons = np.linalg.norm(pulls.force, axis=1)
     per_n = (B @ x).reshape(s, -1) / newtons[:, None]
@@ -111,7 +111,7 @@ def _blocks(rows: Array) -> Array:
 
 
 def _rows(measurement: Measurement, targets: Strings) -> Rows:
-    """What each row is: pose, pull in it, target, axis and number of the pull."""
+    """Identity of each row: pose, pull in it, target, axis and number of the pull."""
     count = np.array([len(steps) for steps in measurement.steps])
     pose = np.repeat(np.arange(len(count)), count)
     repeat = np.arange(count.sum()) - np.repeat(np.cumsum(count) - count, count) + 1

@@ -1,4 +1,4 @@
-"""What the limits of a cell cost: the figure without them, and the poses that they exclude."""
+"""Cost of the limits of a cell: the figure without them, and the poses that they exclude."""
 
 from __future__ import annotations
 
@@ -15,23 +15,24 @@ from pipeline.design.search import HARD, Effort, Plan, evaluate, objective, sear
 from pipeline.design.space import Box
 
 _QUICK = Effort(first=0, rounds=1, poses=192, settled=16, exchanged=4, bounds=6, directions=64)
-"""The search without the limits, which also starts from nothing: within 1 % of a whole one."""
+"""Effort of the search without the limits, which starts from scratch, too: within 1 % of a full
+one."""
 
 _LOOKED_AT = 4000
-"""Random poses of which the excluded ones are counted."""
+"""Number of random poses from which the excluded fraction is estimated."""
 
 
 @dataclass(frozen=True)
 class Cost:
-    """What a cell costs.
+    """Cost of a cell.
 
     Attributes:
         figure: The criterion of the best plan found without the cell's limits, in its unit: by a
-            short search of its own, and downhill from the plan that keeps them.
-        bound: What no plan without them can be below.
-        excluded: Share of random poses, within the robot's own joint limits, that break each
+            short search of its own, and by descent from the plan that keeps them.
+        bound: Lower bound of the figure of any plan without them.
+        excluded: Fraction of random poses, within the robot's own joint limits, that break each
             limit, whatever else they break; in words, the hardest first.
-        left: Share that keeps all of them.
+        left: Fraction that keeps all of them.
     """
 
     figure: float
@@ -41,11 +42,11 @@ class Cost:
 
 
 def cost(problem: Problem, plan: Plan, rng: np.random.Generator) -> Cost | None:
-    """What the limits of the cell cost; None for a problem without a cell.
+    """Cost of the limits of the cell; None for a problem without a cell.
 
     Args:
         problem: The problem.
-        plan: Its best plan, which no plan without the limits has to be worse than.
+        plan: Its best plan, an upper bound for the figure without the limits.
         rng: Draws starts and poses.
     """
     if problem.spec.cell is None:
@@ -59,14 +60,14 @@ def cost(problem: Problem, plan: Plan, rng: np.random.Generator) -> Cost | None:
 
 
 def _without(problem: Problem) -> Problem:
-    """The problem in a cell that leaves everything free; the tracker stays where it is."""
+    """The problem in an empty cell; the tracker stays where it is."""
     limits = problem.spec.limits.model_copy(update={"clear_of_itself": False})
     spec = problem.spec.model_copy(update={"cell": None, "limits": limits})
     return replace(build(spec, problem.robot), known=problem.known)
 
 
 def _relaxed(free: Problem, plan: Plan) -> Plan | None:
-    """What becomes of a plan that is let go downhill without the limits of the cell."""
+    """Descend from a plan without the limits of the cell."""
     box = Box(free, free.poses)
     start = np.clip(box.closed(plan.q[None], plan.anchor[None]), 0, 1)
     found = descend(objective(free, HARD), start)

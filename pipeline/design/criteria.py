@@ -1,10 +1,9 @@
-"""What makes a plan good, as one number to be small and its slope in the information.
+"""Criteria of a plan, each as one number to minimise and its derivative by the information.
 
 Every criterion is written through an information function g(M) (Pukelsheim, Optimal Design of
 Experiments, 1993): concave, and g(s M) = s g(M). M (n, n) is the inverse of the covariance of the
-compliances, these in units of their scale.
-The figure of a plan is g(M)^(-1/2). For the paper's criterion that is Eq. (8) under the root that
-Table II shows: sigma sqrt(trace(A_0 M^-1 A_0')).
+compliances, in units of their scale. The figure of a plan is g(M)^(-1/2). For the paper's criterion
+that is the root of Eq. (8), as in Table II: sigma sqrt(trace(A_0 M^-1 A_0')).
 """
 
 from __future__ import annotations
@@ -18,7 +17,7 @@ from pipeline.base import linear
 from pipeline.base.arrays import Array
 
 _Score = Callable[[Array], tuple[Array, Array]]
-"""Information M (k, n, n) in; log g (k,) and S = d log g / dM (k, n, n) out; trace(S M) = 1."""
+"""From information M (k, n, n): log g (k,) and S = d log g / dM (k, n, n), trace(S M) = 1."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -28,9 +27,9 @@ class Criterion:
     Attributes:
         name: `test_pose`, `workspace`, `D`, `A` or `E`.
         unit: Of its figure, `m` or `1`.
-        meaning: What the figure is, for tables and axes.
+        meaning: Description of the figure, for tables and axes.
         score: Its information function.
-        smooth: A smooth stand-in from which supports are taken, where g itself has kinks.
+        smooth: A smooth approximation from which supports are taken, where g itself has kinks.
     """
 
     name: str
@@ -44,10 +43,11 @@ class Criterion:
         return np.exp(-self.score(M)[0] / 2)
 
     def support(self, M: Array) -> Array:
-        """Z with g(N) <= trace(Z N) for every N, touching or nearly so at M, (k, n, n).
+        """Z with g(N) <= trace(Z N) for every N, with equality or nearly so at M, (k, n, n).
 
-        g is concave and g(s M) = s g(M), so its slope at any M is such a Z. For the smallest
-        eigenvalue every Z of trace one will do; that of a high power mean is close.
+        g is concave and g(s M) = s g(M), so its derivative at any M is such a Z. For the smallest
+        eigenvalue any positive semidefinite Z of trace one will do; that of a high power mean is
+        close.
         """
         log_g, S = (self.smooth or self.score)(M)
         if self.smooth is None:
@@ -56,13 +56,13 @@ class Criterion:
 
 
 def prediction(sensitivities: Array, weights: Array, name: str = "test_pose") -> Criterion:
-    """Root mean square error of the predicted deflection, Eq. (8) under the root.
+    """Root mean square error of the predicted deflection, the root of Eq. (8).
 
     sqrt(trace(C M^-1)) [m] with C = sum_p w_p A_p' A_p / sum_p w_p, shape (n, n).
 
     Args:
         sensitivities: A_0 at each place that matters, by scaled compliances [m], (p, 3, n).
-        weights: How much each place matters, shape (p,).
+        weights: Weight of each place, shape (p,).
         name: `test_pose` or `workspace`.
     """
     share = weights / weights.sum()
@@ -98,7 +98,7 @@ def _determinant(M: Array) -> tuple[Array, Array]:
 
 
 def _smallest(M: Array) -> tuple[Array, Array]:
-    """Smallest eigenvalue, g = lambda, S = v v' / lambda; not simple: one of its slopes."""
+    """Smallest eigenvalue, g = lambda, S = v v' / lambda; if it is multiple, one of its slopes."""
     values, vectors = linear.directions(M)
     least, v = values[:, 0], vectors[:, :, 0]
     least = np.where(least > 0, least, np.nan)

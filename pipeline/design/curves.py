@@ -1,4 +1,4 @@
-"""The criterion along one quantity: size of the plan (Fig. 5), place of the anchor (Fig. 6)."""
+"""The criterion along one quantity: size of the plan (Fig. 5), position of the anchor (Fig. 6)."""
 
 from __future__ import annotations
 
@@ -59,19 +59,19 @@ def by_size(
     effort: Effort = _QUICK,
     own: Plan | None = None,
 ) -> BySize:
-    """Best figure for each m_0 and n; the limit on single compliances is left out.
+    """Best figure for each m_0 and n; the limit on single compliances is dropped.
 
-    Readings share nothing here, so that information goes with their number: the best poses for
-    one n are those for every n, and one search for each m_0 is enough.
+    Readings share no error here, so that information is proportional to their number: the best
+    poses for one n are those for every n, and one search for each m_0 is enough.
 
     Args:
         problem: The problem.
         poses: Values of m_0.
         readings: Values of n.
         seed: Determines the searches.
-        effort: How hard to search each.
-        own: The plan of the problem, where it is the best one also without that limit and with
-            its hardest pull alone: its size is not searched again.
+        effort: Effort of each search.
+        own: The plan of the problem, if it is the best one also without that limit and with its
+            hardest pull alone: its size is then not searched again.
     """
     figure = np.full((len(poses), len(readings)), np.nan)
     for i, m0 in enumerate(poses):
@@ -108,15 +108,15 @@ def _best(problem: Problem, seed: int, effort: Effort) -> Plan | None:
 def by_anchor(
     problem: Problem, plan: Plan, at: Array, seed: int, axis: int = 0, starts: int = 6
 ) -> ByAnchor:
-    """Best figure with the anchor held at places along one axis.
+    """Best figure with the anchor held at positions along one axis.
 
     Args:
         problem: The problem.
         plan: Its plan; every search also starts from its poses.
-        at: Places [m], shape (a,).
+        at: Positions [m], shape (a,).
         seed: Determines the searches.
         axis: 0, 1, 2 for x, y, z.
-        starts: Random starts at each place.
+        starts: Random starts at each position.
     """
     box, anchor = _held(problem, plan, axis, at)
     held, joints = box.problem, box.poses * len(box.problem.lower)
@@ -142,7 +142,7 @@ def by_anchor(
 
 
 def _held(problem: Problem, plan: Plan, axis: int, at: Array) -> tuple[Box, Array]:
-    """The plans whose anchors may stand at these places of one axis, and the anchors, (a, 3)."""
+    """The search box with the anchor at these positions of one axis, and the anchors, (a, 3)."""
     anchor = np.tile(plan.anchor, (len(at), 1))
     anchor[:, axis] = at
     place: dict[str, Any] = dict(zip(("x_m", "y_m", "z_m"), plan.anchor.tolist(), strict=True))

@@ -1,7 +1,7 @@
 """Minimise one smooth function from many starts at once, inside a box.
 
-Projected BFGS. In every round each start that is still on its way tries one point, and all of
-these are computed in one go; each start keeps its own inverse Hessian, step length and end.
+Projected BFGS. In every round each active start tries one point, and all of these are evaluated
+together; each start keeps its own inverse Hessian, step length and termination.
 """
 
 from __future__ import annotations
@@ -14,17 +14,17 @@ import numpy as np
 from pipeline.base.arrays import Array, Bools, Ints
 
 Function = Callable[[Array], tuple[Array, Array]]
-"""Points (k, d) in; values (k,) and gradients (k, d) out. A value may be NaN or infinite."""
+"""From points (k, d): values (k,) and gradients (k, d). A value may be NaN or infinite."""
 
 FIRST_STEP, LONGEST_STEP = 0.05, 0.3
-"""Largest move of any coordinate of the unit box, before and after the curvature is known."""
+"""Largest move of any coordinate of the unit box, before and after the curvature is known [1]."""
 SHRINK, SHORTEST = 0.35, 1e-5
-"""What a rejected step becomes, and when the direction is given up."""
+"""Factor on a rejected step, and the length at which the direction is given up [1]."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Found:
-    """Where the starts ended.
+    """End points of the starts.
 
     Attributes:
         x: Shape (k, d).
@@ -37,18 +37,18 @@ class _Found:
 
 @dataclass(eq=False)
 class _State:
-    """Starts on their way; rows are overwritten as they move.
+    """Active starts; rows are overwritten as they move.
 
     Attributes:
-        x: Where each start is, shape (k, d).
+        x: Current point of each start, shape (k, d).
         value: Shape (k,).
-        slope: Shape (k, d).
-        way: Where it looks next, shape (k, d).
-        length: Share of the way that it tries next, shape (k,).
+        slope: Gradient, shape (k, d).
+        way: Search direction, shape (k, d).
+        length: Fraction of `way` that is tried next, shape (k,).
         free: Coordinates that are not held by the box, shape (k, d).
         H: Inverse Hessians, shape (k, d, d).
-        fresh: H is still the identity, shape (k,).
-        stalled: Steps in a row that gained nothing, shape (k,).
+        fresh: Whether H is still the identity, shape (k,).
+        stalled: Number of consecutive steps without gain, shape (k,).
     """
 
     x: Array
@@ -65,14 +65,14 @@ class _State:
 def descend(
     function: Function, start: Array, rounds: int = 600, gain: float = 1e-9, patience: int = 5
 ) -> _Found:
-    """Walk downhill from every start, inside the unit box.
+    """Descend from every start, inside the unit box.
 
     Args:
-        function: What is minimised.
+        function: The function to minimise.
         start: Shape (k, d), in [0, 1].
-        rounds: Every start tries at most so many points.
-        gain: A step that gains less than this counts as none.
-        patience: A start ends after so many steps without gain in a row.
+        rounds: Maximum number of points that every start tries.
+        gain: Relative gain below which a step counts as none.
+        patience: Number of consecutive steps without gain after which a start ends.
     """
     x = np.clip(start, 0.0, 1.0)
     k, d = x.shape
@@ -98,7 +98,7 @@ def descend(
 
 
 def _try(function: Function, state: _State, rows: Ints, gain: float) -> None:
-    """One more point for each start: accept it if the value falls as its slope promises."""
+    """Try one more point for each start: accept it on sufficient decrease."""
     x, value, slope = state.x[rows], state.value[rows], state.slope[rows]
     trial = np.clip(x + state.length[rows, None] * state.way[rows], 0.0, 1.0)
     found, found_slope = function(trial)
@@ -118,7 +118,7 @@ def _try(function: Function, state: _State, rows: Ints, gain: float) -> None:
 
 
 def _aim(state: _State, rows: Ints) -> None:
-    """Quasi-Newton direction among the free coordinates, no longer than allowed."""
+    """Quasi-Newton direction among the free coordinates, limited in length."""
     x, slope = state.x[rows], state.slope[rows]
     free = ~(((x <= 0) & (slope > 0)) | ((x >= 1) & (slope < 0)))
     slope = slope * free
@@ -135,7 +135,7 @@ def _aim(state: _State, rows: Ints) -> None:
 
 
 def _forget(state: _State, rows: Ints) -> None:
-    """Start over with the steepest descent."""
+    """Restart with the steepest descent."""
     state.H[rows] = np.eye(state.x.shape[1])
     state.fresh[rows] = True
 

@@ -1,8 +1,8 @@
-"""What a plan can detect: which causes it would detect and separate from every rival, by size.
+"""Detectability with a plan: sizes from which each cause is detected and separated from all rivals.
 
 The columns of a cause are its derivative in the forward model, whitened by the plan's own scatter.
-A cause is noticed when what the joint springs cannot explain of it stands out of the scatter, and
-it is named when no rival can explain it either.
+A cause is detected when the part of it that the joint springs cannot explain stands out of the
+scatter, and it is named when no rival can explain it either.
 """
 
 from __future__ import annotations
@@ -30,12 +30,13 @@ from pipeline.system.beside import padded
 
 @dataclass(frozen=True)
 class Sight:
-    """What a plan shows of one cause, twins counted as one.
+    """Detectability of one cause with a plan, twins counted as one.
 
     Attributes:
         name: Label of the cause, or of its twins joined by " = ".
-        detected_from: Size from which it is noticed in 80 % of the cases, in typical sizes; inf
-            when no size is. Of its main mathematical form, the first in the catalogue.
+        detected_from: Minimal detectable magnitude (detected in 80 % of the cases), in typical
+            sizes; inf if it is detected at no size. For its main mathematical form, the first in
+            the catalogue.
         named_from: Size from which it is separated from every rival in any form, in typical sizes.
         rival: The cause it is hardest to separate from, empty when nothing hides it.
         needs: What would settle it.
@@ -56,12 +57,12 @@ class Lens(Locked):
         problem: The problem.
         cell: The paper's cell of its robot.
         suspects: Causes that move something, each in each of its forms.
-        at: Columns of each suspect in products, -1 where it has fewer, shape (n, k).
+        at: Columns of each suspect in products, padded with -1, shape (n, k).
         typical: Typical size of each column's parameter, shape (K,).
         group: Number of the cause of each suspect; forms and twins share one.
         main: Suspects that are the main form of their cause, the first in the catalogue.
         names: Name of each group.
-        twins: What tip loading can never separate.
+        twins: Causes that tip loading can never separate.
     """
 
     problem: Problem
@@ -128,9 +129,9 @@ def rows(
         view: The causes.
         q: Joint values [m] or [rad], shape (m, n).
         anchor: Anchor [m], shape (3,) or (m, 3).
-        approach: Which way the carriage came, +1 or -1, shape (m,).
+        approach: Direction from which the carriage came, +1 or -1, shape (m,).
         steps: Load steps [N]; negative where the turnbuckle was slackened to it, shape (s,).
-        start_s: When each pose's first zero is read [s], shape (m,).
+        start_s: Time of each pose's first zero [s], shape (m,).
     """
     cell, x = view.cell, view.problem.experiment.scale
     made = with_steps(view.problem, steps)
@@ -156,7 +157,7 @@ def _covariance(experiment: Experiment, q: Array, anchor: Array) -> Array:
 
 
 def sights(view: Lens, M: Array) -> list[Sight]:
-    """What a plan with these products, shape (W, W), sees of every cause of the catalogue."""
+    """Detectability of every cause of the catalogue with products of shape (W, W)."""
     detected, named, rival = _sizes(view, M)
     out = []
     for g, name in enumerate(view.names):
@@ -176,7 +177,7 @@ def named_from(view: Lens, M: Array) -> Array:
 
 
 def _sizes(view: Lens, M: Array) -> tuple[Array, Array, Ints]:
-    """Sizes from which each suspect is noticed and named, in typical sizes, and what hides it.
+    """Sizes from which each suspect is detected and named, in typical sizes, and what hides it.
 
     Args:
         view: The causes, n suspects.

@@ -1,13 +1,14 @@
-"""Can a plan be driven? The arm from pose to pose, checked against itself, the floor, chain, beams.
+"""Can a plan be driven? Motions between poses, checked against arm, floor, chain and beams.
 
-Joints move together in a straight line, as joint motions of controllers do. Arm and floor are kept
-on the whole way: an interval is halved until what its ends leave free is more than any point of the
-arm moves in it,
+Joints move together in a straight line, as in joint motions of controllers. Arm and floor are
+checked along the whole way: an interval is halved until the gaps at its ends exceed the motion of
+any point of the arm in it,
 
     g_a + g_b >= sum_j |dq_j| L_j,
 
-L_j the length of the arm for a joint that turns, 1 for one that slides. The chain is slack then and
-the tracker follows: a way on which both lines stay free is taken before a shorter one that crosses.
+L_j the length of the arm for a joint that turns, 1 for one that slides. The chain is slack
+meanwhile and the tracker follows: a way on which both lines stay free is preferred to a shorter one
+that crosses them.
 """
 
 from __future__ import annotations
@@ -26,31 +27,32 @@ from pipeline.machine.robot import Robot, configure
 from pipeline.machine.room import Room
 
 _STEP_RAD, _STEP_M = np.deg2rad(1.0), 0.02
-"""Steps in which lines are looked at, and with which the halving begins."""
+"""Steps in which lines are checked, and with which the halving begins."""
 _FINEST_M = 1e-3
-"""An interval in which nothing moves farther is not halved again: hulls are good to 50 mm."""
+"""Motion within an interval below which it is not halved again [m]: hulls are good to 50 mm."""
 _MOST = 20_000
-"""Points of one way: more of them crawl along something."""
+"""Maximum number of points of one way: more of them creep along an obstacle."""
 _DRAWN, _NODES, _ROOM_M = 2000, 250, 0.01
-"""Of so many random points those that leave this room [m] are ways round; so many at most."""
+"""Number of random points, maximum number of these that are kept as nodes of ways round, and the
+clearance required of them [m]."""
 _NEAREST, _LOOKS = 25, 150
-"""Neighbours of each, and how often a way through them is tried."""
+"""Number of neighbours of each node, and maximum number of attempts to find a way through them."""
 _ORDERS = 4
-"""So often the order is changed for ways that are blocked."""
+"""Maximum number of times that the order is changed to avoid blocked ways."""
 _RAIL_M_S, _JOINT_RAD_S = 1.0, np.deg2rad(90.0)
-"""Speeds by which poses are put in order: only their ratio matters, and carriages of 18 m and arms
-of 200 kg have about these."""
+"""Speeds for ordering the poses: only their ratio matters, and carriages of 18 m and arms of 200 kg
+have about these."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Leg(Locked):
-    """The way to a pose from the one before it.
+    """The way to a pose from the previous one.
 
     Attributes:
         pose: Number of the pose it leads to, from 1.
         via: Joint values [m] or [rad] of points on the way, shape (k, n).
-        blocked: What is not kept on the way, in words; None where all is.
-        crossed: Which line, chain or beam, is not free all the way; None where both are.
+        blocked: Rule that is violated on the way, in words; None where none is.
+        crossed: Line, chain or beam, that is not free all the way; None where both are.
     """
 
     pose: int
@@ -60,7 +62,7 @@ class _Leg(Locked):
 
     @property
     def sentence(self) -> str:
-        """Why the way cannot be driven."""
+        """Reason why the way cannot be driven."""
         return (
             f"from pose {self.pose - 1} to pose {self.pose} the arm does not keep "
             f"{self.blocked}, neither straight nor by way of other poses that are free"
@@ -68,7 +70,7 @@ class _Leg(Locked):
 
 
 def legs(problem: Problem, q: Array, anchor: Array) -> list[_Leg]:
-    """The ways between poses in their order, straight where that is free.
+    """The ways between consecutive poses, straight where that is free.
 
     Args:
         problem: Robot, cell and effector.
@@ -80,7 +82,7 @@ def legs(problem: Problem, q: Array, anchor: Array) -> list[_Leg]:
 
 
 def standing(problem: Problem, q: Array) -> list[str]:
-    """What poses themselves do not keep of arm and floor, in sentences.
+    """Violations of arm and floor at the poses themselves, in sentences.
 
     Args:
         problem: Robot, cell and effector.
@@ -92,7 +94,7 @@ def standing(problem: Problem, q: Array) -> list[str]:
 
 
 def unwound(problem: Problem, q: Array) -> Array:
-    """The same poses, joints that turn farther than once where the others stand, shape (m, n).
+    """The same poses, joints of more than one turn moved to the turn of the others, (m, n).
 
     An arm on a floor cannot wind its shoulder from one turn to the next.
 
@@ -112,10 +114,10 @@ def unwound(problem: Problem, q: Array) -> Array:
 
 
 def in_order(problem: Problem, q: Array, anchor: Array) -> Ints:
-    """In which order poses are driven in the shortest time, and every way is free if any can be.
+    """Order of the poses for the shortest driving time, with every way free if possible.
 
-    The time of a way is that of its slowest joint. From each pose to the nearest one left, then
-    parts are turned round as long as that gains; ways that prove blocked are left out, and again.
+    The time of a way is that of its slowest joint. Nearest neighbour, then reversal of sections as
+    long as that gains; blocked ways are excluded, and the order is found again.
 
     Args:
         problem: Robot, cell and effector.
@@ -141,18 +143,18 @@ def in_order(problem: Problem, q: Array, anchor: Array) -> Ints:
 
 
 def _lines(problem: Problem) -> Room:
-    """What a way had better not cross: chain and beams."""
+    """Lines that a way should not cross: chain and beams."""
     return problem.room or arm_alone(problem.robot, problem.tool, problem.spec)
 
 
 def _times(problem: Problem, q: Array) -> Array:
-    """How long the slowest joint takes from each pose to each other [s], shape (m, m)."""
+    """Time of the slowest joint from each pose to each other [s], shape (m, m)."""
     speed = np.where(problem.robot.prismatic, _RAIL_M_S, _JOINT_RAD_S)
     return np.asarray(np.abs((q[:, None] - q[None]) / speed).max(axis=-1))
 
 
 def _shortest(cost: Array) -> Ints:
-    """An open way through all places of a symmetric matrix of costs (m, m)."""
+    """An open tour through all places of a symmetric cost matrix (m, m)."""
     best = min((_turned(_nearest(cost, k), cost) for k in range(len(cost))),
                key=lambda way: _length(way, cost))  # fmt: skip
     return np.array(best, dtype=np.int64)
@@ -167,7 +169,7 @@ def _nearest(cost: Array, first: int) -> list[int]:
 
 
 def _turned(way: list[int], cost: Array) -> list[int]:
-    """The way with parts turned round, as long as it gets shorter."""
+    """The tour with sections reversed, as long as it gets shorter."""
     better = True
     while better:
         better = False
@@ -184,13 +186,13 @@ def _length(way: Sequence[int], cost: Array) -> float:
 
 
 def _arm(problem: Problem) -> Room:
-    """The arm and the floor: what a motion may not meet."""
+    """The arm and the floor: what a motion must not touch."""
     room = arm_alone(problem.robot, problem.tool, problem.spec)
     return replace(room, cones=(), crossed=np.zeros_like(room.crossed))
 
 
 def _leg(road: _Roadmap, lines: Room, anchor: Array, k: int, start: Array, end: Array) -> _Leg:
-    """The first way on which all is free, else the first that keeps arm and floor."""
+    """The first way on which everything is free, else the first that is free of arm and floor."""
     problem = road.problem
     blocked, left = _met(problem, road.arm, start, end), None
     for via in _ways(road, start, end, blocked is None):
@@ -204,7 +206,7 @@ def _leg(road: _Roadmap, lines: Room, anchor: Array, k: int, start: Array, end: 
 
 
 def _ways(road: _Roadmap, start: Array, end: Array, straight: bool) -> Iterator[Array]:
-    """Points on ways that keep arm and floor, (k, n) each: none, the middle, free poses."""
+    """Points on ways free of arm and floor, (k, n) each: straight, by the middle, by free nodes."""
     if straight:
         yield np.zeros((0, len(start)))
     middle, slides = road.nodes[0], road.problem.robot.prismatic
@@ -219,15 +221,15 @@ def _ways(road: _Roadmap, start: Array, end: Array, straight: bool) -> Iterator[
 
 @dataclass(eq=False)
 class _Roadmap:
-    """Random free poses and the ways between them, looked at only where a way would lead.
+    """Random free poses and the ways between them, checked only where a way would lead.
 
     Bohlin and Kavraki, Path planning using lazy PRM, ICRA 2000.
 
     Attributes:
-        problem: Whose arm drives.
-        arm: What it may not meet.
-        nodes: Free poses, shape (k, n).
-        known: Whether the straight way between two of them is free, where somebody looked.
+        problem: The problem whose arm drives.
+        arm: What it must not touch.
+        nodes: The middle of the joint ranges, then free poses, shape (k, n).
+        known: Whether the straight way between two of them is free, where checked.
     """
 
     problem: Problem
@@ -237,7 +239,7 @@ class _Roadmap:
 
     @classmethod
     def of(cls, problem: Problem, arm: Room) -> _Roadmap:
-        """Poses drawn within the limits that leave some room."""
+        """Draw poses within the limits that leave enough clearance."""
         size = (_DRAWN, len(problem.lower))
         drawn = np.random.default_rng(0).uniform(problem.lower, problem.upper, size)
         free = _widths(problem, arm, drawn, _ROOM_M) >= _ROOM_M
@@ -245,12 +247,12 @@ class _Roadmap:
         return cls(problem, arm, np.vstack([middle, drawn[free][:_NODES]]), {})
 
     def way(self, start: Array, end: Array) -> Array | None:
-        """Points on the shortest way that is free, (k, n); None where there is none."""
+        """Points on the shortest free way, (k, n); None where none was found."""
         nodes, first = np.vstack([self.nodes, start, end]), len(self.nodes)
         cost = _times(self.problem, nodes)
         beyond = np.sort(cost, axis=1)[:, min(_NEAREST, len(cost) - 1), None]
         cost = np.where((cost <= beyond) | (cost <= beyond).T, cost, np.inf)
-        own = dict(self.known)  # what is known of start and end is of this way alone
+        own = dict(self.known)  # knowledge about start and end holds for this way alone
         for (a, b), free in own.items():
             if not free:
                 cost[a, b] = cost[b, a] = np.inf
@@ -277,7 +279,7 @@ def _edge(a: int, b: int) -> tuple[int, int]:
 
 
 def _path(cost: Array, first: int, last: int) -> list[int] | None:
-    """The cheapest way from one node to another (Dijkstra); None where there is none."""
+    """The cheapest path from one node to another (Dijkstra); None where there is none."""
     far, before = np.full(len(cost), np.inf), np.full(len(cost), -1)
     far[first], left = 0.0, np.ones(len(cost), dtype=bool)
     while left.any():
@@ -303,7 +305,7 @@ def _between(robot: Robot, start: Array, end: Array) -> Array:
 
 
 def _met(problem: Problem, room: Room, start: Array, end: Array) -> str | None:
-    """The rule that is not kept on the straight way, by halving; None where all are."""
+    """The rule that is violated on the straight way, by halving; None where none is."""
     share = np.linspace(0.0, 1.0, len(_between(problem.robot, start, end)))
     far = float(np.abs(end - start) @ _lever(problem))
     near = far * float(share[1]) + _FINEST_M
@@ -324,7 +326,7 @@ def _met(problem: Problem, room: Room, start: Array, end: Array) -> str | None:
 
 
 def _lever(problem: Problem) -> Array:
-    """How far a point of arm or effector moves at most per metre or radian of a joint, (n,)."""
+    """Maximum motion of any point of arm or effector per metre or radian of a joint, (n,)."""
     robot = problem.robot
     at = configure(robot, ((problem.lower + problem.upper) / 2)[None])
     turns = ~robot.prismatic
@@ -335,7 +337,7 @@ def _lever(problem: Problem) -> Array:
 
 
 def _widths(problem: Problem, room: Room, q: Array, near: float) -> Array:
-    """How wide the narrowest gap is at joint values (m, n) [m], at most `near`, shape (m,)."""
+    """Width of the narrowest gap at joint values (m, n) [m], at most `near`, shape (m,)."""
     at = configure(problem.robot, q)
     places = _places(problem, q)
     out = np.full(len(q), near)
@@ -351,7 +353,7 @@ def _places(problem: Problem, q: Array) -> Array:
 
 
 def _broken(problem: Problem, room: Room, q: Array, anchor: Array | None = None) -> str | None:
-    """The first rule that some of these joint values (m, n) do not keep; None where all do."""
+    """The first rule that some of these joint values (m, n) violate; None where all keep all."""
     at, places = configure(problem.robot, q), _places(problem, q)
     end = places[0] if anchor is None else np.broadcast_to(anchor[:, None], places[0].shape)
     for rule in room.rules:

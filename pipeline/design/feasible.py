@@ -1,4 +1,4 @@
-"""Is there any pose that keeps the limits? If not, which limit excludes them all."""
+"""Check that some pose keeps the limits; if not, find the limit that excludes all."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.design.spec import Limits
 from pipeline.machine.room import Room
 
 _TRIED, _FOLLOWED = 2000, 64
-"""Random poses, and how many of them, the nearest to the limits, are led inside."""
+"""Number of random poses, and of those nearest to the limits that are led inside."""
 
 _ANY_M = (0.0, 1e5)
 """Shortest and longest chain [m] where its length does not matter."""
@@ -53,7 +53,7 @@ def check_reachable(problem: Problem, rng: np.random.Generator) -> None:
 
 
 def _shortfall(problem: Problem, limits: Limits, room: Room | None, start: Array) -> float:
-    """By how much the best pose breaks the limits [m] or [1]; 0 when one keeps them."""
+    """Smallest violation of the limits over all poses [m] or [1]; 0 when a pose keeps them."""
     box = Box(problem, 1)
 
     def worst(x: Array) -> Array:

@@ -1,8 +1,8 @@
-"""How near poses come to what a cell does not leave free, and how that changes with the joints.
+"""Distance of poses from obstacles of a cell, and its derivative by the joints.
 
-A gap changes by sum_k g_k . dp_k of the points p_k of the arm that make it. Seen from the joints
-these g_k are forces: the slope of any sum of gaps is the torque tau_j = twist_j . W of the wrench
-W = (p x g, g) that acts beyond joint j, Eq. (5). The poses are the last axis of arrays.
+A gap changes by sum_k g_k . dp_k of the points p_k of the arm that define it. Seen from the joints
+these g_k are forces: the derivative of any sum of gaps is the torque tau_j = twist_j . W of the
+wrench W = (p x g, g) that acts beyond joint j, Eq. (5). The poses are the last axis of arrays.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pipeline.machine.room import Room
 from pipeline.machine.segments import closest, dot, length
 
 _ROUNDED = 1e-3
-"""Poses that are drawn keep every gap wider [m] or [1]: they are printed in whole 1e-4 deg."""
+"""Minimum gap of random poses [m or 1]: they are printed rounded to 1e-4 deg."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -26,7 +26,7 @@ class _Point:
 
     Attributes:
         at: In F_b [m], shape (3, k).
-        carrier: Number of the joint that carries each, 0 for what stands still, shape (k,).
+        carrier: Number of the joint that carries each, 0 for what does not move, shape (k,).
         slope: Derivative of the gap by the point, shape (3, k).
     """
 
@@ -40,10 +40,10 @@ class Gaps:
     """Narrow gaps, k of them in all poses together.
 
     Attributes:
-        pose: Which pose each is of, from 0, shape (k,).
+        pose: Pose of each, from 0, shape (k,).
         value: Positive where kept [m], [1] for cosines, shape (k,).
         points: The points of the arm that each depends on.
-        by_anchor: Derivative by the anchor of the chain, shape (3, k); None where it has no part.
+        by_anchor: Derivative by the anchor of the chain, shape (3, k); None where it is zero.
     """
 
     pose: Ints
@@ -53,14 +53,14 @@ class Gaps:
 
 
 def gaps(room: Room, at: Configuration, points: Array, anchor: Array, near: float) -> list[Gaps]:
-    """Everything that a room wants free and that is narrow, at every pose.
+    """All gaps of a room that are narrow, at every pose.
 
     Args:
-        room: What a pose must leave free.
+        room: Space that a pose must leave free.
         at: The poses.
         points: Load point, then reflectors, in F_b [m], shape (1 + t, 3, m).
-        anchor: Where the chain is attached, F_b [m], shape (3, m).
-        near: Gaps that are as wide [m] or [1] are left out.
+        anchor: Anchor of the chain, F_b [m], shape (3, m).
+        near: Gaps of this width or more [m] or [1] are left out.
     """
     places = points.transpose(1, 0, 2)
     far = np.empty_like(places)
@@ -76,13 +76,13 @@ def gaps(room: Room, at: Configuration, points: Array, anchor: Array, near: floa
 
 
 def free(room: Room, at: Configuration, tool: Array, anchor: Array) -> Bools:
-    """Poses that leave everything free and keep the joints within what cables allow, shape (m,).
+    """Poses that keep all gaps and the joint limits that cables allow, shape (m,).
 
     Args:
-        room: What a pose must leave free.
+        room: Space that a pose must leave free.
         at: The poses.
         tool: Load point, then reflectors, flange frame [m], shape (1 + t, 3).
-        anchor: Where the chain of each pose is attached, F_b [m], shape (m, 3).
+        anchor: Anchor of the chain of each pose, F_b [m], shape (m, 3).
     """
     out: Bools = np.all((at.q >= room.lower) & (at.q <= room.upper), axis=1)
     for found in gaps(room, at, np.moveaxis(at.points(tool), 0, -1), anchor.T, _ROUNDED):
@@ -91,7 +91,7 @@ def free(room: Room, at: Configuration, tool: Array, anchor: Array) -> Bools:
 
 
 def _shot(room: Room, at: Configuration, places: Array, far: Array, near: float) -> Gaps:
-    """Cosine between the line that leaves a point and the axis of its cone, less its limit.
+    """Cosine between the line that leaves a point and the axis of its cone, minus its limit.
 
     value = b . d - cos(limit) with b = (end - p) / L; d, carried by the flange, is the difference
     of the points p + d and p.
@@ -113,7 +113,7 @@ def _shot(room: Room, at: Configuration, places: Array, far: Array, near: float)
 
 
 def _grounded(room: Room, places: Array, ends: Array, near: float) -> Gaps:
-    """Height over the floor of points of the effector, and of what capsules reach down to."""
+    """Height of points of the effector and of the lower ends of capsules above the floor."""
     lifted = np.flatnonzero(room.lifted)
     ends = ends[:, :, lifted]
     low = np.where(ends[0, 2] < ends[1, 2], ends[0], ends[1])
@@ -128,10 +128,10 @@ def _grounded(room: Room, places: Array, ends: Array, near: float) -> Gaps:
 
 
 def _touching(room: Room, places: Array, far: Array, ends: Array, near: float) -> Gaps:
-    """Distance of capsules from each other, and of beams and chain from capsules.
+    """Distance between capsules, and of beams and chain from capsules.
 
-    A line is a capsule without thickness that ends where nothing moves. Computed only where one
-    and the ball around the other are near enough.
+    A line is a capsule without thickness that ends at a fixed point. Computed only where one is
+    near the ball around the other.
     """
     radius, carrier = room.bodies.radius, room.bodies.carrier
     i, j, pose = _near_pairs(room, ends, near)
@@ -148,7 +148,7 @@ def _touching(room: Room, places: Array, far: Array, ends: Array, near: float) -
     normal = between[:, some] / distance[some].clip(1e-12)
     line, s = (some >= len(i)), s[some]
     moving = np.concatenate([carrier[i], np.full(len(point), room.joints)])[some]
-    from_start = np.where(line, 0.0, s) * (end - start)[:, some]  # a beam pulls at its beginning
+    from_start = np.where(line, 0.0, s) * (end - start)[:, some]  # a line acts at its start
     p = _Point(start[:, some] + from_start, moving, np.where(line, 1 - s, 1.0) * normal)
     points = p, _Point(q[:, some], carrier[body[some]], -normal)
     chain = np.concatenate([np.zeros(len(i), bool), point == 0])[some]
@@ -156,7 +156,7 @@ def _touching(room: Room, places: Array, far: Array, ends: Array, near: float) -
 
 
 def _near_pairs(room: Room, ends: Array, near: float) -> tuple[Ints, Ints, Ints]:
-    """Pairs of capsules, one near the ball around the other, and in which pose, (k,) each."""
+    """Pairs of capsules, one near the ball around the other, and their pose, (k,) each."""
     half, radius = room.bodies.half, room.bodies.radius
     i, j = room.pairs  # the second is the longer one
     middle = (ends[0][:, i] + ends[1][:, i]) / 2
@@ -169,9 +169,10 @@ def _near_pairs(room: Room, ends: Array, near: float) -> tuple[Ints, Ints, Ints]
 def _near_lines(
     room: Room, places: Array, far: Array, ends: Array, near: float
 ) -> tuple[Ints, Ints, Ints]:
-    """Lines of points and capsules, one near the ball around the other, by pose, (k,) each.
+    """Pairs of a line and a capsule, one near the ball around the other, and their pose, (k,) each.
 
-    The ball around a rail is a hall: the box around what stands still is asked in its place.
+    The ball around a rail is as large as a hall: the box around fixed bodies is tested in its
+    place.
     """
     start, end = places[:, :, None], far[:, :, None]
     reach = room.bodies.radius[:, None] + near

@@ -1,8 +1,8 @@
-"""The information of one pose about the compliances, and how that changes with pose and anchor.
+"""Information of one pose about the compliances, and its derivative by pose and anchor.
 
-Frames, Jacobians and torques are those of the forward model. Only their derivative is written
-here, as one backward pass over many poses at once. Arrays of this file have the poses on the last
-axis, where numpy works on long rows.
+Frames, Jacobians and torques are those of the forward model. Only their derivative is coded here,
+as one backward pass over many poses at once. Arrays of this file have the poses on the last axis,
+where numpy works on long rows.
 """
 
 from __future__ import annotations
@@ -19,13 +19,13 @@ from pipeline.machine.robot.configuration import torque, velocity
 
 @dataclass(frozen=True, eq=False)
 class Experiment(Locked):
-    """What is done at every pose of a plan: which points are pulled and read, how well.
+    """What is done at every pose of a plan: the points pulled and read, and the noise.
 
     Attributes:
         robot: Geometry.
-        load_point: Where the chain pulls, flange frame [m], shape (3,).
+        load_point: Point where the chain pulls, flange frame [m], shape (3,).
         points: Measured points, flange frame [m], shape (t, 3).
-        scale: Compliance that counts as one, n of them [m/N] or [rad/(N m)]: information is about
+        scale: Unit of each compliance, n of them [m/N] or [rad/(N m)]: information is about
             compliances in these units.
         scatter: Pulls at each pose and the scatter of their readings.
     """
@@ -45,7 +45,7 @@ class Station(Locked):
         configuration: Frames and screws of the joints, poses first.
         load_point: [m], shape (3, m).
         points: Measured points [m], shape (t, 3, m).
-        chain_m: From load point to anchor, shape (m,).
+        chain_m: Distance from load point to anchor, shape (m,).
         direction: Of the pull, u of Eq. (10), shape (3, m).
         J_load: Jacobian at the load point, shape (n, 3, m).
         J: Jacobians at the measured points, shape (t, n, 3, m).
@@ -100,7 +100,7 @@ def information(experiment: Experiment, at: Station) -> Array:
 
 
 def value_and_slope(experiment: Experiment, at: Station, W: Array) -> tuple[Array, Array, Array]:
-    """What a weighting makes of each pose's information, and its derivatives.
+    """Weighted sum of each pose's information, and its derivatives.
 
     Args:
         experiment: What is pulled and read.
@@ -130,8 +130,8 @@ def value_and_slope(experiment: Experiment, at: Station, W: Array) -> tuple[Arra
 def _pull_back(at: Station, G: Array) -> tuple[Array, Array]:
     """Derivative of a quantity by joints and anchor, from its derivative by J tau.
 
-    A column of a Jacobian changes by dJ_k/dq_j = omega_min(j,k) x J_max(j,k). Both sums over k
-    are cumulative, so that this pass costs no more than A itself.
+    A column of a Jacobian changes by dJ_k/dq_j = omega_min(j,k) x J_max(j,k). Both sums over k are
+    cumulative, so this pass costs no more than A itself.
 
     Args:
         at: The poses.

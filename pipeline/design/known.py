@@ -1,4 +1,4 @@
-"""The information of an existing campaign, so that further poses can be planned on top of it."""
+"""The information of an existing campaign, as prior for planning further poses."""
 
 from __future__ import annotations
 
@@ -19,8 +19,8 @@ def information_of(system: System, estimate: Estimate, scale: Array) -> Array:
 
     Args:
         system: c = B x + G e, with the noise that the campaign shows.
-        estimate: Its solution; where no noise is stated, its residuals determine it.
-        scale: Compliance that counts as one, shape (n,).
+        estimate: Its solution; where no noise is stated, its residuals determine the noise.
+        scale: Unit of each compliance, shape (n,).
     """
     white = whitener(system.errors, system.rows.pose)
     B = white(system.B) * scale

@@ -1,4 +1,4 @@
-"""Poses to measure, from a problem that ships, a problem file, or a campaign to go on with."""
+"""Poses to measure, for a shipped problem, a problem file, or as continuation of a campaign."""
 
 from __future__ import annotations
 
@@ -30,16 +30,16 @@ from pipeline.system.fit import fit
 
 @dataclass(frozen=True, eq=False)
 class Design(Locked):
-    """Poses to measure, and how near they are to the best that could be.
+    """Poses to measure, and their distance from the optimum.
 
     Attributes:
         q: Joint values of each pose [m] or [rad], shape (p, n).
-        anchor_m: Where the chain is fixed [m], F_b, shape (3,).
+        anchor_m: Anchor of the chain [m], F_b, shape (3,).
         steps_n: Load steps of each pose [N]; negative where the turnbuckle is slackened to it.
         figure: The criterion, in its unit ([m] for a test pose).
-        bound: What no plan can be below, same unit; None where it was not reached.
+        bound: Lower bound for any plan, same unit; None where it was not reached.
         relative_std: Standard uncertainty of each compliance over its nominal size, shape (n,).
-        made: All of it, for the measurement sheet.
+        made: The whole design, for the measurement sheet.
     """
 
     q: Array
@@ -52,7 +52,7 @@ class Design(Locked):
 
     @property
     def robot(self) -> Robot:
-        """The robot that is planned for."""
+        """The robot of the plan."""
         return self.made.proposal.problem.robot
 
     @property
@@ -81,15 +81,15 @@ def design_poses(
     Args:
         problem: One that ships, or the path of a problem file ending in .toml.
         poses: Number of poses, m_0.
-        readings: Pulls in all, n.
+        readings: Pulls in total, n.
         steps_n: Load steps [N], in the order of tightening.
-        anchor_m: Anchor in F_b [m], fixed there.
+        anchor_m: Fixed anchor in F_b [m].
         robot: A robot that ships, or a robot file.
         criterion: test_pose, workspace, D, A or E.
         add_to: Propose further poses for this campaign.
         seed: Determines the plan.
         rounds: Rounds of new starts.
-        tell: Hears a line of progress for each better plan.
+        tell: Receives a line of progress for each better plan.
 
     Raises:
         InputError: There is no such problem, it is wrong, or no plan can meet it.
@@ -124,7 +124,7 @@ def _designed(made: Made) -> Design:
 
 
 def _text_of(name: str) -> tuple[str, Path | None]:
-    """A problem as written, and the folder of its file where it does not ship."""
+    """Text of a problem, and the folder of its file where it does not ship."""
     if name in specs.SHIPPED:
         return specs.shipped(name), None
     path = Path(name)
@@ -138,16 +138,16 @@ def _text_of(name: str) -> tuple[str, Path | None]:
 
 
 def problem_of(name: str, changes: dict[str, Any]) -> Problem:
-    """A problem that ships, or from a file, with what is said otherwise.
+    """A problem that ships, or from a file, with the given changes.
 
     Raises:
         InputError: There is no such problem, it is wrong, or no plan can meet it.
     """
     text, folder = _text_of(name)
-    if changes.get("robot") and name in specs.SHIPPED:  # the paper's own robot goes to its limits
+    if changes.get("robot") and name in specs.SHIPPED:  # only the paper's own goes to its limits
         own = {k: specs.Limits.model_fields[k].default for k in specs.MARGINS}
         changes = changes | {"limits": own | (changes.get("limits") or {})}
-    if (robot := changes.get("robot")) and Path(robot).is_file():  # where it was typed
+    if (robot := changes.get("robot")) and Path(robot).is_file():  # relative to the current folder
         changes = changes | {"robot": str(Path(robot).resolve())}
     spec = specs.parse(text, Path(name).name)
     if robot and name == _PAPER and not alike(load(spec.robot), other := load(changes["robot"])):
@@ -161,7 +161,7 @@ _PAPER = "paper_reference"
 
 
 def added_to(problem: Problem, campaign: Campaign, name: str | None = None) -> Problem:
-    """The problem for further readings of a campaign, with the information of those it has.
+    """The problem for further readings of a campaign, with the information of its existing ones.
 
     Args:
         problem: What to measure.

@@ -1,4 +1,4 @@
-"""What a pose may not do, as slacks that must stay positive, with their slopes.
+"""Limits of a pose as slacks that must stay positive, with their derivatives.
 
 Joint limits are not here: they are the box in which the search moves.
 """
@@ -21,14 +21,14 @@ from pipeline.machine.robot.configuration import velocity
 from pipeline.machine.room import Room
 
 _MARGIN_M = 1e-3
-"""The search stays this far inside, so that its penalty cannot end on the wrong side."""
+"""Margin that the search keeps, so that its penalty cannot end on the wrong side [m or 1]."""
 _AMPLE = 2 * _MARGIN_M
-"""A slack of this is as good as any larger one."""
+"""Slack above which its exact value does not matter [m] or [1]."""
 
 
 @dataclass(frozen=True)
 class _Slack:
-    """How far poses are from breaking one limit.
+    """Distance of poses from violating one limit.
 
     Attributes:
         rule: The limit in words.
@@ -44,7 +44,7 @@ class _Slack:
 
 
 def slacks(limits: Limits, at: Station) -> Iterator[_Slack]:
-    """Every limit that is set, at every pose."""
+    """Slack of every limit that is set, at every pose."""
     yield from _chain_length(limits.chain_m, at)
     if limits.singular_margin:
         value, by_q = dexterity(at.configuration, limits.singular_margin + _AMPLE)
@@ -64,7 +64,7 @@ def slacks(limits: Limits, at: Station) -> Iterator[_Slack]:
 
 
 def narrow(room: Room | None, at: Station, near: float = 0.0) -> list[Gaps]:
-    """Every gap that the cell leaves and that is narrower than `near`, at every pose."""
+    """Every gap of the cell that is narrower than `near`, at every pose."""
     if room is None:
         return []
     points = np.concatenate([at.load_point[None], at.points])
@@ -72,7 +72,7 @@ def narrow(room: Room | None, at: Station, near: float = 0.0) -> list[Gaps]:
 
 
 def kept(limits: Limits, at: Station, room: Room | None = None) -> Bools:
-    """Poses that break no limit, shape (m,)."""
+    """Poses that violate no limit, shape (m,)."""
     out: Bools = np.all([slack.value >= 0 for slack in slacks(limits, at)], axis=0)
     for found in narrow(room, at):
         out[found.pose] = False
@@ -87,8 +87,8 @@ def penalty(
     Args:
         limits: Of the problem.
         at: The poses.
-        room: What the cell leaves free.
-        margin: Slacks stay above it [m] or [1].
+        room: Free space of the cell.
+        margin: Slack below which the penalty sets in [m] or [1].
     """
     total, by_q, by_anchor = np.zeros_like(at.chain_m), np.zeros_like(at.tau), np.zeros((3, 1))
     for slack in slacks(limits, at):
@@ -142,7 +142,7 @@ def _fold(most: float, at: Station) -> _Slack:
 
 
 def _clearance(distance: float, at: Station) -> Iterator[_Slack]:
-    """Distance of the chain from each link; its slope is that of the two closest points."""
+    """Distance of the chain from each link; its derivative is that of the two closest points."""
     joints = [*np.moveaxis(at.configuration.origin, 0, -1), at.configuration.flange_origin.T]
     rule = f"the chain {distance:g} m clear of the arm"
     anchor = at.load_point + at.chain_m * at.direction
@@ -160,7 +160,7 @@ def _clearance(distance: float, at: Station) -> Iterator[_Slack]:
 
 
 def _closest(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
-    """Shares along the segments ab and cd (3, m) at which they are closest."""
+    """Fractions along the segments ab and cd (3, m) at which they are closest."""
     u, v, w = b - a, d - c, a - c
     uu, vv, uv = (u * u).sum(0).clip(1e-12), (v * v).sum(0).clip(1e-12), (u * v).sum(0)
     uw, vw = (u * w).sum(0), (v * w).sum(0)
@@ -172,7 +172,7 @@ def _closest(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
 
 
 def _pushed(at: Configuration, every: Sequence[tuple[Gaps, Array]]) -> tuple[Array, Array]:
-    """Slope of a weighted sum of gaps in each pose, by joints (m, n) and by the anchor (m, 3).
+    """Derivative of a weighted sum of gaps in each pose, by joints (m, n) and by the anchor (m, 3).
 
     Args:
         at: The poses.
@@ -193,7 +193,7 @@ def _pushed(at: Configuration, every: Sequence[tuple[Gaps, Array]]) -> tuple[Arr
 
 
 def _wrench(m: int, n: int, every: Sequence[tuple[Gaps, Array]]) -> Array:
-    """What the slopes of gaps push each body with, about the origin of F_b, (6, n + 1, m)."""
+    """Wrench on each body from the derivatives of gaps, about the origin of F_b, (6, n + 1, m)."""
     wrench = np.zeros((6, n + 1, m))
     acting = [(p, f.pose, weight) for f, weight in every for p in f.points if len(f.pose)]
     if acting:

@@ -1,4 +1,4 @@
-"""A design as far as it got: searched to its end or stopped, as JSON and as text."""
+"""A finished or interrupted design, as JSON and as text."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class Made:
     Attributes:
         proposal: The best plan, with its certificate where that was reached.
         seconds: Wall time.
-        interrupted: The search did not run to its end.
+        interrupted: Whether the search was stopped before its end.
         written: Files that were made of it.
     """
 
@@ -41,7 +41,7 @@ class Made:
     written: tuple[PathLike[str], ...] = ()
 
     def content(self) -> dict[str, Any]:
-        """What --json prints; figures of a criterion without unit have no `_mm`."""
+        """Content of the output of --json; figures of a criterion without unit have no `_mm`."""
         proposal = self.proposal
         problem, measurement = proposal.problem, proposal.measurement
         factor, unit = (_MM, "_mm") if problem.criterion.unit == "m" else (1.0, "")
@@ -70,7 +70,7 @@ class Made:
         return in_json(self.content())
 
     def as_text(self) -> str:
-        """For people: figure, bound, poses and what they determine."""
+        """Text for people: figure, bound, poses and the uncertainties they give."""
         parts = [
             _summary(self),
             cell_lines(self.proposal),
@@ -83,13 +83,13 @@ class Made:
 
 
 def make(problem: Problem, seed: int, effort: Effort, say: Callable[[str], object]) -> Made:
-    """Search a plan; stopped by Ctrl-C, give the best so far.
+    """Search a plan; if stopped by Ctrl-C, return the best so far.
 
     Args:
-        problem: What to plan.
+        problem: The problem.
         seed: Determines the plan.
-        effort: How hard to search.
-        say: Takes one line of progress at a time.
+        effort: Search effort.
+        say: Receives one line of progress at a time.
 
     Raises:
         InputError: No plan meets the request.
@@ -116,7 +116,7 @@ def printed(problem: Problem, q: Array) -> Array:
 
 
 def figures(proposal: Proposal) -> str:
-    """The criterion, what no plan can be below, and the price of telling causes apart."""
+    """The criterion, its lower bound, and the price of separating causes."""
     factor, unit = (_MM, " mm") if proposal.problem.criterion.unit == "m" else (1.0, "")
     text = f"{plain(proposal.figure * factor, 4)}{unit}"
     if proposal.mixed is not None:
@@ -146,7 +146,7 @@ def _summary(made: Made) -> list[str]:
 
 
 def _cell(proposal: Proposal, factor: float, unit: str) -> dict[str, Any]:
-    """What the limits of the cell cost; nothing for a problem without a cell."""
+    """Cost of the limits of the cell; empty for a problem without a cell."""
     problem, found = proposal.problem, proposal.cost
     if problem.spec.cell is None:
         return {}
@@ -162,7 +162,7 @@ def _cell(proposal: Proposal, factor: float, unit: str) -> dict[str, Any]:
 
 
 def _unpulled(proposal: Proposal) -> dict[str, Any]:
-    """Poses without a pull and what they tell of the robot's table; nothing without them."""
+    """Poses without a pull and their value for the DH parameters; empty without them."""
     if (found := proposal.unpulled) is None:
         return {}
     return {
@@ -185,7 +185,7 @@ def _unpulled_lines(proposal: Proposal) -> list[str]:
 
 
 def worth_unpulled(found: Unpulled) -> str:
-    """What poses without a pull are worth, and how near that is to the best."""
+    """Value of poses without a pull, and its distance from the best possible."""
     return (
         f"with them the standard uncertainty of the DH parameters is {percent(found.figure)} of "
         f"its prior value (geometric mean), and from the loaded poses alone "
@@ -203,7 +203,7 @@ def _unchecked(problem: Problem) -> tuple[str, ...]:
 
 
 def cell_lines(proposal: Proposal) -> list[str]:
-    """What the limits of the cell cost and exclude, and what nobody gives, in sentences."""
+    """Cost and excluded poses of the limits of the cell, and what was not checked, in sentences."""
     problem, found = proposal.problem, proposal.cost
     not_checked = f"not checked: {'; '.join(_unchecked(problem))}"
     if found is None:

@@ -1,4 +1,4 @@
-"""What the operator does: poses in order, the carriage's approach and the load steps of each."""
+"""The operator's actions: poses in order, the carriage's approach and the load steps of each."""
 
 from __future__ import annotations
 
@@ -17,12 +17,12 @@ from pipeline.design.trade import Mixed
 
 @dataclass(frozen=True, eq=False)
 class Measurement(Locked):
-    """A plan with everything that has to be done.
+    """A plan with all actions.
 
     Attributes:
         q: Joint values [m] or [rad], shape (m, n).
         anchor: Anchor of the chain in F_b [m], shape (3,).
-        approach: Which way the carriage comes along the rail, +1 or -1, shape (m,).
+        approach: Direction from which the carriage comes along the rail, +1 or -1, shape (m,).
         steps: Load steps of each pose [N]; negative where the turnbuckle is slackened to the step.
     """
 
@@ -38,7 +38,7 @@ class Measurement(Locked):
 
 
 def of_plan(problem: Problem, plan: Plan) -> Measurement:
-    """The measurement of a plan: every pose with all steps, approached across its pull."""
+    """The measurement of a plan: every pose with all steps, approaches crossed with the pull."""
     direction = station(problem.experiment, plan.q, plan.anchor).direction.T
     ways = {"up": np.ones(len(plan.q)), "down": -np.ones(len(plan.q))}
     approach = ways.get(problem.spec.limits.approach, crossed(direction, plan.q[:, 0]))
@@ -47,7 +47,7 @@ def of_plan(problem: Problem, plan: Plan) -> Measurement:
 
 
 def of_mixed(problem: Problem, mixed: Mixed) -> Measurement:
-    """The measurement of a plan with power to diagnose, along the rail."""
+    """The measurement of a plan with diagnostic power, sorted along the rail."""
     visits = mixed.visits
     if problem.robot.joints[0].prismatic:
         visits = tuple(visits[i] for i in np.argsort([visit.q[0] for visit in visits]))
@@ -57,7 +57,7 @@ def of_mixed(problem: Problem, mixed: Mixed) -> Measurement:
 
 
 def seen_by(view: Lens, measurement: Measurement) -> list[Sight]:
-    """What a measurement sees of every cause, each pose at its own time."""
+    """Detectability of every cause with a measurement, each pose at its own time."""
     start_s = starts(np.array([len(own) for own in measurement.steps]), len(view.cell.tool.targets))
     M = np.zeros((view.springs + len(view.typical),) * 2)
     for steps in dict.fromkeys(tuple(own) for own in measurement.steps):

@@ -1,11 +1,11 @@
-"""Which pose would separate the causes: the one with the least chance of a wrong name.
+"""Which pose would separate the causes: the one with the smallest probability of a wrong name.
 
-For two causes with odds p and q between which further readings put d standard deviations, the
-chance of naming the wrong one is at most sqrt(p q) exp(-d^2 / 8) (Bhattacharyya's bound for two
-normals with one covariance: Kailath, IEEE Trans. Communication Technology 15, 1967). Summed over
-all pairs that are open, with the d^2 that a pose adds, this is what a pose should make small.
-Among poses that make it small enough, the one that the measured poses predict best is proposed: it
-rests least on a model that may be wrong.
+For two causes with odds p and q that further readings separate by d standard deviations, the
+probability of naming the wrong one is at most sqrt(p q) exp(-d^2 / 8) (Bhattacharyya's bound for
+two normals with one covariance: Kailath, IEEE Trans. Communication Technology 15, 1967). Summed
+over all open pairs, with the d^2 that a pose adds, this is the objective to minimise. Among poses
+that make it small enough, the one that the measured poses predict best is proposed: it depends
+least on a model that may be wrong.
 """
 
 from __future__ import annotations
@@ -30,19 +30,21 @@ from pipeline.system.elimination import eliminate
 from pipeline.system.whitened import Whitened
 
 _SETTLED = 0.002
-"""Chance of a wrong name from which a further pose need not do better."""
+"""Probability of a wrong name that is small enough for a further pose [1]."""
 
 _CANDIDATES = 240
-"""Poses that are drawn to choose from."""
+"""Number of random candidate poses."""
 
 _LIGHT = 0.25
-"""Weak pulls, of the largest: proposed as well where the campaign's steps are all large."""
+"""Size of weak pulls relative to the largest [1]: proposed as well where the campaign's steps are
+all large."""
 
 _OPEN = 1e2
-"""Prior standard uncertainty of every parameter, in typical sizes: none, but for rounding [1]."""
+"""Prior standard uncertainty of every parameter, in typical sizes [1]: uninformative, only against
+rounding."""
 
 _SPRINGS = "joint_springs"
-"""What a cause is compared with when nothing else could replace it."""
+"""Name of the alternative to a cause when nothing else could replace it."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -50,8 +52,8 @@ class Question:
     """Which cause acts in one place.
 
     Attributes:
-        who: Suspects that could, the identified one first; None for the joint springs alone.
-        odds: How likely each is.
+        who: Possible suspects, the identified one first; None for the joint springs alone.
+        odds: Probability of each.
         rest: Accepted causes that are not in question.
     """
 
@@ -66,7 +68,7 @@ class Candidates(Locked):
 
     Attributes:
         pulls: The pulls, those of one pose together, `pose` counting from 0.
-        anchor: Where the chain of each pose is attached [m], shape (m, 3).
+        anchor: Anchor of the chain of each pose [m], shape (m, 3).
     """
 
     pulls: Pulls
@@ -91,10 +93,10 @@ class Candidates(Locked):
 
 
 def candidates(case: SearchCase, rng: np.random.Generator) -> Candidates:
-    """Random reachable poses, pulled as the campaign's fullest pose was.
+    """Random reachable poses with the load steps of the campaign's fullest pose.
 
-    As hard as the hardest pull, and no harder than the weight that the robot carries: nobody knows
-    yet whether that pull was written down right.
+    The force is that of the hardest pull, but at most the weight that the robot carries: it is not
+    yet known whether that pull was written down correctly.
 
     Args:
         case: The case.
@@ -136,9 +138,9 @@ def candidates(case: SearchCase, rng: np.random.Generator) -> Candidates:
 
 
 def _fullest(data: Measured) -> Ints:
-    """Pulls of the first of those poses that have the most; of a pull nothing may have been read.
+    """Read pulls of the first of those poses that have the most.
 
-    Its readings may all be left out while its force is known.
+    A pull counts only if it was read: all its readings may be left out although its force is known.
     """
     read = np.intersect1d(data.pull, np.arange(len(data.pulls)))
     pose = data.pulls.pose[read]
@@ -151,14 +153,14 @@ def propose(
 ) -> list[Proposal]:
     """Poses that separate the causes best, one after the other until all pairs are apart.
 
-    No two of them are the same: what a repeated pose tells, and a systematic error of one pose
-    does not, is asked of another. Pairs that no series of poses separates are left out.
+    All of them are different: repeating a pose adds information only if that pose has no systematic
+    error. Pairs that no series of poses separates are left out.
 
     Args:
         view: The campaign from the model with all accepted causes.
-        questions: What is open.
+        questions: The open questions.
         among: Reachable poses.
-        most: So many poses at most.
+        most: Maximum number of poses.
     """
     contest = _Contest.of(view, questions)
     more = contest.products(view, among)
@@ -191,8 +193,7 @@ def determine(view: Whitened, among: Candidates) -> tuple[Determining, ...]:
     """For each joint the pose that makes its compliance most certain.
 
     u_k^2 = [(N + N_pose + I / w^2)^-1]_kk, N the products of the whitened columns of springs,
-    common errors and accepted causes, in typical sizes, and w a prior that leaves open what nothing
-    determines.
+    common errors and accepted causes, in typical sizes, and w an uninformative prior.
 
     Args:
         view: The campaign from the model with all accepted causes.
@@ -219,10 +220,10 @@ def _series(
 
     Args:
         contest: The causes in question.
-        more: What each candidate adds to their normal equations.
-        stand: Where the robot stands in each candidate, by number.
+        more: Normal equations that each candidate adds.
+        stand: Number of the robot's pose in each candidate.
         open_pairs: Pairs that some series of poses separates.
-        most: So many poses at most.
+        most: Maximum number of poses.
     """
     M, chosen, free = contest.M, list[int](), np.ones(len(stand), dtype=bool)
     apart = [contest.apart(M)]
@@ -244,7 +245,7 @@ def _series(
 
 
 def _pairs(questions: Sequence[Question]) -> Iterator[tuple[int, int, int]]:
-    """Number of a question, and two of those that it asks for."""
+    """Number of a question, and two of its suspects."""
     for number, one in enumerate(questions):
         for a, b in combinations(range(len(one.who)), 2):
             yield number, a, b
@@ -252,10 +253,10 @@ def _pairs(questions: Sequence[Question]) -> Iterator[tuple[int, int, int]]:
 
 @dataclass(frozen=True, eq=False)
 class _Contest(Locked):
-    """All causes in question beside the springs: only their columns.
+    """All causes in question in addition to the springs: only their columns.
 
     Attributes:
-        questions: What is open.
+        questions: The open questions.
         effects: Those whose columns follow the springs and the common errors.
         at: Columns of M of each of them.
         columns: Columns of the view that M is made of.
@@ -299,7 +300,7 @@ class _Contest(Locked):
 
     @property
     def rivals(self) -> bool:
-        """False where only a cause's worth is open: the more a pose shows of it, the better."""
+        """False where only the gain of a cause is open: the more a pose shows of it, the better."""
         return not any(None in one.who for one in self.questions)
 
     def labels(self, view: Whitened, pair: int) -> tuple[str, str]:
@@ -316,9 +317,10 @@ class _Contest(Locked):
     def apart(self, M: Array) -> Array:
         """Sigmas between the two of each pair, for products M of shape (..., W, W): (..., pairs).
 
-        d^2 = z' S_aa z - h' (S_bb + I / w^2)^-1 h,  h = S_ba z,  S the products M without what is
-        estimated anyway, w the widest prior: what a, at its fitted size z, leaves when b is fitted,
-        both held to the sizes that the evidence holds possible; the smaller of both directions.
+        d^2 = z' S_aa z - h' (S_bb + I / w^2)^-1 h,  h = S_ba z, S the products M after elimination
+        of what is estimated anyway, w the widest prior: the part of a, at its fitted size z, that
+        remains when b is fitted, both limited to the sizes that the evidence considers possible;
+        the smaller of both directions.
         """
         left = [eliminate(M, self._taken(one)) for one in self.questions]
         out = []
@@ -345,7 +347,7 @@ class _Contest(Locked):
         return np.einsum("ij,mji->m", inverse, more[:, base[:, None], base])
 
     def products(self, view: Whitened, among: Candidates) -> Array:
-        """What each candidate would add to M, scattering as the fullest pose did: (m, W, W)."""
+        """Contribution of each candidate to M, with the noise of the fullest pose: (m, W, W)."""
         flat = replace(view.model.cell, equilibrium="undeformed")
         pulls, values, rows = among.pulls, view.model.values, view.rows
         m, t = len(among.anchor), len(flat.tool.read)

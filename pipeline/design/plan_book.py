@@ -1,7 +1,7 @@
-"""The measurement sheet as a workbook: filled in at the robot, put beside the export, read as log.
+"""The measurement sheet as a workbook: filled in at the robot, put next to the export, read as log.
 
-Its sheets `pulls` and `axes` are the log of loads and the joint log, in the words that readers take
-without being told; `set-up` holds entries of campaign.toml by their keys, for `pipeline init`.
+Its sheets `pulls` and `axes` are the log of loads and the joint log, with titles that the readers
+recognise; `set-up` holds entries of campaign.toml by their keys, for `pipeline init`.
 """
 
 from __future__ import annotations
@@ -41,11 +41,11 @@ _BASE = ("B1", "B2", "B3", "B4")
 
 
 def book(proposal: Proposal, say: Say = str) -> bytes:
-    """sheet.xlsx.
+    """Content of sheet.xlsx.
 
     Args:
         proposal: The plan.
-        say: Its texts in another language; keys and names of its sheets are the same in all.
+        say: Translates its texts; keys and names of its sheets are the same in all languages.
     """
     out = io.BytesIO()
     with xlsxwriter.Workbook(out, {"in_memory": True}) as made:
@@ -63,7 +63,7 @@ def book(proposal: Proposal, say: Say = str) -> bytes:
 
 
 def _widen(page: Any, titles: Sequence[str], rows: Sequence[_Row]) -> None:
-    """Columns as wide as what stands in them."""
+    """Set the columns as wide as their content."""
     for column, title in enumerate(titles):
         cells = [title.split(" (")[0], *(row[column] for row in rows if column < len(row))]
         widest = max(len(str(one)) for one in cells if one is not None)
@@ -71,7 +71,7 @@ def _widen(page: Any, titles: Sequence[str], rows: Sequence[_Row]) -> None:
 
 
 def _words(cell: Any) -> bool:
-    """Whether a cell has words; numbers keep their points, for whoever reads the workbook."""
+    """Whether a cell contains words; numbers keep their decimal points, to be read back."""
     return isinstance(cell, str) and any(map(str.isalpha, cell))
 
 
@@ -85,7 +85,7 @@ def _put(
     rows: Sequence[_Row],
     free: tuple[int, int],
 ) -> None:
-    """A sheet: what to do, titles, rows; columns from `free[0]` to before `free[1]` are open."""
+    """Add a sheet: instructions, titles, rows; columns `free[0]` to before `free[1]` are open."""
     page = made.add_worksheet(name)
     titles = list(map(say, titles))
     rows = [[say(one) if _words(one) else one for one in row] for row in rows]
@@ -129,7 +129,7 @@ def _pulls(proposal: Proposal) -> tuple[list[str], list[_Row], int]:
 
 
 def _axes(proposal: Proposal) -> tuple[list[str], list[_Row]]:
-    """Titles, and a row for each pose, also of those without a pull."""
+    """Titles, and a row for each pose, including those without a pull."""
     problem, measurement = proposal.problem, proposal.measurement
     robot, q, way = problem.robot, measurement.q, measurement.approach
     if (beside := proposal.unpulled) is not None:
@@ -153,7 +153,7 @@ _SET_UP_TITLES = ("Key", "What", "Unit", "Value", "", "", "", "", "")
 
 
 def _set_up(proposal: Proposal) -> Iterator[_Row]:
-    """Keys of campaign.toml, what they are, unit and what is known; a row without key is a note."""
+    """Keys of campaign.toml, description, unit and known value; a row without key is a note."""
     spec = proposal.problem.spec
     yield ["date", "Date", "", None]
     yield ["operator", "Operator", "", None]

@@ -1,4 +1,4 @@
-"""From a proposal to the bytes of its measurement sheet, as page, PDF and pictures."""
+"""Measurement sheet of a proposal as page, PDF, workbook and pictures."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from pipeline.annex.words import axes_of
 from pipeline.base.language import Language, Say, said, spoken
 from pipeline.base.quantities import MM
 from pipeline.design.control import controls
@@ -14,16 +15,16 @@ from pipeline.design.plan_book import book
 from pipeline.design.plan_figures import anchor_curve, pose_picture, sight_chart, size_curves
 from pipeline.design.plan_sheet import Extras, sheet
 from pipeline.design.propose import Proposal
-from pipeline.report import words
 from pipeline.report.render import page, pdf
 from pipeline.report.svg import Drawing
 
 _SIZES = (3, 4, 6, 12)
 """Numbers of poses and of readings of Table II."""
 _PLACES = 9
-"""Places of the anchor along an axis that the sheet shows."""
+"""Number of anchor positions along an axis that the sheet shows."""
 _FREE = 0.9
-"""Of the largest uncertainty allowed: a plan that stays below it is the best one without, too."""
+"""Fraction of the largest allowed uncertainty [1]: a plan below it is the best one without that
+limit, too."""
 
 
 def plan_files(
@@ -33,7 +34,7 @@ def plan_files(
 
     Args:
         proposal: The plan.
-        seconds: How long its search took.
+        seconds: Duration of its search.
         seed: Of the searches for the curves.
         language: Of the sheet.
 
@@ -59,7 +60,7 @@ def plan_files(
 
 
 def _sizes(proposal: Proposal, seed: int) -> BySize | None:
-    """Only where one search is quick and readings are independent, as in the paper."""
+    """Curves by size, if one search is quick and readings are independent, as in the paper."""
     problem, plan = proposal.problem, proposal.plan
     if problem.experiment.scatter.zero or proposal.mixed is not None:
         return None
@@ -69,7 +70,7 @@ def _sizes(proposal: Proposal, seed: int) -> BySize | None:
 
 
 def _anchors(proposal: Proposal, seed: int) -> ByAnchor | None:
-    """Along the first free coordinate of the anchor."""
+    """Curve along the first free coordinate of the anchor."""
     problem = proposal.problem
     if not problem.free.any() or proposal.mixed is not None:
         return None
@@ -84,7 +85,7 @@ def _drawn(proposal: Proposal, extras: Extras, say: Say) -> dict[str, Drawing]:
         f"pose-{number + 1}": pose_picture(problem, measurement, number, say)
         for number in range(len(measurement.q))
     }
-    out["sights"] = sight_chart(extras.sights, words.axes_of(proposal.problem.robot))
+    out["sights"] = sight_chart(extras.sights, axes_of(proposal.problem.robot))
     scale, unit = (MM, " [mm]") if problem.criterion.unit == "m" else (1.0, "")
     label = f"{problem.criterion.meaning[0].upper()}{problem.criterion.meaning[1:]}{unit}"
     if extras.sizes is not None:

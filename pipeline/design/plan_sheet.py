@@ -9,6 +9,7 @@ from operator import itemgetter
 
 import numpy as np
 
+from pipeline.annex.words import axes_of, from_twins, size
 from pipeline.answer.contract import LEAST_CONTROLLED
 from pipeline.answer.words import capital
 from pipeline.base.arrays import Array
@@ -55,13 +56,13 @@ _AFTER = "Release the chain before the next pose and read the unloaded reflector
 
 @dataclass(frozen=True, eq=False)
 class Extras:
-    """What is shown beside the plan itself.
+    """Content in addition to the plan itself.
 
     Attributes:
-        sights: What the plan sees of every cause.
+        sights: Detectability of every cause.
         sizes: Best figures by number of poses and readings, where computed.
-        anchors: Best figures by place of the anchor, where computed.
-        controls: What the readings would tell of each other, the least controlled first.
+        anchors: Best figures by position of the anchor, where computed.
+        controls: Control of the readings by each other, the least controlled first.
     """
 
     sights: list[Sight]
@@ -71,12 +72,12 @@ class Extras:
 
 
 def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
-    """Everything that is said about a plan.
+    """The report of a plan.
 
     Args:
         proposal: The plan.
-        extras: What is shown beside it.
-        seconds: How long the search took.
+        extras: Content in addition to it.
+        seconds: Duration of the search.
     """
     problem, measurement = proposal.problem, proposal.measurement
     name = problem.spec.name
@@ -94,7 +95,7 @@ def sheet(proposal: Proposal, extras: Extras, seconds: float) -> Report:
                 *_pulling(problem, measurement),
                 _reading_only(proposal),
                 _telling(proposal, extras),
-                _seeing(extras.sights, words.axes_of(problem.robot)),
+                _seeing(extras.sights, axes_of(problem.robot)),
                 _controlling(problem, extras.controls),
                 _assumptions(problem),
                 _annex(problem, measurement),
@@ -170,7 +171,7 @@ _ONCE = (
     "Serial numbers of robot, tracker and scale",
     "Standard uncertainty of the scale, by its certificate [N]",
 )
-"""What campaign.toml asks for and nobody remembers afterwards."""
+"""Data that campaign.toml asks for and that nobody remembers afterwards."""
 
 
 def _point(at: tuple[float, float, float]) -> str:
@@ -178,7 +179,7 @@ def _point(at: tuple[float, float, float]) -> str:
 
 
 def _driving(problem: Problem, measurement: Measurement) -> Section | None:
-    """What is driven, as the controller shows it."""
+    """The poses, in the axes of the controller."""
     robot, poses = problem.robot, range(len(measurement.q))
     at = station(problem.experiment, measurement.q, measurement.anchor)
     carriage: Cells[int] = said("Carriage", lambda k: _way(measurement.approach[k]))
@@ -202,7 +203,7 @@ def _shown(robot: Robot, q: Array) -> list[Cells[int]]:
 
 
 def _annex(problem: Problem, measurement: Measurement) -> Section | None:
-    """The same poses by the joints of the robot file, where these are no axes."""
+    """The same poses by the joints of the robot file, where these differ from the axes."""
     robot = problem.robot
     if not robot.controller:
         return None
@@ -296,7 +297,7 @@ def _drive_to(robot: Robot, measurement: Measurement, pose: int) -> str:
 
 
 def expected(problem: Problem, measurement: Measurement) -> list[Array]:
-    """Displacement of every reflector in every pull by the nominal stiffnesses, (s, t) [m] each."""
+    """Displacement of every reflector in every pull at nominal stiffness, (s, t) [m] each."""
     cell, out = paper_cell(problem.robot, problem.tool), []
     for q, way, steps in zip(measurement.q, measurement.approach, measurement.steps, strict=True):
         experiment = with_steps(problem, steps)
@@ -329,7 +330,7 @@ def _log(problem: Problem, pose: int, steps: Array, moved: list[Array]) -> Repor
 
 
 def turnings(steps: Array) -> list[str]:
-    """What is done with the turnbuckle for each load step of a pose, as far as to its size."""
+    """Action with the turnbuckle for each load step of a pose."""
     ways, size = branches(steps), np.abs(steps)
     up = ["tighten to", *("release, tighten to" if a == b else "tighten to" for a, b in
                           pairwise(size))]  # fmt: skip
@@ -337,7 +338,7 @@ def turnings(steps: Array) -> list[str]:
 
 
 def _read_back(robot: Robot, pose: int) -> ReportTable | None:
-    """Boxes for the axes as the controller shows them once it stands there."""
+    """Boxes for the axes as the controller shows them once the robot stands there."""
     columns: list[Cells[int]] = [
         *((Column(name), _short) for name in axes.of(robot).names),
         (Column("Arrived by hand from"), _blank),
@@ -409,10 +410,10 @@ def _curves(proposal: Proposal, extras: Extras) -> list[Block]:
 
 def _seeing(sights: list[Sight], axes: words.Axes) -> Section | None:
     columns: list[Cells[Sight]] = [
-        said("Cause", lambda sight: words.from_twins(sight.name, axes)),
+        said("Cause", lambda sight: from_twins(sight.name, axes)),
         (Column("Noticed from", numeric=True), lambda sight: _times(sight.detected_from)),
         (Column("Named from", numeric=True), lambda sight: _times(sight.named_from)),
-        said("Hardest to tell from", lambda sight: words.from_twins(sight.rival, axes)),
+        said("Hardest to tell from", lambda sight: from_twins(sight.rival, axes)),
         said("What would settle it", lambda sight: "" if sight.named_from <= 1 else sight.needs),
     ]
     table = table_of(
@@ -436,14 +437,14 @@ def _controlling(problem: Problem, controls: Sequence[Control]) -> Section | Non
     columns: list[Cells[Control]] = [
         said("Reading", _reading),
         number("Redundancy", lambda one: one.r, roughly),
-        said("Minimal detectable bias", lambda one: words.size(one.visible, _UNIT[one.source])),
+        said("Minimal detectable bias", lambda one: size(one.visible, _UNIT[one.source])),
         number("Moves by [σ]", lambda one: one.moves, roughly),
         said("Which", lambda one: f"k_{joints[one.most - 1].name}"),
     ]
     worst = max(controls, key=lambda one: one.moves)
     told = (
         f"An error that would go unnoticed does most harm in the {_reading(worst)}: up to "
-        f"{words.size(worst.visible, _UNIT[worst.source])} of it remains undetected and shifts "
+        f"{size(worst.visible, _UNIT[worst.source])} of it remains undetected and shifts "
         f"k_{joints[worst.most - 1].name} by {plain(worst.moves, 2)} standard uncertainties."
     )
     if not np.isfinite(worst.moves):

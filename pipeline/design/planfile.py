@@ -14,7 +14,7 @@ from pipeline.design.spec import ProblemFile
 from pipeline.machine.surroundings import tooled
 
 MADE_BY = "# Made by `pipeline design"
-"""How a plan begins that a new design may replace."""
+"""First words of a plan that a new design may replace."""
 
 _HEADER = """\
 {made_by} {problem}{by}`: {figure}.
@@ -27,9 +27,9 @@ def plan_text(proposal: Proposal, file: str, by: str = "") -> str:
     """The plan as TOML, joint values in m and degrees.
 
     Args:
-        proposal: What was designed.
-        file: Where the plan will be, for the commands in its header.
-        by: Options with which the problem beside it gives this plan again.
+        proposal: The design.
+        file: Path of the plan, for the commands in its header.
+        by: Options with which the problem file next to it gives this plan again.
     """
     name = proposal.problem.spec.name
     words = {"typed": typed(name), "file": typed(file), "by": by,
@@ -39,12 +39,12 @@ def plan_text(proposal: Proposal, file: str, by: str = "") -> str:
 
 
 def beside(plan: str) -> str:
-    """Where the problem of a plan lies, as it was solved: to be run again, or changed."""
+    """Path of the problem file of a plan, as it was solved: to be run again, or changed."""
     return f"{plan.removesuffix('.toml')}.problem.toml"
 
 
 def problem_text(spec: ProblemFile) -> str:
-    """A problem as it was solved, with what options, robot and time made of it."""
+    """A problem as it was solved, including the effects of options, robot and time."""
     apart = {"design", "cell", "tool_acceptance", "tool_capsules"}
     content = spec.model_dump(exclude_unset=True, exclude_none=True, exclude=apart)
     content["robot"] = _lying_beside(spec.robot)
@@ -52,12 +52,12 @@ def problem_text(spec: ProblemFile) -> str:
 
 
 def _lying_beside(robot: str) -> str:
-    """A robot's name; an own file lies beside the plan."""
+    """A robot's name; for a robot file, its name in the folder of the plan."""
     return robot.replace("\\", "/").rpartition("/")[2]
 
 
 def plan_content(proposal: Proposal) -> dict[str, Any]:
-    """The entries of the plan; what the problem does not say keeps the simulator's default."""
+    """The entries of the plan; what the problem does not state keeps the simulator's default."""
     spec, measurement = proposal.problem.spec, proposal.measurement
     every = measurement.q
     approach = measurement.approach.astype(int)
@@ -97,14 +97,14 @@ def _pulls(proposal: Proposal) -> dict[str, Any]:
 
 
 def _scale(proposal: Proposal) -> dict[str, float]:
-    """Its noise where the problem states one: a scale without any is nobody's."""
+    """Noise of the scale where the problem states one; no real scale has none."""
     noise = proposal.problem.spec.noise
     said = {"sigma_n": noise.scale_sigma_n, "sigma_rel": noise.scale_sigma_rel}
     return said if any(said.values()) else {}
 
 
 def _tracker(proposal: Proposal) -> dict[str, Any]:
-    """The instrument; a sigma of a displacement is shared by its two readings."""
+    """The instrument; a sigma of a displacement is divided among its readings."""
     noise = proposal.problem.spec.noise
     sigma_m = noise.reading_sigma_m
     if noise.displacement_sigma_m is not None:

@@ -1,4 +1,4 @@
-"""Feasible poses: where the arm can stand, with the effector above the floor and a free chain."""
+"""Feasible poses: within the joint limits, effector above the floor, chain free."""
 
 from __future__ import annotations
 
@@ -12,17 +12,17 @@ from pipeline.machine.robot.axes import rounded
 from pipeline.machine.room import Room
 
 _CHAIN_M = (1.2, 4.5)
-"""Shortest and longest sensible chain, scale and turnbuckle included."""
+"""Shortest and longest sensible chain [m], scale and turnbuckle included."""
 _CLEARANCE_M = 0.3
-"""Joints, load point and targets stay this far above the floor."""
+"""Minimum height of joints, load point and targets above the floor [m]."""
 _COLUMN_M = 0.6
-"""The chain passes the robot's column at least this far away."""
+"""Minimum distance of the chain from the robot's column [m]."""
 _LONGEST_RAIL_M = 1000.0
-"""Longer than any; a joint without limits reaches without end."""
+"""Upper limit of the length of a rail [m]; a joint without limits is infinitely long."""
 _FAR_M = 1e6
-"""Stands for a sliding joint's limit where it has none."""
+"""Replacement for the limit of a sliding joint without one [m]."""
 _RAIL_REACH_M = 2.5
-"""The carriage stands at most this far along the rail from the anchor."""
+"""Maximum distance of the carriage from the anchor along the rail [m]."""
 
 
 def default_anchors(robot: Robot) -> Array:
@@ -31,7 +31,7 @@ def default_anchors(robot: Robot) -> Array:
     The floor is 0.891 m below F_b at a rail (Eq. (17)) and at z = 0 for a robot on the floor.
 
     Raises:
-        InputError: Nobody says how far the rail reaches, or it is none.
+        InputError: The rail has no limits, or implausible ones.
     """
     if not robot.joints[0].prismatic:
         angle = np.arange(6) * np.pi / 3
@@ -86,7 +86,7 @@ def try_poses(
     rng: np.random.Generator,
     room: Room | None = None,
 ) -> Array:
-    """As `draw_poses`, NaN for the poses that were not found; in a room only those that fit it."""
+    """As `draw_poses`, NaN for the poses that were not found; in a room only poses that fit it."""
     found = np.full((len(which), robot.n), np.nan)
     lower, upper = (robot.lower, robot.upper) if room is None else (room.lower, room.upper)
     for _ in range(200):
@@ -118,7 +118,7 @@ def _candidates(
 
 
 def feasible(robot: Robot, q: Array, tool: Array, anchor: Array) -> Bools:
-    """Which poses are clear of the floor with a sensible, free chain to their anchor.
+    """Which poses are clear of the floor with a free chain of sensible length to their anchor.
 
     Args:
         robot: The robot.

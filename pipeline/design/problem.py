@@ -1,4 +1,4 @@
-"""A design problem: what a plan is for and what it may do. TOML text in, a checked problem out."""
+"""A design problem: the aim of a plan and its limits, as a checked problem from its TOML text."""
 
 from __future__ import annotations
 
@@ -13,18 +13,20 @@ from pipeline.design import criteria
 from pipeline.design.arm import arm_alone, bodied
 from pipeline.design.criteria import Criterion
 from pipeline.design.information import Experiment
+from pipeline.design.pull import REFERENCE_PULL_N, round_pull, share
 from pipeline.design.scatter import Beam, Scatter
 from pipeline.design.spec import Limits, NoiseSpec, ProblemFile, revised
+from pipeline.library import holds
 from pipeline.machine.cell import Tool, jacobian, paper_cell
 from pipeline.machine.effect import Pulls
 from pipeline.machine.instrument import PAPER_SHARE, PAPER_SIGMA_M
-from pipeline.machine.robot import Joint, Robot, axes, configure, rating
+from pipeline.machine.robot import Joint, Robot, axes, configure
 from pipeline.machine.robot.axes import rounded
 from pipeline.machine.robot.configuration import velocity
 from pipeline.machine.room import Room, room_of, turns
 
 _G_N_PER_KG = 9.81
-"""Weight of a kilogram [N], in as many digits as a payload has."""
+"""Weight of a kilogram [N], with as many digits as a payload has."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -36,16 +38,16 @@ class Problem(Locked):
         robot: The robot.
         tool: Load point and reflectors.
         experiment: What is done at every pose.
-        criterion: What is to be small.
-        limits: What a pose may not do.
-        room: What the cell leaves free; None where nobody says.
+        criterion: The criterion to minimise.
+        limits: Limits of every pose.
+        room: Free space of the cell; None where it is not described.
         poses: m_0.
-        repeats: How often the load steps are gone through at each pose.
+        repeats: Number of passes through the load steps at each pose.
         lower: Lower joint limits [m] or [rad], shape (n,).
-        upper: Upper joint limits, shape (n,).
-        anchor_lower: Of the anchor [m], shape (3,).
-        anchor_upper: Of the anchor [m], shape (3,); equal where it is fixed.
-        known: Information about the scaled compliances that is already there, shape (n, n).
+        upper: Upper joint limits [m] or [rad], shape (n,).
+        anchor_lower: Lower limits of the anchor [m], shape (3,).
+        anchor_upper: Upper limits of the anchor [m], shape (3,); equal where it is fixed.
+        known: Prior information about the scaled compliances, shape (n, n).
     """
 
     spec: ProblemFile
@@ -69,12 +71,12 @@ class Problem(Locked):
         return self.anchor_upper > self.anchor_lower
 
     def as_printed(self, q: Array) -> Array:
-        """Joint values (m, n) to 1e-6 m and 1e-6 degrees, inside their limits."""
+        """Joint values (m, n) rounded to 1e-6 m and 1e-6 degrees, clipped to their limits."""
         return np.clip(rounded(self.robot, q), self.lower, self.upper)
 
 
 def build(spec: ProblemFile, robot: Robot) -> Problem:
-    """Make the arrays of a problem and refuse what no plan can meet.
+    """Make the arrays of a problem and refuse requests that no plan can meet.
 
     Args:
         spec: The problem file.
@@ -113,7 +115,7 @@ def build(spec: ProblemFile, robot: Robot) -> Problem:
 
 
 def _room(spec: ProblemFile, robot: Robot, tool: Tool) -> Room | None:
-    """What the cell leaves free, or without one the arm by itself, where that is asked."""
+    """Free space of the cell; without a cell, of the arm itself, if the limits ask for that."""
     if spec.cell is not None:
         own = bodied(robot) if spec.limits.clear_of_itself else robot
         return room_of(own, tool.named, spec, _hardest(spec))
@@ -121,18 +123,18 @@ def _room(spec: ProblemFile, robot: Robot, tool: Tool) -> Room | None:
 
 
 def _pulled(spec: ProblemFile, robot: Robot, tool: Tool) -> ProblemFile:
-    """The problem with a load step; where it states none, one that suits the robot."""
+    """The problem with a load step; where none is stated, one that suits the robot."""
     if spec.pull.steps_n:
         return spec
-    pull = rating.round_pull(rating.REFERENCE_PULL_N * rating.share(robot, tool.load_point))
+    pull = round_pull(REFERENCE_PULL_N * share(robot, tool.load_point))
     return revised(spec, {"pull": {"steps_n": [pull]}})
 
 
 def _one_tracker(spec: ProblemFile) -> ProblemFile:
-    """The problem whose readings are taken from where the cell's tracker stands.
+    """The problem with the tracker's position of the cell for the noise of the readings.
 
     Raises:
-        InputError: The noise is that of a tracker elsewhere.
+        InputError: The noise states another position of the tracker.
     """
     at = spec.cell.tracker_m if spec.cell else None
     if at is None:
@@ -149,13 +151,17 @@ def _one_tracker(spec: ProblemFile) -> ProblemFile:
 
 
 def _hardest(spec: ProblemFile) -> float:
-    """The hardest pull of the problem, programmes included [N]."""
+    """Largest force of the problem, programmes included [N]."""
     programmes = spec.diagnosis.programmes if spec.diagnosis else []
     return max(*spec.pull.steps_n, 0.0, *(abs(step) for steps in programmes for step in steps))
 
 
 def _shared_repeats(spec: ProblemFile, robot: Robot) -> int:
-    """How often each pose goes through its load steps."""
+    """Number of passes through the load steps at each pose.
+
+    Raises:
+        InputError: The readings are too few, or cannot be shared equally among the poses.
+    """
     poses, readings, steps = spec.plan.poses, spec.plan.readings, len(spec.pull.steps_n)
     seen_per_reading = min(3 * len(spec.targets), 6)  # a rigid effector has six coordinates
     fewest = max(3, -(-robot.n // seen_per_reading))
@@ -192,19 +198,23 @@ def _scatter(noise: NoiseSpec, force: Array, repeats: int) -> Scatter:
 
 
 def with_steps(problem: Problem, steps: Array) -> Experiment:
-    """The experiment of a pose that is pulled once in each of these steps [N], signs ignored."""
+    """The experiment of a pose that is pulled once at each of these steps [N], signs ignored."""
     return replace(problem.experiment, scatter=_scatter(problem.spec.noise, np.abs(steps), 1))
 
 
 def _turning(spec: ProblemFile, robot: Robot) -> tuple[tuple[Array, Array], tuple[Array, Array]]:
-    """Joint limits of the robot alone, and within what cables and hoses allow."""
+    """Joint limits of the robot alone, and those that cables and hoses allow."""
     return (robot.lower, robot.upper), turns(robot, spec)
 
 
 def _joint_limits(
     spec: ProblemFile, robot: Robot, lower: Array, upper: Array
 ) -> tuple[Array, Array]:
-    """These limits, narrowed by the problem's; a joint without limits turns once."""
+    """These limits, narrowed by the problem's; a joint without limits turns once.
+
+    Raises:
+        InputError: The problem names an unknown joint, or leaves nothing of its limits.
+    """
     lower = np.where(np.isfinite(lower), lower, -np.pi)
     upper = np.where(np.isfinite(upper), upper, np.pi)
     lower, upper = _drivable(spec.limits, robot, lower, upper)
@@ -228,7 +238,7 @@ def _joint_limits(
 def _drivable(limits: Limits, robot: Robot, lower: Array, upper: Array) -> tuple[Array, Array]:
     """These limits inside the robot's own by a margin, and within the window of the wrist.
 
-    A joint that has less room than its margins keeps its limits.
+    A joint with less room than its margins keeps its limits.
     """
     margin = np.where(robot.prismatic, limits.margin_m, np.deg2rad(limits.margin_deg))
     room = robot.upper - robot.lower > 2 * margin
@@ -244,7 +254,7 @@ def _drivable(limits: Limits, robot: Robot, lower: Array, upper: Array) -> tuple
 
 
 _WRIST = 3
-"""Joints of a wrist."""
+"""Number of joints of a wrist."""
 
 
 def _span(joint: Joint) -> str:
@@ -260,11 +270,15 @@ def _check_payload(spec: ProblemFile, robot: Robot) -> None:
             f"({payload * _G_N_PER_KG:.0f} N)",
             "pull less, or correct limits.payload_kg",
         )
-    rating.refuse_absurd(robot, pull, "state other load steps, or leave pull.steps_n out")
+    holds.refuse_absurd(robot, pull, "state other load steps, or leave pull.steps_n out")
 
 
 def _check_every_joint_turns(robot: Robot, tool: Tool, lower: Array, upper: Array) -> None:
-    """Refuse a load point that no force at no pose can turn some joint with."""
+    """Refuse a load point about which no pull at any pose exerts a torque on some joint.
+
+    Raises:
+        InputError: Names the joint.
+    """
     rng = np.random.default_rng(0)
     at = configure(robot, rng.uniform(lower, upper, (64, robot.n)))
     lever = velocity(at.twists, at.points(tool.load_point[None]))

@@ -1,4 +1,4 @@
-"""From a problem to a plan with its certificate, best so far at any moment."""
+"""From a problem to a plan with its certificate; the best so far is available at any moment."""
 
 from __future__ import annotations
 
@@ -21,16 +21,16 @@ from pipeline.design.unpulled import Unpulled, unpulled
 
 @dataclass(frozen=True, eq=False)
 class Proposal:
-    """A plan and how near it is to the best that could be.
+    """A plan and its distance from the optimum.
 
     Attributes:
-        problem: What it was made for.
+        problem: The problem it solves.
         plan: The pure optimum: poses and anchor, rounded as they are printed.
         certificate: Lower bound of the figure; None while it is not yet computed.
         done: What has been done, for a line of progress.
-        mixed: The plan with power to diagnose, where the problem asks for one.
-        cost: What the limits of the cell cost; None without a cell, or while not yet computed.
-        unpulled: Poses beside it in which only reflectors are read; None where none are asked for,
+        mixed: The plan with diagnostic power, where the problem asks for one.
+        cost: Cost of the limits of the cell; None without a cell, or while not yet computed.
+        unpulled: Additional poses at which only reflectors are read; None where none are requested,
             or while not yet chosen.
     """
 
@@ -44,7 +44,7 @@ class Proposal:
 
     @property
     def figure(self) -> float:
-        """The criterion of what is to be measured, in its unit."""
+        """The criterion of the planned measurement, in its unit."""
         return (self.mixed or self.plan).figure
 
     @property
@@ -54,28 +54,28 @@ class Proposal:
 
     @property
     def efficiency(self) -> float | None:
-        """Lower bound over figure: at most one."""
+        """Lower bound over figure: at most one; None while there is no bound."""
         return None if self.certificate is None else self.certificate.figure / self.figure
 
     @property
     def measurement(self) -> Measurement:
-        """What is to be done."""
+        """The planned measurement."""
         if self.mixed is None:
             return of_plan(self.problem, self.plan)
         return of_mixed(self.problem, self.mixed)
 
     def sights(self) -> list[Sight]:
-        """What the plan will and will not see."""
+        """Detectability of every cause with this plan."""
         return seen_by(lens(self.problem), self.measurement)
 
 
 def propose(problem: Problem, seed: int, effort: Effort | None = None) -> Iterator[Proposal]:
-    """Search a plan, then bound how good any plan could be; each proposal replaces the last.
+    """Search a plan, then bound the figure of any plan; each proposal replaces the last.
 
     Args:
-        problem: What to plan.
+        problem: The problem.
         seed: Determines the plan.
-        effort: How hard to search.
+        effort: Search effort.
 
     Raises:
         InputError: No plan meets the request; says why and what to change.

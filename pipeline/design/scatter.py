@@ -1,4 +1,4 @@
-"""What is pulled at every pose and how its readings scatter: how information adds up.
+"""Pulls at every pose and the scatter of their readings: how information adds up.
 
 With T the covariance of one reading, z T that of the pose's zero, F_s the load steps with variance
 v_s of their force and d the displacement per newton, the pulls of one pose have the covariance
@@ -24,7 +24,7 @@ from pipeline.base.covariance import symmetric
 from pipeline.machine.instrument import InstrumentNoise, beam_covariance
 
 _STEP = 1e-30
-"""Imaginary step of the complex-step derivative: exact to rounding, nothing cancels."""
+"""Imaginary step of the complex-step derivative [1]: exact to rounding, without cancellation."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,7 +40,7 @@ class Beam:
     position: tuple[float, float, float]
 
     def at(self, points: Array) -> tuple[Array, Array, Array, Array]:
-        """How points in F_b [m], shape (t, 3, m), are seen.
+        """Beams to points in F_b [m], shape (t, 3, m).
 
         Returns:
             Unit vectors from tracker to points, (t, 3, m), distances [m], (t, m), and 1 / variance
@@ -59,12 +59,12 @@ class Scatter(Locked):
 
     Attributes:
         force: Load steps [N], shape (s,).
-        repeats: How often each step is pulled at a pose, shape (s,).
+        repeats: Number of pulls of each step at a pose, shape (s,).
         force_std: Standard uncertainty of the force at each step [N], shape (s,).
-        zero: Variance of the pose's zero over that of a reading; 0 when displacements are
-            taken to be independent, as the paper does.
-        tracker: Covariance of a reading in F_b [m^2], shape (3, 3), or a tracker with scatter
-            along and across its beam.
+        zero: Variance of the pose's zero over that of a reading; 0 when displacements are assumed
+            independent, as in the paper.
+        tracker: Covariance of a reading in F_b [m^2], shape (3, 3), or a tracker with scatter along
+            and across its beam.
     """
 
     force: Array
@@ -75,19 +75,19 @@ class Scatter(Locked):
 
     @property
     def pulls(self) -> float:
-        """Pulls at each pose."""
+        """Number of pulls at each pose."""
         return float(self.repeats.sum())
 
     @property
     def alpha(self) -> float:
-        """Factor of N: squared newtons, less what the shared zero costs."""
+        """Factor of N: sum of squared forces, minus the loss due to the shared zero [N^2]."""
         squared = float(self.repeats @ self.force**2)
         if self.zero == 0:
             return squared
         return squared - float(self.repeats @ self.force) ** 2 / (self.pulls + 1 / self.zero)
 
     def gamma(self, h: Array) -> Array:
-        """What the force's own uncertainty costs, shape of h (which may be complex)."""
+        """Loss due to the uncertainty of the force, shape of h (which may be complex)."""
         variance = self.force_std**2
         beta = variance / (1 + variance * h[..., None])
         lost = beta @ (self.repeats * self.force**2)

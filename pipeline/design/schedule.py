@@ -9,13 +9,14 @@ from pipeline.design.information import Experiment, station
 from pipeline.machine.effect import Pulls, branches
 
 READING_S, TIGHTEN_S, POSE_S = 8.0, 60.0, 120.0
-"""One reading, tightening or slackening the chain, driving to the next pose."""
+"""Duration of one reading, of tightening or slackening the chain, of driving to the next pose
+[s]."""
 _FEWEST = 3
-"""Poses of a plan at least, as in the paper."""
+"""Minimum number of poses of a plan, as in the paper."""
 
 
 def starts(pulls: Array, targets: int = 3) -> Array:
-    """When the first zero of each pose is read [s], from the number of pulls at each, (m,)."""
+    """Time of the first zero of each pose [s], from the number of pulls at each, (m,)."""
     zero, pull = _lasting(targets)
     spent = POSE_S + 2 * zero + TIGHTEN_S + pull * np.asarray(pulls, dtype=float)
     return np.concatenate([[0.0], np.cumsum(spent)[:-1]])
@@ -24,19 +25,20 @@ def starts(pulls: Array, targets: int = 3) -> Array:
 def counts(
     spent_s: float, pose_s: float, pull_s: float, steps: int, zero: float, poses: int | None
 ) -> tuple[int, int]:
-    """Poses, and how often each goes through its load steps, in a given time; 0 for no pull.
+    """Number of poses, and of passes through the load steps at each, in a given time; 0: no pull.
 
-    Pulls of a pose share the error of its zero. With the variance zero of it over that of a pull's
-    own reading, k = sqrt(pose_s / (zero pull_s)) pulls at a pose tell most per hour (Cochran,
-    Sampling Techniques, 1977, 10.6); where they share nothing, as many as few poses leave time for.
+    Pulls of a pose share the error of its zero. With `zero` the variance of that error over that of
+    a pull's own reading, k = sqrt(pose_s / (zero pull_s)) pulls at a pose give the most information
+    per hour (Cochran, Sampling Techniques, 1977, 10.6); where they share nothing, as many as the
+    smallest number of poses leaves time for.
 
     Args:
         spent_s: Time for everything [s].
-        pose_s: What a pose takes without its pulls [s].
-        pull_s: What a pull takes [s].
+        pose_s: Duration of a pose without its pulls [s].
+        pull_s: Duration of a pull [s].
         steps: Load steps.
         zero: Variance of the zero over that of a pull's reading.
-        poses: How many poses, where somebody says.
+        poses: Number of poses, where it is given.
     """
     if poses is None:
         best = np.sqrt(pose_s / (zero * pull_s)) if zero else np.inf
@@ -47,7 +49,7 @@ def counts(
 
 
 def _lasting(targets: int) -> tuple[float, float]:
-    """How long a zero and a pull with both ends of the chain take [s]."""
+    """Duration of a zero, and of a pull with both ends of the chain [s]."""
     return targets * READING_S, TIGHTEN_S + (targets + 2) * READING_S
 
 
@@ -60,9 +62,9 @@ def pulls_at(
         experiment: Robot and load point.
         q: Joint values [m] or [rad], shape (m, n).
         anchor: Anchor [m], shape (3,) or (m, 3).
-        approach: Which way the carriage came, +1 or -1, shape (m,).
+        approach: Direction from which the carriage came, +1 or -1, shape (m,).
         steps: Load steps [N], as in `branches`, shape (s,).
-        start_s: When each pose's first zero is read [s], shape (m,).
+        start_s: Time of each pose's first zero [s], shape (m,).
     """
     m, s = len(q), len(steps)
     zero, pull = _lasting(len(experiment.points))
@@ -81,7 +83,7 @@ def pulls_at(
 
 
 def crossed(direction: Array, order: Array) -> Array:
-    """Approaches that cross the pull along the rail: both ways for either sign of u_y.
+    """Approaches crossed with the pull along the rail: both directions for either sign of u_y.
 
     Args:
         direction: Of the pull at each pose, shape (m, 3).

@@ -1,6 +1,6 @@
-"""Find the poses: many starts downhill together, then exchange single poses, then again.
+"""Search the poses: descend from many starts together, exchange single poses, descend again.
 
-The same seed gives the same plan; nothing here looks at a clock.
+The same seed gives the same plan; no decision depends on a clock.
 """
 
 from __future__ import annotations
@@ -23,29 +23,29 @@ from pipeline.design.problem import Problem
 from pipeline.design.space import Box
 
 SOFT, HARD = 50.0, 2e4
-"""Weight of broken limits while looking around, and while settling."""
+"""Weight of violated limits during exploration, and for the final descent [1]."""
 _QUICKER = 3
-"""The first round follows this many times fewer plans to their end."""
+"""Factor by which the first round follows fewer plans to their end."""
 _ROUNDED = 1e-9
-"""What unit coordinates may leave of a limit [m] or [rad]."""
+"""Tolerance of limits for rounding of unit coordinates [m or rad]."""
 _STD_MARGIN = 0.995
-"""The search keeps this much inside the largest allowed uncertainty."""
+"""Fraction of the largest allowed uncertainty that the search aims at [1]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Effort:
-    """How hard to search.
+    """Search effort.
 
     Attributes:
-        first: Poses in all starts of a quick round before the others, so that a plan is there
+        first: Poses in all starts of a quick round before the others, so that a plan is available
             after seconds; 0 for none.
-        rounds: Times that new starts are tried.
+        rounds: Number of rounds with new starts.
         poses: Poses in all starts of a round together.
-        settled: How many of the best are followed to their end.
-        exchanged: In how many of those single poses are exchanged.
-        bounds: Searches of a worst direction, for the certificate.
+        settled: Number of the best starts that are followed to their end.
+        exchanged: Number of those in which single poses are exchanged.
+        bounds: Number of searches for a worst direction, for the certificate.
         directions: Starts of each of them.
-        gain: What a step must gain of log figure, or it counts as none.
+        gain: Minimum gain of a step in the log of the figure, or it counts as none.
     """
 
     first: int = 192
@@ -60,7 +60,7 @@ class Effort:
 
 @dataclass(frozen=True, eq=False)
 class Plan(Locked):
-    """Poses, their anchor, and what they are worth.
+    """Poses, their anchor, and their value.
 
     Attributes:
         q: Joint values [m] or [rad], shape (m_0, n).
@@ -68,7 +68,7 @@ class Plan(Locked):
         M: Information about the scaled compliances, shape (n, n).
         figure: The criterion, in its unit.
         relative_std: Standard uncertainty of each compliance over its nominal size, shape (n,).
-        kept: It keeps every limit of its problem.
+        kept: Whether it keeps every limit of its problem.
     """
 
     q: Array
@@ -81,14 +81,15 @@ class Plan(Locked):
 
 @dataclass(frozen=True, eq=False)
 class _Progress(Locked):
-    """How far a search has come.
+    """Progress of a search.
 
     Attributes:
         round: Rounds done.
-        rounds: Rounds in all.
+        rounds: Rounds in total.
         best: The best plan so far, None when no plan yet keeps all limits.
         pool: Good poses with their anchors in unit coordinates, for the certificate, (p, n + f).
-        nearest: The least bad plan while there is no `best`.
+        nearest: The latest plan whose least certain compliance is known best, for when there is no
+            `best`.
     """
 
     round: int
@@ -101,12 +102,12 @@ class _Progress(Locked):
 def search(
     problem: Problem, rng: np.random.Generator, effort: Effort | None = None
 ) -> Iterator[_Progress]:
-    """Look for the plan with the smallest figure; twice a round give the best so far.
+    """Search the plan with the smallest figure; yield the best so far twice per round.
 
     Args:
-        problem: What to plan.
+        problem: The problem.
         rng: Draws the starts.
-        effort: How hard to search.
+        effort: Search effort.
 
     Raises:
         InputError: No pose keeps the limits; says which limit excludes them.
@@ -134,18 +135,18 @@ def search(
 
 
 def _best(plans: list[Plan], best: Plan | None) -> tuple[Plan | None, Plan]:
-    """The best plan that keeps all limits, and the least bad of the others."""
+    """The best plan that keeps all limits, and the one with the smallest largest uncertainty."""
     kept_ones = [p for p in (best, *plans) if p and p.kept]
     nearest = min(plans, key=lambda plan: float(plan.relative_std.max()))
     return min(kept_ones, key=lambda plan: plan.figure, default=None), nearest
 
 
 def objective(problem: Problem, weight: float) -> Function:
-    """Log of the figure plus penalties, with its slope, over unit coordinates of whole plans.
+    """Log of the figure plus penalties, with its gradient, over unit coordinates of whole plans.
 
     Args:
         problem: The problem.
-        weight: Of broken limits.
+        weight: Of violated limits.
     """
     box, criterion, experiment = Box(problem, problem.poses), problem.criterion, problem.experiment
     poses, n = problem.poses, problem.robot.n
@@ -165,7 +166,7 @@ def objective(problem: Problem, weight: float) -> Function:
 
 
 def _unseen(problem: Problem, M: Array) -> tuple[Array, Array]:
-    """Penalty on compliances that stay too uncertain, (k,), and its slope in M, (k, n, n)."""
+    """Penalty on compliances that stay too uncertain, (k,), and its derivative by M, (k, n, n)."""
     most_std = problem.limits.max_relative_std * _STD_MARGIN
     Q = linear.regular_inverse(M)
     variance = np.einsum("kii->ki", Q)
@@ -181,7 +182,7 @@ def _exchange(box: Box, x: Array, most: int = 600) -> Array:
     Args:
         box: That of the plans.
         x: Unit coordinates of plans, best first, shape (k, d).
-        most: How many poses of other plans are tried.
+        most: Maximum number of poses of other plans that are tried.
     """
     q, anchor = box.opened(x)
     problem, pool = box.problem, q.reshape(-1, q.shape[-1])[:most]
@@ -213,7 +214,7 @@ def _loss(problem: Problem, M: Array) -> Array:
 
 
 def evaluate(problem: Problem, q: Array, anchor: Array) -> list[Plan]:
-    """What plans are worth.
+    """Evaluate plans.
 
     Args:
         problem: The problem.
@@ -231,13 +232,13 @@ def evaluate(problem: Problem, q: Array, anchor: Array) -> list[Plan]:
 
 
 def rounded(problem: Problem, plan: Plan) -> Plan:
-    """The plan as it is printed: 1e-6 m and 1e-6 degrees, a rail robot's poses along the rail."""
+    """The plan as it is printed: 1e-6 m and 1e-6 degrees, poses sorted along a rail."""
     q = plan.q[np.argsort(plan.q[:, 0])] if problem.robot.joints[0].prismatic else plan.q
     return evaluate(problem, problem.as_printed(q)[None], plan.anchor.round(6)[None])[0]
 
 
 def undetermined(problem: Problem, nearest: Plan) -> InputError:
-    """What to say where even the least bad plan leaves some joint undetermined."""
+    """The error where even the plan with the smallest uncertainties leaves a joint undetermined."""
     worst = int(np.argmax(nearest.relative_std))
     joint, spec = problem.robot.joints[worst], problem.spec
     return InputError(

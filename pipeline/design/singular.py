@@ -1,4 +1,4 @@
-"""How far an arm is from a singular pose: wrist, elbow and shoulder by one number.
+"""Distance of an arm from singular poses of wrist, elbow and shoulder, as one number.
 
     J = [ w_i ; (w_i x p + v_i) / L ]        sigma_min(J), its smallest singular value
 
@@ -19,12 +19,12 @@ from pipeline.machine.robot.configuration import Configuration, cross
 def dexterity(at: Configuration, ample: float = np.inf) -> tuple[Array, Array]:
     """Smallest singular value of the arm's Jacobian [1], (m,), and its slope by the joints, (n, m).
 
-    A pose that has surely more than `ample` is not looked at closer: it gets a value between that
-    and its own, from sigma_min^-2 <= trace((J J')^-1), and no slope.
+    A pose that certainly has more than `ample` is not evaluated exactly: it gets a value between
+    that and its own, from sigma_min^-2 <= trace((J J')^-1), and no slope.
 
     Args:
         at: The poses.
-        ample: What is enough [1].
+        ample: Value that is large enough [1].
     """
     omega, v = at.twists[..., :3], at.twists[..., 3:]
     turns = np.flatnonzero(np.abs(omega[0]).sum(axis=-1) > 0)
@@ -48,7 +48,7 @@ def dexterity(at: Configuration, ample: float = np.inf) -> tuple[Array, Array]:
 
 
 def _surely(N: Array, ample: float) -> tuple[Array, Ints]:
-    """What roots of the least eigenvalues of N, (m, k, k), surely are; where that is not ample."""
+    """Lower bounds of roots of least eigenvalues of N, (m, k, k), and where they are not ample."""
     if not np.isfinite(ample):
         return np.zeros(len(N)), np.arange(len(N))
     trace = np.einsum("mii->m", linear.regular_inverse(N))
@@ -59,10 +59,10 @@ def _surely(N: Array, ample: float) -> tuple[Array, Ints]:
 def _slope(
     twists: Array, flange: Array, moved: Array, turns: Ints, by_joint: Array, by_space: Array
 ) -> Array:
-    """Derivative of u' J v by the joints, u and v held, shape (n, m).
+    """Derivative of u' J v by the joints, with u and v held, shape (n, m).
 
-    A joint j moves the flange, and it carries the screws (w_i, v_i) of all joints i > j along: by
-    the bracket (w_j x w_i, w_j x v_i + v_j x w_i).
+    A joint j moves the flange and carries the screws (w_i, v_i) of all joints i > j along: by the
+    bracket (w_j x w_i, w_j x v_i + v_j x w_i).
 
     Args:
         twists: Unit screws of the joints, shape (m, n, 6).
@@ -76,7 +76,7 @@ def _slope(
     weight = np.zeros(twists.shape[:2])
     weight[:, turns] = by_joint
     turn, shift = by_space[:, None, :3], by_space[:, None, 3:]
-    beyond = np.zeros(twists.shape)  # of the joints behind each, weighted
+    beyond = np.zeros(twists.shape)  # weighted sum over the joints beyond each
     beyond[:, :-1] = np.cumsum((weight[..., None] * twists)[:, :0:-1], axis=1)[:, ::-1]
     Omega, V = beyond[..., :3], beyond[..., 3:]
     every = Omega[:, :1] + (weight[..., None] * omega)[:, :1]

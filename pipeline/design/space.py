@@ -1,4 +1,4 @@
-"""The box in which plans are searched: joint limits and the reach of the anchor, as a unit cube."""
+"""The search box of plans: joint limits and the reach of the anchor, as a unit cube."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ class Box(Locked):
     """Unit coordinates of several poses and the free coordinates of their common anchor.
 
     Attributes:
-        problem: Whose limits are the box.
+        problem: The problem whose limits are the box.
         poses: Number of poses.
     """
 

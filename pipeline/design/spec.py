@@ -1,4 +1,4 @@
-"""A design problem as a person writes it: TOML text in, a checked file out."""
+"""A design problem as a person writes it: a checked file from its TOML text."""
 
 from __future__ import annotations
 
@@ -34,11 +34,11 @@ SHIPPED = ("paper_reference", "paper_cell", "diagnosis_reference")
 
 
 _Range = tuple[Length, Length]
-"""From and to [m] or [deg]."""
+"""Interval, from and to [m] or [deg]."""
 
 
 class PlanSize(Strict):
-    """How many poses, pulls in all, and poses beside them in which only reflectors are read."""
+    """Number of poses, of pulls in total, and of additional poses without a pull."""
 
     poses: int = Field(ge=1, le=200)
     readings: int = Field(ge=1, le=10_000)
@@ -46,7 +46,7 @@ class PlanSize(Strict):
 
 
 class DesignSpec(Strict):
-    """How long the pulls may take in all, and what takes how long [s].
+    """Total time for the pulls, and the duration of each action [s].
 
     A pose takes `pose_s`, two readings of every reflector and, where it is pulled, one slackening;
     a pull one tightening, and a reading of every reflector and both ends of the chain.
@@ -61,14 +61,14 @@ class DesignSpec(Strict):
 class PullSpec(Strict):
     """Load steps of the chain at every pose [N], in the order of tightening.
 
-    Where nobody states them `problem.build` puts one that suits the robot.
+    Where none is stated, `problem.build` chooses one that suits the robot.
     """
 
     steps_n: list[Pull] = Field(default=[], min_length=1)
 
 
 class AnchorSpec(Strict):
-    """Where the chain is attached, F_b [m]: a number where it is fixed, an interval where free."""
+    """Position of the chain's anchor, F_b [m]: a number if it is fixed, an interval if free."""
 
     x_m: Length | _Range
     y_m: Length | _Range
@@ -77,14 +77,14 @@ class AnchorSpec(Strict):
     @field_validator("x_m", "y_m", "z_m")
     @classmethod
     def in_order(cls, value: float | _Range) -> float | _Range:
-        """An interval goes upwards."""
+        """Refuse an interval that does not increase."""
         if isinstance(value, tuple) and value[0] >= value[1]:
             raise ValueError(f"the interval {list(value)} is empty; give [lower, upper]")
         return value
 
 
 class CriterionSpec(Strict):
-    """What is to be small, and at which measured points it is predicted."""
+    """The criterion to minimise, and the measured points at which the deflection is predicted."""
 
     kind: Literal["test_pose", "workspace", "D", "A", "E"] = "test_pose"
     points: list[Name] | None = None
@@ -94,7 +94,7 @@ class CriterionSpec(Strict):
     @field_validator("force_n", mode="before")
     @classmethod
     def a_size(cls, said: Any) -> Any:
-        """A vector belongs to a test pose."""
+        """Refuse a vector, which belongs to a test pose."""
         if isinstance(said, list):
             raise ValueError(
                 "force_n of [criterion] is one number, the size of the force in every direction; "
@@ -104,13 +104,13 @@ class CriterionSpec(Strict):
 
 
 class _WeightedPose(AskedPose):
-    """A test pose and how much it matters."""
+    """A test pose and its weight."""
 
     weight: Positive = 1.0
 
 
 class NoiseSpec(Strict):
-    """How readings scatter: the paper's one sigma per displacement, or the whole budget."""
+    """Noise of the readings: the paper's one sigma per displacement, or the whole budget."""
 
     displacement_sigma_m: Scatter | None = None
     reading_sigma_m: Scatter | None = None
@@ -122,14 +122,14 @@ class NoiseSpec(Strict):
 
     @property
     def zero_share(self) -> float:
-        """Variance of a pose's zero over that of a reading; 0 where displacements share none."""
+        """Variance of a pose's zero over that of a reading; 0 for independent displacements."""
         if self.displacement_sigma_m is not None:
             return 0.0
         return 1.0 if self.zero == "before" else 0.5
 
     @model_validator(mode="after")
     def one_tracker(self) -> NoiseSpec:
-        """Exactly one way of saying how a reading scatters."""
+        """Require exactly one statement of the noise of a reading."""
         given = [self.displacement_sigma_m, self.reading_sigma_m, self.tracker]
         if sum(value is not None for value in given) != 1:
             raise ValueError(
@@ -139,27 +139,28 @@ class NoiseSpec(Strict):
 
 
 class Limits(Strict):
-    """What a pose and its chain may not do; None where there is no limit.
+    """Limits of a pose and its chain; None where there is no limit.
 
     Attributes:
         joints: Limits of single joints, inside the robot's own [m] or degrees.
-        margin_deg: How far turning joints stay inside the robot's own limits [deg]: software limit
+        margin_deg: Margin of turning joints to the robot's own limits [deg]: software limit
             switches trip before them.
-        margin_m: The same of sliding joints [m].
-        wrist_within_deg: How far the last three joints turn from the zero of their axes [deg]:
+        margin_m: Margin of sliding joints [m].
+        wrist_within_deg: Maximum angle of the last three joints from the zero of their axes [deg]:
             more winds up hoses, and a controller may take another way.
         singular_margin: Smallest singular value of the arm's Jacobian [1], see `singular.py`; 0.02
-            is about 5 deg of a stretched wrist, elbow or shoulder.
-        clear_of_itself: The bodies of the arm do not meet: [[capsules]] of the robot file, or rough
-            ones made from its table.
-        flange_above_m: Height that the flange keeps, z of F_b [m].
-        effector_above_m: Height that load point and reflectors keep, z of F_b [m].
+            is about 5 deg from a stretched wrist, elbow or shoulder.
+        clear_of_itself: Whether the bodies of the arm must not meet: [[capsules]] of the robot
+            file, or rough ones made from its table.
+        flange_above_m: Minimum height of the flange, z of F_b [m].
+        effector_above_m: Minimum height of load point and reflectors, z of F_b [m].
         chain_m: Shortest and longest chain from load point to anchor [m].
-        chain_clearance_m: Distance of the chain from the arm, joint to joint up to the flange [m].
+        chain_clearance_m: Minimum distance of the chain from the arm, joint to joint up to the
+            flange [m].
         pull_within_deg: Largest angle between the pull and the line from flange to load point.
-        payload_kg: What the robot carries.
+        payload_kg: Payload of the robot.
         max_relative_std: Largest standard uncertainty of a compliance over its nominal size.
-        approach: Which way the carriage comes along the rail.
+        approach: Direction from which the carriage comes along the rail.
     """
 
     joints: dict[Name, _Range] = Field(default_factory=dict)
@@ -184,14 +185,14 @@ class Limits(Strict):
 
 
 MARGINS = ("margin_deg", "margin_m", "wrist_within_deg", "singular_margin", "clear_of_itself")
-"""What keeps poses away from where a robot cannot be driven."""
+"""Limits that keep poses away from where a robot cannot be driven."""
 
 
 class DiagnosisSpec(Strict):
-    """How much of the criterion may be given up for the power to diagnose, and for which pulls.
+    """Admissible loss of the criterion in exchange for diagnostic power, and the pulls for it.
 
-    `programmes` are the load steps that a pose may get [N]; a step is negative where the
-    turnbuckle is slackened to it from above.
+    `programmes` are the load steps that a pose may get [N]; a step is negative where the turnbuckle
+    is slackened to it from above.
     """
 
     allowed: Annotated[float, Field(ge=1, allow_inf_nan=False)] = 1.25
@@ -201,7 +202,7 @@ class DiagnosisSpec(Strict):
     @field_validator("programmes")
     @classmethod
     def not_empty(cls, value: list[list[float]]) -> list[list[float]]:
-        """Every programme has steps, and no step is zero."""
+        """Require steps in every programme, none of them zero."""
         if not all(steps and all(steps) for steps in value):
             raise ValueError("every programme needs load steps, and no step is 0 N")
         return value
@@ -227,7 +228,7 @@ class ProblemFile(Surrounded):
 
     @model_validator(mode="after")
     def points_are_there(self) -> ProblemFile:
-        """Load point, reflectors, and the points of the criterion among them."""
+        """Require load point, reflectors, and the points of the criterion among them."""
         if "load_point" not in self.tool or len(self.tool) < 2:
             raise ValueError("[tool] needs load_point and at least one reflector")
         self.accepts_only(self.targets)
@@ -280,10 +281,10 @@ def validated(content: dict[str, Any], file: str = "problem.toml", text: str = "
 
 
 def _in_time(content: dict[str, Any], file: str) -> dict[str, Any]:
-    """The content with as many poses and readings as `[design] minutes` hold.
+    """The content with as many poses and readings as fit into `[design] minutes`.
 
     Raises:
-        InputError: They hold none.
+        InputError: None fit.
     """
     asked = checked(DesignSpec, content["design"], file, "design", _WAY_OUT)
     plan = dict(content.get("plan", {}))
@@ -315,7 +316,7 @@ def _in_time(content: dict[str, Any], file: str) -> dict[str, Any]:
 def revised(spec: ProblemFile, changes: dict[str, Any]) -> ProblemFile:
     """The problem with some entries changed; tables inside `changes` are merged.
 
-    Readings that are asked for go before those that a time holds.
+    A requested number of readings takes precedence over the one that fits into a time.
     """
     content = merged(spec.model_dump(exclude_unset=True), changes)
     if "readings" in changes.get("plan", {}):

@@ -1,9 +1,9 @@
-"""A shipped problem for another robot than its own: tool, anchor, pull and criterion to its size.
+"""Adapt a shipped problem to another robot: tool, anchor, pull and criterion to its size.
 
-A tool of 0.15 m at an arm of 1.3 m, a chain to 6 m and the test pose of a KR500 are of no use to
-another robot. They shrink as the links do, forces as the payload does, and the criterion is the
-whole workspace, which every robot has; what an own cell has stands in the problem that is written
-beside the plan.
+A tool of 0.15 m on an arm of 1.3 m, a chain to 6 m and the test pose of a KR500 are of no use for
+another robot. They are scaled with the length of the arm, forces with the payload, and the
+criterion is the whole workspace, which every robot has; the user's own values go into the problem
+that is written next to the plan.
 """
 
 from __future__ import annotations
@@ -12,27 +12,28 @@ from typing import Any
 
 import numpy as np
 
+from pipeline.design.pull import REFERENCE_PULL_N, round_pull, share
 from pipeline.design.singular import arm_m
 from pipeline.design.spec import ProblemFile
-from pipeline.machine.robot import Robot, configure, load, rating
+from pipeline.machine.robot import Robot, configure, load
 
 _STEP_M = 0.005
-"""Lengths of a tool as people make them."""
+"""Rounding of the lengths of a tool [m], as people make them."""
 _NEAR, _FAR = 0.4, 1.2
-"""Where the anchor may stand on the floor, of the length of the arm."""
+"""Limits of the anchor's position on the floor over the length of the arm [1]."""
 
 
 def suited(spec: ProblemFile, robot: Robot) -> dict[str, Any]:
-    """What of a problem is of its own robot, as it suits another one; changes of the file.
+    """Changes of the problem file that adapt what is specific to its own robot to another one.
 
     Args:
         spec: The problem.
-        robot: The robot that is asked for.
+        robot: The requested robot.
     """
     arm = _arm_m(robot)
     size = arm / _arm_m(load(spec.robot))
     tool = {name: _to_size(size, at) for name, at in spec.tool.items()}
-    pull = rating.share(robot, np.array(tool["load_point"]))
+    pull = share(robot, np.array(tool["load_point"]))
     return {
         "name": robot.name,
         "assumptions": [
@@ -42,7 +43,7 @@ def suited(spec: ProblemFile, robot: Robot) -> dict[str, Any]:
             *spec.assumptions[-1:],
         ],
         "tool": tool,
-        "pull": {"steps_n": [rating.round_pull(rating.REFERENCE_PULL_N * pull)]},
+        "pull": {"steps_n": [round_pull(REFERENCE_PULL_N * pull)]},
         "anchor": {
             "x_m": [round(_NEAR * arm, 2), round(_FAR * arm, 2)],
             "y_m": round(_NEAR * arm, 2),
@@ -50,7 +51,7 @@ def suited(spec: ProblemFile, robot: Robot) -> dict[str, Any]:
         },
         "criterion": {
             "kind": "workspace",
-            "force_n": rating.round_pull(min(pull, 1.0) * spec.criterion.force_n),
+            "force_n": round_pull(min(pull, 1.0) * spec.criterion.force_n),
         },
         "test_pose": [],
     }

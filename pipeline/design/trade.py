@@ -1,7 +1,7 @@
-"""Give up some of the criterion for the power to diagnose: exchange poses, loads and approaches.
+"""Give up some of the criterion for diagnostic power: exchange poses, loads and approaches.
 
 The pure optimum repeats few poses under the greatest load. Causes are separated by other poses,
-loads, branches and approaches. The exchange starts from the pure optimum and takes those swaps
+loads, branches and approaches. The exchange starts from the pure optimum and accepts those swaps
 that separate more causes while the figure stays within what is allowed.
 """
 
@@ -27,11 +27,11 @@ from pipeline.design.spec import DiagnosisSpec
 
 @dataclass(frozen=True, eq=False)
 class _Visit(Locked):
-    """A pose with what is done there.
+    """A pose with its pulls.
 
     Attributes:
         q: Joint values [m] or [rad], shape (n,).
-        approach: Which way the carriage came, +1 or -1.
+        approach: Direction from which the carriage came, +1 or -1.
         steps: Load steps [N], shape (s,); negative where the turnbuckle is slackened to the step.
         information: About the scaled compliances, shape (n, n).
         columns: Whitened columns [springs | suspects], shape (R, W).
@@ -64,12 +64,12 @@ class Mixed(Locked):
 
     @property
     def named(self) -> int:
-        """How many causes can be named at typical size."""
+        """Number of causes that can be named at typical size."""
         return int(np.sum(self.named_from <= 1))
 
     @property
     def worth(self) -> float:
-        """What the exchange makes large."""
+        """The objective that the exchange maximises."""
         return float(_worth(self.named_from[None])[0])
 
 
@@ -83,17 +83,20 @@ def trade(
     pool: int = 200,
     restarts: int = 2,
 ) -> Iterator[Mixed]:
-    """Exchange poses of a plan until more causes can be named; best so far after every sweep.
+    """Exchange poses of a plan until more causes can be named; yield the best after every sweep.
 
     Args:
         view: The causes.
-        plan: The pure optimum; its anchor stays.
-        asked: What may be given up, and what a pose may be pulled with.
-        rng: Draws the poses and which exchanges are tried.
-        sweeps: Times that every pose is up for exchange, from each beginning.
-        tried: Exchanges tried for each, as many again of poses near its own.
-        pool: Random poses that are offered.
-        restarts: Beginnings.
+        plan: The pure optimum; its anchor is kept.
+        asked: The admissible loss, and the load steps of a pose.
+        rng: Draws the poses and the exchanges that are tried.
+        sweeps: Number of times that every pose is tried for exchange, per restart.
+        tried: Number of exchanges tried for each, and a quarter as many with poses near its own.
+        pool: Number of random poses on offer.
+        restarts: Number of starts.
+
+    Raises:
+        InputError: No plan stays within what is allowed.
     """
     most = asked.allowed * plan.figure
     offers = _offers(view, plan, asked, rng, pool)
@@ -132,7 +135,7 @@ def products(visits: Sequence[_Visit]) -> Array:
 
 
 def _information(visits: Sequence[_Visit]) -> Array:
-    """What several visits tell together about the scaled compliances, shape (n, n)."""
+    """Joint information of several visits about the scaled compliances, shape (n, n)."""
     return np.sum([visit.information for visit in visits], axis=0)
 
 
@@ -153,7 +156,11 @@ def _beginning(
 
 
 def _lengths(asked: DiagnosisSpec, readings: int) -> Ints:
-    """Pulls at each pose, short ones first, that make up the readings."""
+    """Number of pulls at each pose that add up to the readings.
+
+    Raises:
+        InputError: No combination of the programmes does.
+    """
     sizes = sorted({len(steps) for steps in asked.programmes})
     lengths = np.full(asked.poses, sizes[0])
     for pose in range(asked.poses):
@@ -201,7 +208,7 @@ def _near(
 
 
 def _visits(view: Lens, q: Array, anchor: Array, approach: Array, steps: Array) -> list[_Visit]:
-    """Poses with the same load steps; times as if all plans had visits of this length."""
+    """Poses with the same load steps; times as if all poses had this number of pulls."""
     experiment = with_steps(view.problem, steps)
     start_s = starts(np.full(view.problem.poses, len(steps))).mean()
     informations = information(experiment, station(experiment, q, anchor))
@@ -235,7 +242,7 @@ def _exchanged(
 
 
 def _worth(named: Array) -> Array:
-    """Near the number of causes that can be named; rises smoothly as one comes into reach."""
+    """Smooth approximation of the number of causes that can be named."""
     return np.sum(1 / (1 + np.minimum(named, 1e3) ** 4), axis=1)
 
 

@@ -1,4 +1,4 @@
-"""What is still open, and the poses that would decide it."""
+"""Open questions of a diagnosis, and the poses that would decide them."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pipeline.diagnosis.isolability import Twins
 from pipeline.diagnosis.verdict import CERTAIN
 
 _MOST = 4
-"""At most so many rivals of one cause, the likeliest, are considered."""
+"""Maximum number of rivals of one cause that are considered, the likeliest."""
 
 
 def to_measure(
@@ -26,7 +26,7 @@ def to_measure(
     known: Twins,
     rng: np.random.Generator,
 ) -> tuple[tuple[Proposal, ...], tuple[Determining, ...]]:
-    """Poses that would tell causes apart; where there are none, those that determine joints."""
+    """Poses that would separate causes; where there are none, those that determine joints."""
     proposed = next_poses(case, found, causes, worth, known, rng)
     joints = () if proposed else determining(case, found, rng.spawn(1)[0])
     return proposed, joints
@@ -40,7 +40,7 @@ def next_poses(
     known: Twins,
     rng: np.random.Generator,
 ) -> tuple[Proposal, ...]:
-    """Poses that would decide what is open, as far as any can."""
+    """Poses that would decide the open questions, as far as any can."""
     questions = _open(found, causes, worth, known)
     among = _reachable(case, rng) if questions else None
     return () if among is None else tuple(propose(found.wide, questions, among))
@@ -49,13 +49,13 @@ def next_poses(
 def determining(
     case: SearchCase, found: Found, rng: np.random.Generator
 ) -> tuple[Determining, ...]:
-    """For each joint the pose that would determine it best; nothing where no pose is reachable."""
+    """For each joint the pose that would determine it best; empty where no pose is reachable."""
     among = _reachable(case, rng)
     return () if among is None else determine(found.wide, among)
 
 
 def _reachable(case: SearchCase, rng: np.random.Generator) -> Candidates | None:
-    """Poses to choose from; None where the cell leaves none."""
+    """Candidate poses; None where the cell leaves none."""
     try:
         among = candidates(case, rng)
     except InputError:
@@ -69,7 +69,7 @@ def _open(
     """For each accepted cause that is not certain, what it must still be separated from.
 
     Twins count as one: no pull helps, a sensor does (`needs` of the causes). Where every name is
-    certain and only its worth is not, it must be separated from the joint springs alone.
+    certain and only the gain is not, it must be separated from the joint springs alone.
     """
     questions = [
         Question(tuple(odds), tuple(odds.values()), _others(found, mine))
@@ -92,7 +92,7 @@ def _others(found: Found, mine: int) -> tuple[int, ...]:
 def _standing_there(
     found: Found, place: int, cause: FoundCause, known: Twins
 ) -> dict[int | None, float]:
-    """Who could act in one place, with the odds of each; one alone where that is certain."""
+    """Possible causes in one place, with their odds; a single one where that is certain."""
     one = (cause.effect.label, *known.of(cause.effect.label))
     mine = [r.probability for r in found.rivals[place] if r.label in one]
     odds: dict[int | None, float] = {found.accepted[place]: sum(mine)}

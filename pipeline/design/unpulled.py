@@ -1,19 +1,19 @@
-"""Poses in which reflectors are read and nothing is pulled: chosen for the robot's table.
+"""Poses at which reflectors are read without a pull: chosen for the DH parameters of the robot.
 
-With x the errors of the table's entries in units of what they are as delivered, r all else that
-moves an unloaded reflector (place and turn of the robot, tool), M_p the information of the unloaded
-readings of pose p on both, joints erring at each pose, and M = 1 + sum of M_p over all poses that
-are read,
+With x the errors of the table's entries in units of their spread as delivered, r all else that
+moves an unloaded reflector (position and rotation of the robot, tool), M_p the information of the
+unloaded readings of pose p on both, including joint errors at each pose, and M = 1 + sum of M_p
+over all poses that are read,
 
     Phi = log det M - log det M_rr
 
 is twice the gain of information about the table. It is concave in weights w of the poses on offer,
-0 <= w_p <= 1, so that wherever these are no choice of n poses is above
+0 <= w_p <= 1, so that for any such weights no choice of n poses is above
 
     Phi(w) + sum of the n largest g_p - sum of w_p g_p,   g_p = tr M^-1 M_p - tr M_rr^-1 M_p,rr
 
-(Kiefer and Wolfowitz, Canadian Journal of Mathematics 12, 1960). Weights are led to where that is
-low by steps towards the n largest g (Frank and Wolfe, Naval Research Logistics Quarterly 3, 1956).
+(Kiefer and Wolfowitz, Canadian Journal of Mathematics 12, 1960). The bound is lowered by steps of
+the weights towards the n largest g (Frank and Wolfe, Naval Research Logistics Quarterly 3, 1956).
 """
 
 from __future__ import annotations
@@ -35,35 +35,35 @@ from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import configure
 
 _OFFERED = 600
-"""Poses of which some are chosen."""
+"""Number of random poses from which some are chosen."""
 
 _ROUNDS = 200
-"""Steps that lead a random pose inside of the limits."""
+"""Maximum number of steps that lead a random pose inside the limits."""
 
 _PASSES = 10
-"""Exchanges of every chosen pose; two or three end it."""
+"""Maximum number of exchange passes over the chosen poses; two or three suffice."""
 
 _STEPS = 50
-"""Of the weights; more of them lower the bound by little."""
+"""Number of steps of the weights; more lower the bound by little."""
 
 _FAR = np.geomspace(1e-4, 1.0, 24)
-"""Parts of the way that are tried in each."""
+"""Trial fractions of the way in each step [1]."""
 
 _ANY_M = (0.0, 1e5)
-"""A chain that is not there has any length [m]."""
+"""Limits of the length of a chain that is not there [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Unpulled(Locked):
-    """Such poses and what they are worth.
+    """Poses without a pull and their value.
 
     Attributes:
         q: Joint values [m] or [rad], shape (u, n).
-        without: Standard uncertainty of the table's entries over what it is as delivered, their
-            geometric mean, by the poses that are pulled.
+        without: Standard uncertainty of the table's entries over their spread as delivered,
+            geometric mean, from the pulled poses alone.
         figure: The same with these poses.
-        bound: No choice among the poses on offer is below.
-        offered: How many these were.
+        bound: Lower bound for any choice among the poses on offer.
+        offered: Number of these poses.
     """
 
     q: Array
@@ -74,15 +74,15 @@ class Unpulled(Locked):
 
 
 def unpulled(problem: Problem, pulled: Array, rng: np.random.Generator) -> Unpulled:
-    """Choose poses without a pull beside those with one, by exchange.
+    """Choose poses without a pull, in addition to those with one, by exchange.
 
     Args:
-        problem: With `plan.unloaded` such poses.
+        problem: Its `plan.unloaded` is the number of poses.
         pulled: Joint values of the poses with a pull [m] or [rad], shape (m, n).
         rng: Draws the poses on offer.
 
     Raises:
-        InputError: Fewer poses than asked keep the limits.
+        InputError: Too few poses keep the limits.
     """
     count = problem.spec.plan.unloaded
     offer = _offer(problem, rng)
@@ -112,7 +112,7 @@ def unpulled(problem: Problem, pulled: Array, rng: np.random.Generator) -> Unpul
 
 
 def _offer(problem: Problem, rng: np.random.Generator) -> Array:
-    """Poses that keep every limit but those of a chain, as they are printed, shape (o, n)."""
+    """Poses that keep every limit except those of a chain, as they are printed, shape (o, n)."""
     box, said = Box(problem, 1), problem.limits
     limits = Limits(
         joints=said.joints,
@@ -132,7 +132,7 @@ def _offer(problem: Problem, rng: np.random.Generator) -> Array:
 
 
 def _read(problem: Problem, q: Array) -> Unloaded:
-    """Unloaded readings of all reflectors at some poses, as the plan's instrument scatters."""
+    """Unloaded readings of all reflectors at some poses, with the plan's instrument noise."""
     tool, t = problem.tool, len(problem.tool.points)
     here = configure(problem.robot, q)
     points = here.flange_origin[:, None] + np.einsum("mij,tj->mti", here.flange_axes, tool.points)
@@ -156,7 +156,7 @@ def _read(problem: Problem, q: Array) -> Unloaded:
 
 
 def _information(zeros: Unloaded) -> tuple[Array, slice]:
-    """Of each pose on all unknowns in units of what they are before, (p, K, K); the table's."""
+    """Information of each pose on all unknowns in prior units, (p, K, K); slice of the table's."""
     where, std = zeros.columns, zeros.held()
     std[where.table], std[where.loose] = zeros.usual(), USUAL[1]
     rows = zeros.about(np.zeros(where.count))
@@ -166,12 +166,12 @@ def _information(zeros: Unloaded) -> tuple[Array, slice]:
 
 @dataclass(frozen=True, eq=False)
 class _Told(Locked):
-    """What poses on offer tell.
+    """Information of the poses on offer.
 
     Attributes:
         M: Information of each, shape (o, K, K).
-        start: Of all that is read without them, with what is known before, shape (K, K).
-        table: Which unknowns are the table's.
+        start: Information of all other readings and the prior, shape (K, K).
+        table: The unknowns of the table.
     """
 
     M: Array
@@ -186,7 +186,7 @@ class _Told(Locked):
         )
 
     def sum(self, chosen: Ints) -> Array:
-        """Information of all with some of those on offer, shape (K, K)."""
+        """Total information with some of those on offer, shape (K, K)."""
         return np.asarray(self.start + self.M[chosen].sum(axis=0))
 
     def phi(self, M: Array) -> float:
@@ -199,20 +199,20 @@ class _Told(Locked):
         return np.asarray(linear.log_det(M) - linear.log_det(M[rest]))
 
     def next(self, M: Array, taken: Ints) -> int:
-        """The pose on offer that adds most and is not taken."""
+        """The pose on offer that adds most and is not yet taken."""
         phis = self.phis(M + self.M)
         phis[taken] = -np.inf
         return int(np.argmax(phis))
 
     def greedy(self, count: int) -> Ints:
-        """Poses taken one after the other."""
+        """Poses chosen one after the other."""
         chosen = np.zeros(0, dtype=np.int64)
         for _ in range(count):
             chosen = np.append(chosen, self.next(self.sum(chosen), chosen))
         return chosen
 
     def exchanged(self, chosen: Ints) -> Ints:
-        """The same with each replaced by a better one while there is any."""
+        """The same with each replaced by a better one as long as there is any."""
         for _ in range(_PASSES):
             before = chosen.copy()
             for k in range(len(chosen)):
@@ -223,7 +223,7 @@ class _Told(Locked):
         return chosen
 
     def bound(self, chosen: Ints) -> float:
-        """No choice of as many is above this Phi."""
+        """Upper bound of Phi for any choice of as many poses."""
         M, w, lowest = self.sum(chosen), np.zeros(len(self.M)), np.inf
         w[chosen] = 1.0
         for _ in range(_STEPS):

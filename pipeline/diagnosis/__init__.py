@@ -1,1 +1,1 @@
-"""What the model gets wrong: detect, name, extend, measure the gain, ask for the next pose."""
+"""Diagnosis: detect what the model lacks, name it, extend the model, and propose further poses."""

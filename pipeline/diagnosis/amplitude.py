@@ -1,4 +1,4 @@
-"""Sizes of the identified causes, with intervals that follow the model's nonlinearity."""
+"""Magnitudes of the identified causes, with intervals that allow for the model's nonlinearity."""
 
 from __future__ import annotations
 
@@ -22,12 +22,12 @@ from pipeline.system.whitened import Whitened
 
 
 def amplitudes(case: SearchCase, view: Whitened) -> list[tuple[EffectSize, ...]]:
-    """Sizes of the accepted causes, springs estimated as well; scatter from the residuals.
+    """Magnitudes of the accepted causes, estimated together with the springs.
 
-    z = N^+ g in typical sizes, N = X'X and g = X'y over the whitened columns of the base;
-    u(z_k) = s sqrt((N^+)_kk), s^2 = rest / dof, infinite where N does not determine z_k, and the
-    95 % interval is z +- t(0.975, dof) u(z); `_profile` gives that of causes that are not elastic.
-    s^2 is `ROUNDING` at least, and infinite where no residual is left to tell it from.
+    z = N^+ g in typical magnitudes, N = X'X and g = X'y over the whitened columns of the base;
+    u(z_k) = s sqrt((N^+)_kk), s^2 = rest / dof, infinite where N does not determine z_k, and the 95
+    % interval is z +- t(0.975, dof) u(z); for causes that are not elastic it is that of `_profile`.
+    s^2 is at least `ROUNDING`, and infinite without degrees of freedom.
     """
     base = view.base
     value = coefficients(view.M, base)
@@ -56,16 +56,17 @@ def amplitudes(case: SearchCase, view: Whitened) -> list[tuple[EffectSize, ...]]
 def averaged(
     case: SearchCase, view: Whitened, sets: Sequence[Hypothesis]
 ) -> list[tuple[EffectSize, ...]]:
-    """The same over all hypotheses that hold the cause, as the springs are (`average.size`).
+    """Magnitudes averaged over the hypotheses that contain the cause, as springs (`average.size`).
 
-    Their covariance holds what the springs' does: the stated noise, how far each pull may deviate
-    from the laws, and what is left over the scatter. The likelihood of a cause that is not elastic
-    bends the interval; its ends are as many times farther away as those of `_profile` are.
+    Their covariance includes what that of the springs includes: the stated noise, the deviation of
+    each pull from the laws, and the remainder ratio. For a cause that is not elastic the nonlinear
+    likelihood makes the interval asymmetric; its ends are stretched by the same factors as in
+    `_profile`.
 
     Args:
         case: The case.
         view: The campaign whitened at the accepted causes.
-        sets: What may be true, the accepted causes first.
+        sets: Hypotheses, the accepted causes first.
     """
     out = []
     for suspect, sizes in zip(view.model.accepted, amplitudes(case, view), strict=True):
@@ -78,13 +79,11 @@ def averaged(
 
 
 def both_ways(effect: Effect, sets: Sequence[Hypothesis]) -> tuple[EffectSize, ...]:
-    """Compliance of a joint where its torque is positive, and where it is negative.
-
-    Nothing of an effect that does not give it two.
+    """Compliance of a joint for positive and for negative torque; empty for effects without sides.
 
     Args:
         effect: An accepted cause.
-        sets: What may be true, the accepted causes first.
+        sets: Hypotheses, the accepted causes first.
     """
     if not isinstance(effect, Elastic) or effect.side is None:
         return ()
@@ -93,7 +92,11 @@ def both_ways(effect: Effect, sets: Sequence[Hypothesis]) -> tuple[EffectSize, .
     ends = zip(found.value, found.std, found.low, found.high, strict=True)
     return tuple(
         EffectSize(
-            replace(own, name=f"c_joint{joint + 1}_{way}"),
+            replace(
+                own,
+                name=f"c_joint{joint + 1}_{way}",
+                meaning="compliance of {joint} under a torque of " + f"{way} sign",
+            ),
             float(value),
             float(std),
             (float(low), float(high)),
@@ -103,7 +106,7 @@ def both_ways(effect: Effect, sets: Sequence[Hypothesis]) -> tuple[EffectSize, .
 
 
 WAYS = ("positive", "negative")
-"""Sign of the torque on a joint of the robot file, in the order of `average.each_way`."""
+"""Names for the sign of the torque on a joint, in the order of `average.each_way`."""
 
 
 def _of(alone: EffectSize, over: Size) -> EffectSize:
@@ -111,7 +114,7 @@ def _of(alone: EffectSize, over: Size) -> EffectSize:
 
 
 def _bent(alone: EffectSize, over: Size) -> EffectSize:
-    """A size over all hypotheses, its interval bent as that of the accepted cause alone."""
+    """Averaged magnitude, its interval as skewed as that of the accepted cause alone."""
     straight = NORMAL_95 * alone.std
     if not 0 < straight < np.inf:
         return _of(alone, over)
@@ -125,12 +128,13 @@ def _bent(alone: EffectSize, over: Size) -> EffectSize:
 def _profile(
     view: Whitened, suspect: int, parameter: Parameter, value: float, std: float, variance: float
 ) -> tuple[float, float]:
-    """95 % interval where chi-square, everything else refitted, has risen by 3.84.
+    """95 % interval: values at which chi-square, everything else refitted, rises by 3.84.
 
     With S(z) the smallest sum of squares at z, each end is z +- 1.96 u sqrt(3.84 / D), where
-    D = (S(z +- 1.96 u) - S(z)) / s^2, 1 at least: one step of the secant rule towards the profile
-    likelihood's interval (Venzon and Moolgavkar, Applied Statistics 37, 1988), enough for what
-    force and geometry bend. Elastic causes are linear in their parameters and need none of this.
+    D = (S(z +- 1.96 u) - S(z)) / s^2, at least 1: one secant step towards the profile likelihood
+    interval (Venzon and Moolgavkar, Applied Statistics 37, 1988), which suffices for the
+    nonlinearity of forces and geometry. Elastic causes are linear in their parameters and do not
+    need it.
     """
     out = []
     for side in (-NORMAL_95, NORMAL_95):
@@ -140,10 +144,10 @@ def _profile(
 
 
 def _rise(view: Whitened, suspect: int, parameter: Parameter, at: float) -> float:
-    """Rise of chi-square when one parameter is held, the others refitted.
+    """Rise of the sum of squares when one parameter is held, the others refitted.
 
-    The others follow the linear model; the nonlinear part is in the prediction at these values,
-    and they are refitted to it once more.
+    The others first follow the linear model; the nonlinear part enters through the prediction at
+    these values, to which they are refitted once.
     """
     names = [p.name for p in view.suspects[suspect].parameters]
     fixed = int(view.columns([suspect])[names.index(parameter.name)])

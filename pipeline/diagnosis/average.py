@@ -1,11 +1,11 @@
-"""What is stated where it is uncertain which causes are true: the average over the hypotheses.
+"""Model averaging: results where it is uncertain which causes are present.
 
-A hypothesis is one set of causes, estimated together with the joint springs. With the weights w_h
-that the diagnosis gives them, value and covariance of the compliances are those of the mixture,
+A hypothesis is one set of causes, estimated together with the joint springs. With the probabilities
+w_h of the hypotheses, value and covariance of the compliances are those of the mixture,
 
     x = sum_h w_h x_h,        V = sum_h w_h (V_h + (x_h - x)(x_h - x)'),
 
-so that the uncertainty of the decision stays in the answer (the DIA estimator of Teunissen,
+so that the uncertainty of the decision is part of the result (the DIA estimator of Teunissen,
 Journal of Geodesy 92 (2018), for weights between zero and one).
 """
 
@@ -28,14 +28,15 @@ from pipeline.system.estimate import identifiable
 from pipeline.system.system import Estimate, System
 
 LEAST = 0.01
-"""A hypothesis less probable than this has no part in the average."""
+"""Minimum probability of a hypothesis in the average [1]."""
 
 LIKELY = 0.05
-"""A hypothesis above this probability may be true: every interval holds its own. Those that leave a
-stiffness undetermined may be passed over up to this probability in all."""
+"""Probability above which a hypothesis may be true, so that every interval includes its own [1];
+also the maximum total probability of dropped hypotheses that leave a stiffness undetermined."""
 
 _APART = 0.5
-"""A hypothesis that moves a stiffness by fewer standard uncertainties than this leaves it alone."""
+"""Change of a stiffness, in standard uncertainties, up to which it does not count as dependent on a
+hypothesis [1]."""
 
 _COVERED = (0.025, 0.975)
 
@@ -46,15 +47,16 @@ class Hypothesis:
 
     Attributes:
         weight: Its probability; those of all hypotheses sum to one.
-        effects: The causes, in the order of their parameters behind the springs.
-        cell: Joint springs and causes, in the equilibrium that fits better.
+        effects: The causes, in the order of their parameters, which follow the springs.
+        cell: Joint springs and causes, with the equilibrium that fits better.
         system: Springs and causes as one linear system.
         estimate: Its solution.
-        instead: Each identified cause whose place another one has taken: (cause, rival), labels.
-        ratio: What it leaves over the scatter of the readings, 1 at least; its uncertainties hold
-            this factor (Birge, Physical Review 40 (1932) 207).
-        sized: Its solution where each cause follows its own law, pull by pull to its tolerance: no
-            other law of the same element takes a part of it; None where that is `estimate`.
+        instead: Identified causes that are replaced by rivals here: (cause, rival), labels.
+        ratio: Remainder ratio, at least 1; the uncertainties include this factor (Birge, Physical
+            Review 40 (1932) 207).
+        sized: Its solution where the pulls may deviate from each cause's own law within its
+            tolerance, but no other law of the same element takes a share; None where that is
+            `estimate`.
     """
 
     weight: float
@@ -69,13 +71,13 @@ class Hypothesis:
 
 @dataclass(frozen=True, eq=False)
 class Springs(Locked):
-    """The joints' compliances over all hypotheses [m/N] or [rad/(N m)].
+    """The joints' compliances, averaged over all hypotheses [m/N] or [rad/(N m)].
 
     Attributes:
         value: Best estimate, shape (n,).
         cov: Covariance of `value`, shape (n, n); infinite on the diagonal where undetermined.
         low: Lower end of the 95 % interval, shape (n,).
-        high: Upper end of it, shape (n,).
+        high: Upper end of the 95 % interval, shape (n,).
         identifiable: True where the data determine the compliance, shape (n,).
     """
 
@@ -93,15 +95,15 @@ class Springs(Locked):
 
 @dataclass(frozen=True, eq=False)
 class DeterminedMix(Locked):
-    """What the data determine of joints that they do not determine singly.
+    """A combination of compliances that is determined although the single ones are not.
 
     Attributes:
         of: Indices of the joints, shape (m,).
-        weights: Of their compliances; the largest is 1, shape (m,).
-        value: Sum of weight times compliance [m/N] or [rad/(N m)].
-        std: Its standard uncertainty, in the same.
+        weights: Weights of their compliances; the largest is 1, shape (m,).
+        value: Weighted sum of the compliances [m/N] or [rad/(N m)].
+        std: Its standard uncertainty, in the same unit.
         low: Lower end of the 95 % interval.
-        high: Upper end of it.
+        high: Upper end of the 95 % interval.
     """
 
     of: Ints
@@ -114,7 +116,7 @@ class DeterminedMix(Locked):
 
 @dataclass(frozen=True)
 class Size:
-    """One parameter of a cause over the hypotheses that hold it.
+    """One parameter of a cause, averaged over the hypotheses that contain it.
 
     Attributes:
         value: Best estimate, SI.
@@ -133,9 +135,9 @@ class Dependence:
 
     Attributes:
         spring: Index of the joint.
-        cause: The identified cause, in words.
-        rival: What could replace it, in words.
-        lost: With the rival nothing determines the spring.
+        cause: Label of the cause that holds if the first hypothesis is true.
+        rival: Label of the cause in its place otherwise.
+        lost: Whether the spring is undetermined if the rival is true.
     """
 
     spring: int
@@ -145,11 +147,11 @@ class Dependence:
 
 
 def weighed(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
-    """The hypotheses that count, with weights that sum to one; the first always does.
+    """The hypotheses that enter the average, weights normalised; the first always does.
 
-    Those that leave a spring undetermined which the first determines would make the whole average
-    undetermined: they are left out, the least probable first, as long as this takes no more than
-    `LIKELY` in all.
+    One that leaves a spring undetermined which the first determines would make the whole average
+    undetermined; such ones are dropped, the least probable first, as long as their total
+    probability does not exceed `LIKELY`.
     """
     first, *others = hypotheses
     counted, spent = [], 0.0
@@ -167,26 +169,26 @@ def weighed(hypotheses: Sequence[Hypothesis]) -> tuple[Hypothesis, ...]:
 
 
 def _springs(one: Hypothesis) -> int:
-    """Number of joint springs: what stands before the causes' own parameters."""
+    """Number of joint springs, whose parameters precede those of the causes."""
     return one.cell.robot.n
 
 
 def _determined(one: Hypothesis) -> Bools:
-    """Joint springs that it determines, shape (n,)."""
+    """Joint springs that the hypothesis determines, shape (n,)."""
     return one.estimate.identifiable[: _springs(one)]
 
 
 def average(weights: ArrayLike, values: Array, covs: Array) -> tuple[Array, Array]:
-    """Mean and covariance of a mixture, the equations at the top of this file.
+    """Mean and covariance of a mixture, by the equations at the top of this file.
 
     Args:
-        weights: Of the components, sum one, shape (h,).
+        weights: Weights of the components, sum one, shape (h,).
         values: Their values, shape (h, n).
         covs: Their covariances, shape (h, n, n); infinite on the diagonal where undetermined.
 
     Returns:
-        Mean over those components that determine the entry (n,), covariance (n, n) with infinite
-        variance where any component does not.
+        Mean over the components that determine the entry (n,), and covariance (n, n), its diagonal
+            infinite where any component leaves the entry undetermined.
     """
     if len(values) == 1:
         return values[0], covs[0]
@@ -194,7 +196,8 @@ def average(weights: ArrayLike, values: Array, covs: Array) -> tuple[Array, Arra
     lost = np.isinf(np.einsum("hii->hi", covs))
     share = np.where(lost, 0.0, w[:, None])
     share = np.where(lost.all(axis=0), w[:, None], share)
-    share = np.where(share.sum(axis=0) > 0, share, ~lost)  # only what is impossible determines it
+    # determined by components of zero weight only
+    share = np.where(share.sum(axis=0) > 0, share, ~lost)
     mean = np.sum(share * values, axis=0) / share.sum(axis=0)
     off = values - mean
     finite = np.where(np.isfinite(covs), covs, 0.0)
@@ -205,7 +208,7 @@ def average(weights: ArrayLike, values: Array, covs: Array) -> tuple[Array, Arra
 
 
 def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
-    """The compliances over all hypotheses; their intervals are those of `_over`."""
+    """The compliances averaged over all hypotheses, with intervals as of `_over`."""
     n = _springs(hypotheses[0])
     value, cov, low, high = _over(hypotheses, _parts(hypotheses, [np.arange(n)] * len(hypotheses)))
     sure = np.all([_determined(one) for one in hypotheses], axis=0)
@@ -216,9 +219,10 @@ def springs(hypotheses: Sequence[Hypothesis]) -> Springs:
 
 
 def size(hypotheses: Sequence[Hypothesis], effect: Effect, k: int) -> Size:
-    """One parameter of a cause over the hypotheses that hold it, by their weights if it is there.
+    """One parameter of a cause, averaged over the hypotheses that contain it in this form.
 
-    Those with another of its forms have no say: the same letter is another size in another law.
+    Hypotheses with another of its forms are excluded: the same symbol is a different quantity
+    there.
     """
     held = [
         replace(one, estimate=one.sized or one.estimate) for one in _holding(hypotheses, effect)
@@ -230,7 +234,7 @@ def size(hypotheses: Sequence[Hypothesis], effect: Effect, k: int) -> Size:
 
 
 def _holding(hypotheses: Sequence[Hypothesis], effect: Effect) -> list[Hypothesis]:
-    """Those that hold a cause in this form, with weights that sum to one."""
+    """The hypotheses that contain a cause in this form, with normalised weights."""
     law = effect.label, effect.form
     held = [one for one in hypotheses if law in {(own.label, own.form) for own in one.effects}]
     total = sum(one.weight for one in held)
@@ -238,18 +242,17 @@ def _holding(hypotheses: Sequence[Hypothesis], effect: Effect) -> list[Hypothesi
 
 
 def two_sided(one: Hypothesis) -> dict[int, int]:
-    """Joints with another compliance each way of the torque, as in `sides.columns`."""
+    """Joints whose compliance depends on the sign of the torque, as in `sides.columns`."""
     return sides.columns(_springs(one), one.effects)
 
 
 def each_way(hypotheses: Sequence[Hypothesis], joint: int, effect: Effect | None = None) -> Springs:
-    """Compliance of a joint where its torque is positive and where it is negative.
+    """Compliance of a joint for positive and for negative torque.
 
     Args:
-        hypotheses: What may be true; of those without such a law both are one.
-        joint: Its index.
-        effect: That law, to be told as a cause: over those that hold it, with the uncertainty of
-            the stiffnesses.
+        hypotheses: The hypotheses; both values are equal in those without a two-sided law.
+        joint: Index of the joint.
+        effect: A two-sided law; if given, the average is over the hypotheses that contain it.
     """
     if effect is not None:
         hypotheses = _holding(hypotheses, effect)
@@ -266,7 +269,7 @@ def each_way(hypotheses: Sequence[Hypothesis], joint: int, effect: Effect | None
 
 
 def at_pose(hypotheses: Sequence[Hypothesis], q: Array, force: Array) -> tuple[Hypothesis, ...]:
-    """The hypotheses with the compliance that holds at a pose as that of each joint."""
+    """The hypotheses with each joint's compliance replaced by that at a pose under a force."""
     return tuple(_at_pose(one, q, force) for one in hypotheses)
 
 
@@ -286,7 +289,7 @@ def _at_pose(one: Hypothesis, q: Array, force: Array) -> Hypothesis:
 
 
 def _taken(estimate: Estimate, T: Array, joints: Sequence[int]) -> Estimate:
-    """An estimate of T x; what is determined of the joints that this mixes is asked anew."""
+    """The estimate of T x, with `identifiable` re-evaluated for the mixed entries `joints`."""
     value, cov = sides.taken(estimate.value, estimate.cov, T)
     typical = np.array([parameter.typical for parameter in estimate.parameters])
     known, sure = estimate.identifiable.copy(), identifiable(typical, value, np.sqrt(np.diag(cov)))
@@ -295,7 +298,7 @@ def _taken(estimate: Estimate, T: Array, joints: Sequence[int]) -> Estimate:
 
 
 def _parts(hypotheses: Sequence[Hypothesis], at: Sequence[Ints]) -> list[tuple[Array, Array]]:
-    """Value and covariance of the same parameters in each hypothesis, which stand at `at`."""
+    """Values and covariances of the parameters at indices `at` in each hypothesis."""
     each = [(one.estimate, k) for one, k in zip(hypotheses, at, strict=True)]
     return [(estimate.value[k], estimate.cov[np.ix_(k, k)]) for estimate, k in each]
 
@@ -303,17 +306,17 @@ def _parts(hypotheses: Sequence[Hypothesis], at: Sequence[Ints]) -> list[tuple[A
 def _over(
     hypotheses: Sequence[Hypothesis], parts: Sequence[tuple[Array, Array]]
 ) -> tuple[Array, Array, Array, Array]:
-    """Value (n,), covariance (n, n) and ends of the 95 % interval (n,) of the same n parameters.
+    """Value (n,), covariance (n, n) and ends of the 95 % interval (n,) of n parameters.
 
     The interval is that of the mixture, from its quantiles at 2.5 and 97.5 %,
 
         sum_h w_h Phi((x - x_h) / s_h) = p,    s_h = t_h u(x_h) / 1.96,
 
-    t_h the quantile of hypothesis h, widened until it holds x_h +- t_h u(x_h) of every hypothesis
-    above `LIKELY`: whichever of them is true.
+    with t_h the quantile of hypothesis h, extended to include x_h +- t_h u(x_h) of every hypothesis
+    above `LIKELY`, so that it holds whichever of them is true.
 
     Args:
-        hypotheses: What may be true, weights sum to one.
+        hypotheses: The hypotheses, weights sum to one.
         parts: Value (n,) and covariance (n, n) by each of them.
     """
     weights = np.array([one.weight for one in hypotheses])
@@ -324,7 +327,7 @@ def _over(
 
 
 def _interval(hypotheses: Sequence[Hypothesis], values: Array, std: Array) -> tuple[Array, Array]:
-    """Ends of the 95 % interval of n quantities, (n,) each, from values and std by hypothesis."""
+    """Ends of the 95 % interval of n quantities, (n,) each; values and std have shape (h, n)."""
     weights = np.array([one.weight for one in hypotheses])
     quantile = np.array([one.estimate.quantile for one in hypotheses])[:, None]
     may_be = (weights > LIKELY) | (np.arange(len(weights)) == 0)
@@ -340,7 +343,7 @@ _NORMAL = float(special.ndtri(_COVERED[1]))
 
 
 def _quantile(p: float, weights: Array, values: Array, std: Array) -> Array:
-    """Quantile of a mixture of normal distributions, entry by entry, by bisection, shape (n,)."""
+    """Quantile of a mixture of normal distributions for each entry, by bisection, shape (n,)."""
     known = np.isfinite(std)
     spread = np.where(known, std, 0.0)
     share = np.where(known, weights[:, None], 0.0)
@@ -356,17 +359,17 @@ def _quantile(p: float, weights: Array, values: Array, std: Array) -> Array:
 
 
 def _informations(hypotheses: Sequence[Hypothesis]) -> Array:
-    """Information on the compliances in typical sizes by each hypothesis, shape (h, n, n)."""
+    """Information on the compliances in typical magnitudes by each hypothesis, shape (h, n, n)."""
     n = _springs(hypotheses[0])
     each = [combinations.information(one.system, n, one.ratio) for one in hypotheses]
     return np.stack(each)
 
 
 def information(hypotheses: Sequence[Hypothesis]) -> Array:
-    """Information on the compliances in typical sizes over all hypotheses, shape (n, n).
+    """Information on the compliances in typical magnitudes over all hypotheses, shape (n, n).
 
-    N = R (R' V R)^-1 R', V the covariance of the mixture and R orthonormal mixes that every
-    hypothesis determines; N_h itself for one alone.
+    N = R (R' V R)^-1 R', with V the covariance of the mixture and R orthonormal combinations that
+    every hypothesis determines; N_h itself for a single hypothesis.
     """
     n, first = _springs(hypotheses[0]), hypotheses[0].estimate
     each = _informations(hypotheses)
@@ -383,10 +386,10 @@ def information(hypotheses: Sequence[Hypothesis]) -> Array:
 
 
 def together(hypotheses: Sequence[Hypothesis], N: Array, alone: Bools) -> tuple[DeterminedMix, ...]:
-    """What is determined only of several joints together, over all hypotheses.
+    """Combinations of joints that are determined although the single joints are not.
 
     Args:
-        hypotheses: What may be true.
+        hypotheses: The hypotheses.
         N: Their `information`.
         alone: Joints whose compliance is determined by itself, shape (n,).
     """
@@ -411,7 +414,7 @@ def together(hypotheses: Sequence[Hypothesis], N: Array, alone: Bools) -> tuple[
 
 
 def dependences(hypotheses: Sequence[Hypothesis]) -> tuple[Dependence, ...]:
-    """Springs that another hypothesis moves or leaves undetermined, and the causes in question."""
+    """Springs that another hypothesis changes or leaves undetermined, and the causes concerned."""
     first, *others = hypotheses
     n = _springs(first)
     own, value = first.estimate.std[:n], first.estimate.value[:n]

@@ -1,4 +1,4 @@
-"""What this campaign could not have seen, and from which size on it would have."""
+"""Blind spots: causes that this campaign could have missed, and the magnitudes that it detects."""
 
 from __future__ import annotations
 
@@ -17,26 +17,27 @@ from pipeline.system.beside import left_beside
 from pipeline.system.whitened import Whitened
 
 _POWER = 0.8
-"""Probability with which what is called visible is seen [1]: the usual power of a test."""
+"""Power of detection at a magnitude called visible [1]: the usual power of a test."""
 
 
 def smallest_visible(view: Whitened, base: Ints, p: float) -> Array:
-    """Multiple of the typical size at which each suspect is detected with 80 % power, (n,).
+    """Multiple of the typical magnitude at which each suspect is detected with 80 % power, (n,).
 
-    NaN for one that is part of the base.
+    NaN for a suspect that is part of the base.
     """
     times = visible(view.M, base, view.at, p)
     return np.where(np.isin(view.at, base).any(axis=1), np.nan, times)
 
 
 def visible(M: Array, base: Ints, at: Ints, p: float) -> Array:
-    """The same from products of whitened columns (..., W, W), shape (..., n).
+    """Multiple of the typical magnitude as above, from products of whitened columns, (..., n).
 
-    sqrt(lambda k / trace N), N what the base leaves of the k columns of a suspect and lambda the
-    noncentrality that a test of them at level p needs; infinite where nothing is left.
+    sqrt(lambda k / trace N), with N the products of the k columns of a suspect after projection on
+    the complement of the base, and lambda the noncentrality needed by a test at level p; infinite
+    where nothing remains.
 
     Args:
-        M: Products, of one campaign or of many plans.
+        M: Products (..., W, W) of one campaign or of many plans.
         base: Columns that are estimated in any case.
         at: Columns of each suspect, -1 where it has fewer, shape (n, k).
         p: Level of the test.
@@ -50,7 +51,7 @@ def visible(M: Array, base: Ints, at: Ints, p: float) -> Array:
 
 
 def needed(k: ArrayLike, p: float) -> Array:
-    """Noncentrality that k parameters need to fall below p with 80 % power."""
+    """Noncentrality at which a test of k parameters at level p has 80 % power."""
     return np.asarray(special.chndtrinc(special.chdtri(k, p), k, 1 - _POWER))
 
 
@@ -62,15 +63,16 @@ def blind_spots(
     twins: Twins,
     elsewhere: Mapping[str, float],
 ) -> tuple[Unnoticed, ...]:
-    """Causes whose typical size would not have been noticed, the best known first.
+    """Causes that could be present at their typical magnitude undetected, least visible first.
 
     Args:
         effects: The whole catalogue.
         view: The campaign from the final model.
         base: Columns of that model.
         p: Threshold of a suspect's F test.
-        twins: What tip loading never separates.
-        elsewhere: Multiples of the typical size that show outside the displacements, by label.
+        twins: Effects that loading at the tip never separates.
+        elsewhere: Multiples of the typical magnitude that are visible outside the displacements, by
+            label.
     """
     times = smallest_visible(view, base, p)
     best = dict(elsewhere)

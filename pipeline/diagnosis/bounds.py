@@ -1,63 +1,51 @@
-"""What a campaign must keep to be sound, whatever causes were found in it: noise has a bound.
+"""Bounds on noise and misfit that a sound campaign must keep, whatever causes were found in it.
 
-What no other mechanism claims becomes noise, and nothing else would ever say that it cannot be.
+What no other mechanism explains becomes noise; these bounds limit how much of it is possible.
 """
 
 from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-import numpy as np
-
-from pipeline.base import linear
-from pipeline.base.tails import chi2_beyond
-from pipeline.machine import six
 from pipeline.system import alarms
-from pipeline.system.family import AWAY
 from pipeline.system.far import Far
-from pipeline.system.fit import Fitted
-from pipeline.system.system import Estimate, System
-from pipeline.system.whiten import whitener
 
 FAULTY = 10.0
-"""Scatter over the stated one from which it is none of an instrument in order [1]. A tracker that
-is twice as noisy as its certificate is usual; stating an MPE, an expanded uncertainty or the noise
-nearby for that at the far end errs by 2 or 3 (see `variance.FAR`). With a factor of 2 for one
-standard deviation of its logarithm, ten times is one instrument in two thousand."""
+"""Scatter over the stated one above which an instrument is not in order [1]. A tracker that is
+twice as noisy as its certificate is usual; stating an MPE, an expanded uncertainty or the noise at
+short range for that at the far end errs by a factor of 2 or 3 (see `variance.FAR`). With a factor
+of 2 for one standard deviation of its logarithm, ten times is one instrument in two thousand."""
 
 UNSTATED_M = 1e-4
-"""What stands for the stated noise where none is [m]: what cameras and arms of a hall reach."""
+"""Substitute for the stated noise where none is stated [m]: what cameras and measuring arms in a
+workshop reach."""
 
 _LEFT = 0.25
-"""Part of the squared displacements that a model may leave beyond the stated noise [1]; one that
-leaves more predicts less than half of a deflection."""
-
-
-_CHANCE = 2.7e-3
-"""Probability of what a model explains from which it is told from nothing [1]: three standard
-uncertainties of one parameter."""
+"""Maximum fraction of the squared displacements that a model may leave beyond the stated noise [1];
+one that leaves more predicts less than half of a deflection."""
 
 
 @dataclass(frozen=True)
 class Bounds:
-    """Noise and misfit against what they can be.
+    """Noise and misfit of a campaign, to be compared with their bounds.
 
     Attributes:
         tracker: Scatter of the readings in use over the stated one, tails and wander included;
             where none is stated, over a tenth of a millimetre.
         stated: Whether a noise of the tracker is stated.
-        force: The same of the scale.
-        left: Part of the squared displacements that the model leaves beyond the stated noise.
-        determined: Whether any stiffness is.
+        force: Scatter of the scale over the stated one.
+        left: Fraction of the squared displacements that the model leaves beyond the stated noise.
+        determined: Whether the model explains more than chance does.
         far: Readings in use that are farther off than noise explains.
-        worst_pose: Where the model leaves most.
+        worst_pose: Pose with the largest residual.
         worst_target: Its target.
-        worst_m: What it leaves there, rms [m].
-        turn_rad: The same of the rotation of a pose that is read as one [rad]; None of a position.
-        doubted: Where readings stand that are `AWAY` of what all others say of them and stay in
-            use, as tails of the noise explain as many: `file:line`.
-        unit_m: What stands for the noise where none is stated, or where what no model of a machine
-            holds belongs to it, too [m].
+        worst_m: Residual there, rms [m].
+        turn_rad: The same as a rotation, where that is a pose's rotation [rad]; None for a
+            position.
+        doubted: Readings that deviate by more than `AWAY` from all others and stay in use, since
+            the tails of the noise explain as many: `file:line`.
+        unit_m: Substitute for the noise where none is stated, or where unmodelled errors of the
+            machine are to be included [m].
     """
 
     tracker: float = 1.0
@@ -75,100 +63,19 @@ class Bounds:
 
     @property
     def faulty(self) -> bool:
-        """Whether tracker or scale scatter more than one in order can."""
+        """Whether tracker or scale scatter more than an instrument in order can."""
         return max(self.tracker, self.force) > FAULTY
 
     @property
     def scattered(self) -> bool:
         """Whether too many readings are too far off for any tails.
 
-        One of a pose is let pass, as it moves little. One of the base is not: a single one that is
-        wrong would have been found, so that it is the least that several can be.
+        One of a pose is tolerated, since it changes little. One of the base is not: a single wrong
+        one would have been found, so it is the least evidence that several are wrong.
         """
         return self.far.count > (self.far.base == 0) and self.far.p_value < alarms.READING
 
     @property
     def predicts(self) -> bool:
-        """Whether the model says anything of what was measured."""
+        """Whether the model predicts the measured displacements to any useful extent."""
         return self.determined and self.left <= _LEFT
-
-
-def bounds(right: Fitted, system: System, estimate: Estimate, left: Far, force: float) -> Bounds:
-    """Noise and misfit of a campaign.
-
-    Args:
-        right: The campaign, for its noise.
-        system: The rows of the model that stands.
-        estimate: Its solution.
-        left: Readings in use that are far off.
-        force: Scatter of the scale over the one in use, as the springs show it [1].
-    """
-    pose, target, worst_m = _worst(system, estimate)
-    tool = right.case.tool
-    turned = tool.six and target == six.ROWS[1]
-    return Bounds(
-        tracker=_tracker(right),
-        stated=right.noise.stated,
-        force=force * _scale(right, "force_reading"),
-        left=_left(right, system, estimate),
-        determined=_determined(system, estimate),
-        far=left,
-        worst_pose=pose,
-        worst_target=target,
-        worst_m=worst_m,
-        turn_rad=worst_m / six.radius(tool.points) if turned else None,
-    )
-
-
-def _determined(system: System, estimate: Estimate) -> bool:
-    """Whether the model explains more than chance does: a robot that does not give way is none.
-
-    P[chi2(k) > (c' V^-1 c - r' V^-1 r) / v] < `_CHANCE` with k parameters, v the variance that is
-    left where no noise is stated.
-    """
-    white = whitener(system.errors, system.rows.pose)
-    whole, rest = (float(np.sum(white(rows) ** 2)) for rows in (system.c, estimate.residual))
-    told = system.noise_stated or estimate.dof < 1
-    variance = 1.0 if told else max(rest / estimate.dof, np.finfo(float).tiny)
-    B = system.B * system.typical
-    chance = chi2_beyond((whole - rest) / variance, max(linear.rank(B.T @ B), 1))
-    return bool(chance < _CHANCE)
-
-
-def _scale(right: Fitted, name: str) -> float:
-    found = right.noise
-    mine = found.name == name
-    return float(found.scale[mine][0]) if (mine & found.replaced).any() else 1.0
-
-
-def _tracker(right: Fitted) -> float:
-    """Rms over the readings of what they are weighed with, over the stated uncertainty.
-
-    A reading that is `AWAY` is counted as such, and no larger part of the noise for that.
-    """
-    variance, wander = np.minimum(right.shape.variance, AWAY**2 / 3), right.shape.wander
-    wide = float(np.sqrt(np.mean(variance) + (wander.size / wander.unit) ** 2))
-    if right.noise.stated:
-        return _scale(right, "tracker") * wide
-    found_m = right.noise.of("tracker") if right.noise.replaced[0] else right.system.found_m
-    return (found_m or 0.0) * wide / UNSTATED_M
-
-
-def _left(right: Fitted, system: System, estimate: Estimate) -> float:
-    """Part of the squared displacements that is left, but for the stated noise."""
-    moved = float(np.sum(right.reduced.data.delta**2))
-    data = right.reduced.data
-    noise = np.einsum("dii->", data.loaded_cov) + np.einsum("dii->", data.zero_cov)
-    noise = noise if data.noise_stated else 0.0
-    left = float(np.sum(estimate.residual**2)) - float(noise)
-    return max(left, 0.0) / moved if moved > 0 else 1.0
-
-
-def _worst(system: System, estimate: Estimate) -> tuple[int, str, float]:
-    """Pose and target where the model leaves most, and the rms of that [m]."""
-    key = np.array([f"{p} {t}" for p, t in zip(system.rows.pose, system.rows.target, strict=True)])
-    names, at = np.unique(key, return_inverse=True)
-    mean = np.bincount(at, estimate.residual**2) / np.bincount(at)
-    worst = int(np.argmax(mean))
-    pose, target = str(names[worst]).split(" ", 1)
-    return int(pose), target, float(np.sqrt(3 * mean[worst]))

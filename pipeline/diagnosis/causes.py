@@ -1,4 +1,4 @@
-"""Causes with sizes and probabilities: from displacements, reflectors, and scatter."""
+"""Causes with magnitudes and probabilities: from displacements, unloaded positions, and scatter."""
 
 from __future__ import annotations
 
@@ -43,16 +43,16 @@ def of_displacements(
     sets: Sequence[Hypothesis],
     rng: np.random.Generator,
 ) -> tuple[FoundCause, ...]:
-    """Those that the search accepted, with their cross-validation gain.
+    """The causes accepted by the search, with their cross-validation gain.
 
     Args:
         case: The case.
-        found: What was accepted.
+        found: Result of the search.
         worth: The gain.
         where: The test pose.
         known: Twins.
-        sets: What may be true; without causes where these are worth nothing.
-        rng: Draws the bootstrap.
+        sets: Hypotheses; without causes where these do not improve predictions.
+        rng: Source of the bootstrap.
     """
     if not found.accepted:
         return ()
@@ -90,13 +90,13 @@ def of_displacements(
 
 
 def _worded(case: SearchCase, effect: Effect, either: Sequence[PossibleCause]) -> Effect:
-    """The effect; where its law is undecided, in the words of all."""
+    """The effect; where its law is undecided, described by all possible laws."""
     laws = [other.effect.law for other in either[1:] if other.effect.law is not None]
     return undecided(case.cell.robot, effect, laws) if laws else effect
 
 
 def _either(case: SearchCase, found: Found, place: int) -> tuple[PossibleCause, ...]:
-    """Laws of one place within exp(`WORTH`) of the likeliest, the accepted one first; or none."""
+    """Laws of one place within exp(`WORTH`) of the likeliest, the accepted first, if several."""
     effect = case.suspects[found.accepted[place]]
     own = next((one for one in found.rivals[place] if one.label == effect.label), None)
     if effect.law is None or own is None:
@@ -109,7 +109,7 @@ def _either(case: SearchCase, found: Found, place: int) -> tuple[PossibleCause, 
 
 
 def _height(effect: Effect, first: Hypothesis) -> EffectSize | None:
-    """Amplitude of a law that nobody listed, from the likeliest set of causes."""
+    """Amplitude of a law outside the catalogue, from the accepted set of causes."""
     if effect.law is None or effect not in first.effects:
         return None
     found, names = first.sized or first.estimate, [p.name for p in effect.parameters]
@@ -122,14 +122,14 @@ def _height(effect: Effect, first: Hypothesis) -> EffectSize | None:
 def _alike(
     case: SearchCase, found: Found, rng: np.random.Generator
 ) -> list[tuple[NamelessEqual, ...]]:
-    """What does as well in the place of each cause, of all that has a name or none."""
+    """Effects, named or nameless, that predict as well in the place of each cause."""
     more = (*case.nameless, *mounting(case.cell.robot))
     wide = case.whitened(found.seen.beside(more))
     return [as_good(wide, k, len(case.suspects), rng) for k in range(len(found.accepted))]
 
 
 def _change(found: Found, where: Where) -> float:
-    """How much the deflection predicted at the test pose moves, mean over targets [m]."""
+    """Change of the predicted deflection at the test pose by the causes, mean over targets [m]."""
     pulls = Pulls.at(where.q, where.force, branch=1.0)
     first, last = found.first.model, found.view.model
     old = predict(first.cell, pulls, first.values).displacement
@@ -145,15 +145,15 @@ def _unnamed(found: Found, place: int) -> PossibleCause | None:
 
 
 def missing(found: Found, misfit_p: float) -> float:
-    """Probability that something acts which the model with the causes does not hold.
+    """Probability that something is present which the model with the causes lacks.
 
-    P = o / (o - e p ln p), o the odds of what has no name (`NAMELESS`), p the smallest chance of
-    what the model leaves: over free motions, by a further cause, by chi-square. It is 0 where
-    nothing rejects the model: what has no name then competes by its evidence alone.
+    P = o / (o - e p ln p), with o the prior odds of the nameless (`NAMELESS`) and p the smallest
+    p-value of the residuals: by free motions, by a further cause, by chi-square. It is 0 where
+    nothing rejects the model; the nameless then competes by its evidence alone.
 
     Args:
-        found: The causes.
-        misfit_p: Chance of what the model leaves, by chi-square.
+        found: Result of the search.
+        misfit_p: P-value of the residuals by chi-square.
     """
     if found.explains and misfit_p >= alarms.MISFIT:
         return 0.0
@@ -180,6 +180,23 @@ def of_unloaded(stood: UnloadedFacts) -> tuple[FoundCause, ...]:
     )
 
 
+def of_motion(
+    stood: UnloadedFacts, drift: Drift | None
+) -> tuple[tuple[FoundCause, ...], Drift | None]:
+    """Causes that the unloaded positions call for, and what the base shows beyond them.
+
+    A motion of the tracker that both show is one cause: a drift where the rounds of the base tell
+    it from a knock, else the knock, whose pose only the unloaded positions know.
+    """
+    moved = of_unloaded(stood)
+    others = tuple(one for one in moved if one.effect.name != "base_moved")
+    if drift is None or len(others) == len(moved):
+        return moved, drift
+    if drift.named and not drift.undecided:
+        return others, drift
+    return moved, replace(drift, named=False, undecided=False, knocked=None)
+
+
 def _sizes(
     effect: Effect, value: Array, std: Array, quantile: float = NORMAL_95
 ) -> tuple[EffectSize, ...]:
@@ -188,7 +205,7 @@ def _sizes(
 
 
 def of_base(drift: Drift | None, causes: Sequence[FoundCause]) -> tuple[FoundCause, ...]:
-    """The drift that the base reflectors show, unless the displacements have shown it already."""
+    """The drift that the base reflectors show, unless the displacements already show it."""
     if drift is None or not drift.named or drift.effect.name in {c.effect.name for c in causes}:
         return ()
     sizes = _sizes(drift.effect, drift.velocity, drift.std)
@@ -197,7 +214,7 @@ def of_base(drift: Drift | None, causes: Sequence[FoundCause]) -> tuple[FoundCau
 
 
 def of_scatter(whole: tuple[Effect, ...], spread: ScatterRatio) -> tuple[FoundCause, ...]:
-    """Causes of scatter: readings scatter more than the stated noise by a wide margin."""
+    """Causes of scatter: readings that scatter significantly more than the stated noise."""
     sizes = {
         "tracker_noise": (spread.tracker - 1, spread.tracker_std, spread.tracker_p),
         "force_noise": (

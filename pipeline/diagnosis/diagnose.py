@@ -1,4 +1,4 @@
-"""Stage 7. What the model gets wrong: detect, name, extend, measure the gain, ask for more."""
+"""Detect what the model lacks, name it, extend the model, propose poses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.diagnosis.blindspots import blind_spots
-from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_scatter, of_unloaded
+from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_motion, of_scatter
 from pipeline.diagnosis.facts import (
     CrossValidation,
     Determining,
@@ -54,20 +54,20 @@ from pipeline.system.whitened import Whitened
 _EQUILIBRIA = ("deformed", "undeformed")
 
 LEAST = 0.02
-"""Rivals less probable than this are ignored."""
+"""Probability below which rivals are ignored [1]."""
 
 _SHOWN = 5
-"""So many causes are shown that could be the only one."""
+"""Maximum number of causes listed as possible sole cause."""
 
 _FURTHER = "pipeline.design.undecided:to_measure"
-"""Poses to measure next: which they are is for the design to say."""
+"""Proposes the poses to measure next, if the outbuilding `design` is present."""
 
 _POINTS_M = 3e-4
 """Standard uncertainty per axis of the tool's points [m] where the campaign states none."""
 
 
 def _to_measure(*of: Any) -> tuple[tuple[Proposal, ...], tuple[Determining, ...]]:
-    """Poses that would tell causes apart, and those that determine joints; as `to_measure`."""
+    """Poses that would separate causes, and those that determine joints, as of `to_measure`."""
     further = doors.found(_FURTHER)
     return further(*of) if further else ((), ())
 
@@ -84,25 +84,24 @@ def diagnose(
     shape: Shape | None = None,
     room: Room | None = None,
 ) -> Diagnosed:
-    """Find what the paper's model misses in one campaign.
+    """Find what the joint springs model lacks in one campaign.
 
     Args:
-        cell: The paper's model.
+        cell: The joint springs model.
         data: The measurements.
         estimate: Its joint springs.
         where: The test pose, for the change of the predicted deflection.
         rng: Source of all draws (threshold, bootstrap, candidate poses).
-        effects: The catalogue to search; that of robot and loads when not given.
-        drift: What the base reflectors show of the tracker, where they show anything.
-        noise: Noise found in the campaign; found in its pulls when not given.
-        shape: Tails and wander that the measurements carry; none when not given.
-        room: What a proposed pose must leave free.
+        effects: The catalogue to search; by default that of robot and loads.
+        drift: Motion of the tracker that the base reflectors show, if any.
+        noise: Noise found in the campaign; by default estimated from its pulls.
+        shape: Tails and wander of the noise; none by default.
+        room: Obstacles that a proposed pose must avoid.
     """
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known, noise)
-    hung = as_stiff(cell, estimate)
-    stood = standing(hung, data, case.certain_noise, whole)
+    stood = standing(as_stiff(cell, estimate), data, case.certain_noise, whole)
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
@@ -115,13 +114,14 @@ def diagnose(
     stated_p, misfit = _misfit(sets[0].estimate if sets else estimate, spread)
     lacking = missing(found, misfit)
     causes = tuple(replace(one, missing=lacking) for one in causes)
+    moved, drift = of_motion(stood, drift)
     facts = replace(
         facts,
         causes=causes,
         scatter=of_scatter(whole, spread),
         beyond_a_tracker=estimate.p_value is None and not fits(estimate, data.tracked),
         unloaded=stood,
-        moved=of_unloaded(stood),
+        moved=moved,
         base=drift,
         stated_p=stated_p,
         misfit_p=misfit,
@@ -129,8 +129,6 @@ def diagnose(
     held = (facts.causes if facts.helps else ()) + facts.scatter
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
-    every = by_label(case.suspects)
-    main = [forms[0] for forms in every.values()]
     single = _alone(found, worth, rng)
     proposed, joints = _to_measure(case, found, causes, worth, known, rng)
     return Diagnosed(
@@ -140,26 +138,42 @@ def diagnose(
         blind_spots=_blind_spots(whole, found, facts, known),
         next_poses=proposed,
         determining=joints,
-        refused=found.refused,
-        clues=clues(found),
-        threshold=found.threshold.p,
-        lack_of_fit=(found.lack_first.p_poses, found.lack_first.p_pulls),
-        remainder=(found.lack.p_poses, found.lack.p_pulls, found.left),
-        rough=found.rough if facts.helps else None,
-        misfits=misfits(found.first),
         scatter=spread,
         equilibrium=case.cell.equilibrium,
-        apart=separation(found.first.M, found.first.base, found.first.at[main]),
-        apart_labels=tuple(every),
-        apart_found=_apart_found(case, found, main, facts.helps),
         hypotheses=sets,
+        **_of_search(found, facts.helps),
+        **_told_apart(case, found, facts.helps),
         **_left_out(found, worth, facts.helps),
-        noise_floor_m=rms(found.first.spread),
-        seen=found.seen,
-        settled=found.explains or not found.detected,
         stood_off_m=(stood.miss_m, stood.left_m),
         too_small=() if sets else too_small(case, found),
     )
+
+
+def _of_search(found: Found, helps: bool) -> dict[str, Any]:
+    """What the search itself has to say."""
+    return {
+        "refused": found.refused,
+        "clues": clues(found),
+        "threshold": found.threshold.p,
+        "lack_of_fit": (found.lack_first.p_poses, found.lack_first.p_pulls),
+        "remainder": (found.lack.p_poses, found.lack.p_pulls, found.left),
+        "rough": found.rough if helps else None,
+        "misfits": misfits(found.first),
+        "noise_floor_m": rms(found.first.spread),
+        "seen": found.seen,
+        "settled": found.explains or not found.detected,
+    }
+
+
+def _told_apart(case: SearchCase, found: Found, helps: bool) -> dict[str, Any]:
+    """How far causes are from each other, by the first form of each."""
+    every = by_label(case.suspects)
+    main = [forms[0] for forms in every.values()]
+    return {
+        "apart": separation(found.first.M, found.first.base, found.first.at[main]),
+        "apart_labels": tuple(every),
+        "apart_found": _apart_found(case, found, main, helps),
+    }
 
 
 def _apart_found(case: SearchCase, found: Found, main: Sequence[int], helps: bool) -> Array:
@@ -180,10 +194,10 @@ def _apart_found(case: SearchCase, found: Found, main: Sequence[int], helps: boo
 
 
 def _misfit(estimate: Estimate, spread: ScatterRatio) -> tuple[float | None, float]:
-    """`stated_p` and `misfit_p` of what stands.
+    """`stated_p` and `misfit_p` of the final model.
 
     The latter is that of F = (chi2 / dof) / s^2 with dof and nu = (u(s) / s)^-2 / 2 degrees of
-    freedom, s the scale of the tracker in contrasts over the noise in use.
+    freedom, s the scatter of the tracker in contrasts over the noise in use.
     """
     p, dof = estimate.p_value, estimate.dof
     if p is None:
@@ -198,7 +212,7 @@ def _misfit(estimate: Estimate, spread: ScatterRatio) -> tuple[float | None, flo
 def _alone(
     found: Found, worth: CrossValidation | None, rng: np.random.Generator
 ) -> tuple[SoleCause, ...]:
-    """What each of the likeliest causes does by itself, where it improves predictions."""
+    """Effect of each of the likeliest causes by itself, where it improves predictions."""
     single = [(r.suspect, r.probability) for r in found.single[:_SHOWN]]
     every = alone(found.first, single, rng) if worth else ()
     return tuple(one for one in every if one.reduction > 0)
@@ -207,7 +221,7 @@ def _alone(
 def _blind_spots(
     whole: tuple[Effect, ...], found: Found, facts: Facts, known: Twins
 ) -> tuple[Unnoticed, ...]:
-    """What would have gone unnoticed, except for what is stated already."""
+    """Blind spots, except causes that are listed as found or as rivals."""
     visible = dict(facts.unloaded.visible)
     if facts.base is not None:
         visible[facts.base.effect.label] = facts.base.visible
@@ -219,7 +233,7 @@ def _blind_spots(
     return tuple(spot for spot in spots if spot.effect.label not in names)
 
 
-def _left_out(found: Found, worth: CrossValidation | None, helps: bool) -> dict[str, Array]:
+def _left_out(found: Found, worth: CrossValidation | None, helps: bool) -> dict[str, Any]:
     """Cross-validation residuals of the joint springs and of the extended model."""
     before = worth.before if worth else _left_by_springs(found.first)
     after = worth.after if worth and helps else before
@@ -227,7 +241,7 @@ def _left_out(found: Found, worth: CrossValidation | None, helps: bool) -> dict[
 
 
 def _facts(case: SearchCase, found: Found, spread: ScatterRatio) -> Facts:
-    """What the displacements show, except for the causes themselves."""
+    """Facts from the displacements, without the causes themselves."""
     outside = found.stranger
     return Facts(
         detected=found.detected,
@@ -246,9 +260,9 @@ def _facts(case: SearchCase, found: Found, spread: ScatterRatio) -> Facts:
 
 
 def _refused(case: SearchCase, found: Found) -> tuple[Effect, ...]:
-    """Causes refused for their size that are likelier than not in the place of an accepted one.
+    """Causes refused for their magnitude that are likelier than not in an accepted one's place.
 
-    Where none was accepted, by themselves.
+    Where none was accepted, in the place of a sole cause.
     """
     places = found.rivals or (found.single,)
     likely = {one.suspect: one for place in places for one in place if one.probability > 0.5}
@@ -258,17 +272,20 @@ def _refused(case: SearchCase, found: Found) -> tuple[Effect, ...]:
 
 
 def _beyond_certificate(spread: ScatterRatio, stated: bool) -> bool:
-    """With one reflector only the certificate separates scatter from misfit."""
+    """Whether the residuals exceed the certificate, which alone separates scatter from misfit here.
+
+    This is the case with one reflector.
+    """
     return stated and spread.known_from == "residuals" and spread.tracker_p < alarms.SCATTER
 
 
 def _searched(
     case: SearchCase, spread: ScatterRatio, start: Array, rng: np.random.Generator
 ) -> tuple[SearchCase, ScatterRatio, Found]:
-    """Search with the scale's stated scatter; with a larger one only if that finds no cause.
+    """Search with the scale's stated scatter; with a larger one only if no cause explains the data.
 
-    A cause not yet identified looks like scatter of the scale, pull by pull: only what no cause
-    explains, and no law that nobody listed, may be scatter.
+    A cause not yet identified looks like scatter of the scale from pull to pull; therefore only
+    what neither a cause nor a law outside the catalogue explains may be scatter.
     """
     stated = replace(case, force_noise=1.0)
     asked, found = beyond(stated, search(stated, start, rng), start)
@@ -288,15 +305,15 @@ def case_of(
     known: Twins | None = None,
     noise: Components | None = None,
 ) -> tuple[SearchCase, ScatterRatio]:
-    """The suspects, at the scatter and the equilibrium that the data show.
+    """The suspects, with the scatter and the equilibrium that the data show.
 
     Args:
-        cell: The paper's model.
+        cell: The joint springs model.
         data: The measurements.
         estimate: Its joint springs.
-        whole: The catalogue; that of robot and loads when not given.
-        known: Its twins; found when not given.
-        noise: Noise found in the campaign; found in its pulls when not given.
+        whole: The catalogue; by default that of robot and loads.
+        known: Its twins; computed by default.
+        noise: Noise found in the campaign; by default estimated from its pulls.
     """
     whole = catalogue(cell.robot, data.pulls) if whole is None else whole
     known = known or twins(cell.robot)
@@ -321,7 +338,7 @@ def case_of(
 
 
 def _of_pulls(case: SearchCase, seen: Linearised, system: System) -> tuple[float, float]:
-    """`Components.left` of a campaign's pulls, its repeated zeros not being known."""
+    """`Components.left` from a campaign's pulls, without its repeated zeros."""
     residual = seen.y - seen.B @ seen.model.values
     contrasts = pure_error(system, residual, case.data, Zeros.none(), case.cell)
     found = variance_components(contrasts)
@@ -329,7 +346,7 @@ def _of_pulls(case: SearchCase, seen: Linearised, system: System) -> tuple[float
 
 
 def _bent(case: SearchCase, seen: Linearised) -> str:
-    """The equilibrium, on the straight or the deflected robot, that fits better."""
+    """The equilibrium, on the undeformed or the deformed robot, that fits better."""
     views = [case.whitened(seen.bent(equilibrium)) for equilibrium in _EQUILIBRIA]
     return _EQUILIBRIA[int(np.argmin([eliminate(v.M, v.base)[-1, -1] for v in views]))]
 

@@ -1,7 +1,8 @@
-"""Base reflectors read repeatedly: whether all of them share one rigid motion in time.
+"""Base reflectors read repeatedly: whether a common rigid motion in time explains their changes.
 
 They are fixed to the floor; where their readings rotate and shift as one rigid body between two
-times, the tracker moved. Their coordinates are free, so a wrong nominal one raises no alarm.
+times, the tracker moved. Their coordinates are free parameters, so a wrong nominal one raises no
+alarm.
 """
 
 from __future__ import annotations
@@ -28,11 +29,11 @@ from pipeline.system.noise import TOLERATED
 from pipeline.system.wander import Wander
 
 _ROUNDS = 100
-"""Rounds of readings of which each has a motion of its own at most [1]; of more, a motion is one in
-time."""
+"""Maximum number of rounds of readings that are tested for separate motions; of more, only a motion
+in time is."""
 
 _LEVER_M = 10.0
-"""Turns are estimated in shifts at this distance, for the conditioning."""
+"""Lever at which rotations are expressed as translations [m], for the conditioning."""
 
 
 def _forms(effects: Sequence[Effect]) -> list[Observation]:
@@ -51,22 +52,22 @@ def drift(
 
     y_k = p_t(k) + a(t_k) (v + w x (p_k - p_0)) + e_k,    e_k ~ N(0, scale^2 R C_k R'),
 
-    read in F_b [m]; p_t free for each reflector t, a a law of `LAWS`, v and w velocity and turn
-    about p_0. With chi2 the sum of squares left, s^2 = max(`TOLERATED`^2, chi2 / dof) and
-    p = P[chi2(6) > (chi2 without v and w - chi2) / s^2].
+    read in F_b [m]; p_t free for each reflector t, a a law of `LAWS`, v and w velocity and angular
+    velocity about p_0. With chi2 the residual sum of squares, s^2 = max(`TOLERATED`^2, chi2 / dof)
+    and p = P[chi2(6) > (chi2 without v and w - chi2) / s^2].
 
     Args:
         registration: The base readings in F_b with their times.
         scale: Scatter of the tracker over its stated one; where none is stated, [m].
-        unloaded: Where the effector was read [m], F_b, NaN unknown, shape (d, 3): the velocity is
-            stated at their centre, else at that of the base reflectors.
+        unloaded: Positions of the effector [m], F_b, NaN where unknown, shape (d, 3): the velocity
+            is stated at their centre, else at that of the base reflectors.
         effects: The catalogue.
-        wander: What the displacements show of a wander of the instrument, which moves all
-            reflectors alike from one round to the next.
+        wander: Wander of the instrument found in the displacements, which moves all reflectors
+            alike from one round to the next.
 
     Returns:
-        None without times unless the catalogue is one by the order of rows, with too few
-        reflectors, or with one round of readings.
+        None without times, unless the laws are by the order of rows; with too few reflectors; or
+            with one round of readings.
     """
     forms = _forms(effects)
     by_order = any(e.parameters[0].unit == PER_GROUP for e in forms)
@@ -80,7 +81,7 @@ def drift(
         return None
     amounts = [amount(effect, since) for effect in forms]
     laws = _moved(base, white @ rigid, amounts)
-    # the steady law, the first, unless another one fits better by `odds.DECIDES`
+    # the steady law, which is the first, unless another one fits better by `odds.DECIDES`
     best = int(np.argmax(laws.drop - odds.DECIDES * (np.arange(len(forms)) > 0)))
     knocks = _moved(base, white @ rigid, [after.astype(float) for after in _rounds(table)])
     better = max(knocks.drop, default=-np.inf) - float(laws.drop[best])
@@ -94,11 +95,11 @@ def drift(
 
 
 def _knocked(law: Drift, base: Base, table: pd.DataFrame, white: Array, rigid: Array) -> Drift:
-    """The same, with the rounds between which the tracker moved by more than it scatters.
+    """The result, with the rounds between which the tracker moved significantly, if there are any.
 
-    y_k = p_t(k) + v_r(k) + w_r(k) x (p_k - p_0) + e_k, v_r and w_r of its own for each round:
-    P[chi2 > drop] < alarms.MOVED, where that is all that the rounds differ by, and a step that
-    moves the reflectors by more than `AWAY` standard uncertainties, rms.
+    y_k = p_t(k) + v_r(k) + w_r(k) x (p_k - p_0) + e_k, with v_r and w_r of each round:
+    P[chi2 > drop] < alarms.MOVED, where this explains all differences between the rounds, and the
+    largest step moves the reflectors by more than `AWAY` standard uncertainties, rms.
     """
     after = _rounds(table)
     if not 0 < len(after) < _ROUNDS:
@@ -122,7 +123,8 @@ def _repeated(table: pd.DataFrame, by_order: bool) -> pd.DataFrame:
 
     Args:
         table: Table REGISTRATION.
-        by_order: No reading of the campaign has a time, and the order of rows stands for it.
+        by_order: Whether no reading of the campaign has a time, so that the order of rows replaces
+            it.
     """
     if not by_order:
         table = table[table["time"].notna()]
@@ -132,13 +134,13 @@ def _repeated(table: pd.DataFrame, by_order: bool) -> pd.DataFrame:
 
 
 def _stated_at(unloaded: Array, registration: Registration) -> Array:
-    """Where the velocity is stated [m], F_b, shape (3,)."""
+    """Point at which the velocity is stated [m], F_b, shape (3,)."""
     known = unloaded[np.isfinite(unloaded).all(axis=1)]
     return np.asarray(known.mean(axis=0) if len(known) else registration.centre)
 
 
 def _moved(base: Base, motions: Array, amounts: Sequence[Array]) -> Beside:
-    """Whitened rigid motions in proportion to some amount of each reading, by amounts."""
+    """Whitened rigid motions, scaled by each of several amounts per reading, given the base."""
     columns = np.array(amounts).reshape(-1, len(motions), 1, 1) * motions
     shape = 1, 3 * len(motions), len(amounts), 6
     return base.beside(np.moveaxis(columns, 0, 2).reshape(shape)).of_block(0)
@@ -152,11 +154,11 @@ def _stated(
     moved_m: float,
     hours: float,
 ) -> Drift:
-    """What is stated of the motion by a law; `knocked` is by how much one knock fits better."""
+    """Result for the best law; `knocked` is the margin by which a single knock fits better."""
     left, dof, motion = float(laws.rest - laws.drop[best]), laws.dof - 6, laws.size[best]
     variance = max(TOLERATED**2, left / dof)
     p = float(laws.p(variance, np.inf)[best])
-    # what it leaves else is a reflector that moved or was read badly
+    # what remains is a reflector that moved or was read badly
     rigid = bool(chi2_beyond(left / TOLERATED**2, dof) > odds.FITS)
     typical = np.concatenate([[q.typical for q in effect.parameters], np.zeros(3)])
     shown = typical @ laws.N[best] @ typical / variance
@@ -187,9 +189,9 @@ def _base(
     since: Array,
     wander: Wander | None,
 ) -> tuple[Base, Array, Array]:
-    """Readings beside where each reflector stands, what whitens them, their rigid motions.
+    """The base with the reflectors' positions, the whitening, and rigid motions of the readings.
 
-    Shifts, and turns about `at` at LEVER_M; the latter two of shapes (k, 3, 3) and (k, 3, 6).
+    Whitening (k, 3, 3); motions (k, 3, 6): translations, and rotations about `at` at `_LEVER_M`.
     """
     C = covariance.weighing(table)
     R = registration.R
@@ -199,7 +201,7 @@ def _base(
     fixed = np.einsum("kij,kt->kitj", white, which).reshape(3 * len(table), -1)
     turns = linear.turning(points - at) / _LEVER_M
     rigid = np.concatenate([np.tile(np.eye(3), (len(table), 1, 1)), turns], axis=2)
-    off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)  # small numbers keep digits for the fit
+    off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)  # small numbers keep digits in the fit
     y = (white @ off[..., None]).ravel()
     if wander is not None and wander.process.any():
         F = wander.of_readings(since, points - registration.tracker)
@@ -215,13 +217,13 @@ def _base(
 
 
 def _rounds(table: pd.DataFrame) -> list[Bools]:
-    """Which readings come after each pause between two rounds of readings, by their groups."""
+    """Masks of the readings after each interval between two rounds (groups of readings)."""
     begun = table.groupby("group")["since"].transform("mean")
     return [(begun >= start).to_numpy() for start in sorted(begun.unique())[1:]]
 
 
 def _undecided(effect: Observation, table: pd.DataFrame) -> Observation:
-    """The effect, saying that a tracker that was knocked once would look the same."""
+    """The effect, with a note that a tracker that was knocked once would look the same."""
     groups = table.sort_values("since")["group"].unique()
     needs = (
         f"the base reflectors read again between {groups[0]} and {groups[-1]}: as they were read, "

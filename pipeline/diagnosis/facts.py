@@ -1,4 +1,4 @@
-"""The record that a diagnosis leaves behind, and how result.json words it."""
+"""The record of a diagnosis, from which result.json is worded."""
 
 from __future__ import annotations
 
@@ -15,25 +15,24 @@ from pipeline.diagnosis.bounds import Bounds
 from pipeline.diagnosis.joined import Agreement
 from pipeline.faults.mistake import Mistake
 from pipeline.geometry.roughness import Cells
-from pipeline.machine.effect import Effect, Observation
+from pipeline.machine.effect import Effect, Elastic, Observation
 from pipeline.readers.known import GROSS_M
 from pipeline.system.linearised import Linearised
 from pipeline.system.system import Estimate, ScatterRatio
 
-ROUGH = 1.6
-"""A model that leaves this many times the scatter has a wrong law somewhere."""
-
-
 APART = 4.6
-"""Sigmas between two causes from which the right one leads by 20 to 1 in 95 % of the cases."""
+"""Separation of two causes in standard deviations [1] at which the right one leads by 20 to 1 in 95
+% of the cases."""
 
 DETECTED = 5.0
-"""Sigmas from which detection of a cause is nearly certain."""
+"""Separation from the joint springs in standard deviations [1] at which detection is nearly
+certain."""
 
 
 MANY = 10.0
-"""A cause so many times its typical size is said to be [1]: typical sizes are estimates and hold to
-a factor of a few (`Effect.source`), so what is beyond an order of magnitude is no usual cause."""
+"""Multiple of its typical magnitude from which on a cause is called enormous [1]: typical
+magnitudes are estimates and hold to a factor of a few (`Effect.source`), so anything beyond an
+order of magnitude is no usual cause."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,9 +43,9 @@ class CrossValidation(Locked):
         before: Cross-validation residuals without the causes [m], shape (M,).
         after: The same with the causes chosen in each fold [m], shape (M,).
         reduction: Fraction by which the rms falls.
-        ci95: Its interval by bootstrap over poses.
+        ci95: Its 95 % interval by bootstrap over poses.
         chosen: Labels chosen when each pose was left out.
-        of: What is predicted, `displacements` or `unloaded positions`.
+        of: Predicted quantity, `displacements` or `unloaded positions`.
     """
 
     before: Array
@@ -69,13 +68,13 @@ class CrossValidation(Locked):
 
 @dataclass(frozen=True)
 class SoleCause:
-    """What one cause does by itself, identified or not.
+    """Effect of one cause by itself, identified or not.
 
     Attributes:
         effect: The cause, in its best form.
-        probability: Given that exactly one cause of the catalogue is at work.
+        probability: Probability given that exactly one cause of the catalogue is present.
         reduction: Fraction by which the cross-validation rms falls.
-        ci95: Its interval by bootstrap over poses.
+        ci95: Its 95 % interval by bootstrap over poses.
     """
 
     effect: Effect
@@ -86,13 +85,13 @@ class SoleCause:
 
 @dataclass(frozen=True)
 class NamelessEqual:
-    """Something without a name that predicts left-out poses as well as a cause in its place.
+    """A nameless effect that predicts left-out poses as well as a cause when put in its place.
 
     Attributes:
-        effect: What it is like.
-        reduction: Fraction by which it lets the cross-validation rms fall, beside the other causes.
-        ci95: Its interval by bootstrap over poses.
-        times_typical: Its largest parameter over the usual size of that.
+        effect: The nameless effect.
+        reduction: Fraction by which the cross-validation rms falls with it and the other causes.
+        ci95: Its 95 % interval by bootstrap over poses.
+        times_typical: Its largest parameter over its typical magnitude.
     """
 
     effect: Effect
@@ -103,14 +102,14 @@ class NamelessEqual:
 
 @dataclass(frozen=True)
 class Unnoticed:
-    """One cause that would have gone unnoticed at its typical size.
+    """A cause that would have gone unnoticed at its typical magnitude.
 
     Attributes:
         effect: The cause.
         why: What hides it.
-        smallest_visible: Size of its first parameter that is found in 80 % of the cases, SI; None
-            when no size is.
-        times: The same over the typical size.
+        smallest_visible: Magnitude of its first parameter that is detected in 80 % of the cases,
+            SI; None if none is.
+        times: The same over the typical magnitude.
     """
 
     effect: Effect
@@ -125,11 +124,10 @@ class Pose(Locked):
 
     Attributes:
         q: Joint values [m] or [rad], shape (n,).
-        anchor: Where to attach the chain [m], F_b, shape (3,).
-        force: The largest of the load steps on the robot [N], F_b, shape (3,); all have its
-            direction.
-        steps: How many load steps.
-        approach: How the carriage comes, 1 with rising rail position, -1 with falling.
+        anchor: Anchor point of the chain [m], F_b, shape (3,).
+        force: Largest load step on the robot [N], F_b, shape (3,); all have its direction.
+        steps: Number of load steps.
+        approach: Approach of the carriage, 1 with rising rail position, -1 with falling.
     """
 
     q: Array
@@ -140,20 +138,20 @@ class Pose(Locked):
 
     @property
     def force_n(self) -> float:
-        """Size of the largest load step [N]."""
+        """Magnitude of the largest load step [N]."""
         return float(np.linalg.norm(self.force))
 
 
 @dataclass(frozen=True, eq=False)
 class Proposal(Locked):
-    """One pose that would tell causes apart.
+    """One pose that would separate causes.
 
     Attributes:
-        separates: Labels of the two causes that stay closest, or of a cause and `_SPRINGS`.
+        separates: Labels of the two causes that stay closest, or of a cause and `joint_springs`.
         at: The pose.
-        before: Sigmas between the two now.
-        after: Sigmas expected with the poses up to this one.
-        poses: How many poses are proposed up to here.
+        before: Present separation of the two [standard deviations].
+        after: Expected separation with the poses up to this one.
+        poses: Number of poses proposed up to here.
     """
 
     separates: tuple[str, str]
@@ -165,11 +163,11 @@ class Proposal(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Determining(Locked):
-    """The pose that would make one joint's compliance most certain.
+    """The pose that would reduce the uncertainty of one joint's compliance most.
 
     Attributes:
         at: The pose.
-        before: Standard uncertainty of the compliance now, in typical sizes [1].
+        before: Present standard uncertainty of the compliance, in typical magnitudes [1].
         after: The same with the pose.
     """
 
@@ -180,23 +178,23 @@ class Determining(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Drift(Locked):
-    """What the base reflectors show of the tracker.
+    """Motion of the tracker that the base reflectors show.
 
     Attributes:
         effect: The law that fits best, `needs` saying what would separate it from others.
         velocity: Its parameters at the centre of the effector's readings: [m/s], or [m] for a
             tracker that settles, shape (3,).
         std: Their standard uncertainties, shape (3,).
-        turn: The rotation about that centre [rad/s] or [rad], F_b, shape (3,).
+        turn: Rotation about that centre [rad/s] or [rad], F_b, shape (3,).
         turn_std: Its standard uncertainties, shape (3,).
-        moved_m: How far the base reflectors moved from the first to the last reading, rms [m].
+        moved_m: Motion of the base reflectors between first and last reading, rms [m].
         hours: Time between them [h].
-        p_value: Probability of so much rigid motion by chance.
+        p_value: Probability of as much rigid motion by chance.
         named: Whether it is called a drift.
         undecided: Whether a tracker that was knocked once would look the same.
-        visible: Multiple of the typical size that would be named in 80 % of the cases.
-        knocked: The rounds between which it moved most, by `moved_m` then, where it moved by
-            more than noise of any kind moves it, and no law in time says how; None else.
+        visible: Multiple of the typical magnitude that would be named in 80 % of the cases.
+        knocked: The two rounds between which the tracker moved most, then by `moved_m`, if it moved
+            by more than any noise and no law in time describes it; else None.
     """
 
     effect: Observation
@@ -218,7 +216,7 @@ class EffectSize:
     """One parameter of an identified cause.
 
     Attributes:
-        parameter: Name, unit, typical size and bounds.
+        parameter: Name, unit, typical magnitude and bounds.
         value: Estimate, SI.
         std: Its standard uncertainty.
         ci95: 95 % interval.
@@ -231,12 +229,12 @@ class EffectSize:
 
     @property
     def times_typical(self) -> float:
-        """|value| over the typical size [1]."""
+        """|value| over the typical magnitude [1]."""
         return abs(self.value) / self.parameter.typical
 
     @property
     def at_least_typical(self) -> float:
-        """The same at the end of the interval that is nearer to zero; 0 where that holds it."""
+        """Interval end nearer to zero over the typical magnitude [1]; 0 if zero is inside."""
         low, high = self.ci95
         return max(low, -high, 0.0) / self.parameter.typical
 
@@ -244,13 +242,13 @@ class EffectSize:
     def symmetric(
         cls, parameter: Parameter, value: float, std: float, quantile: float = NORMAL_95
     ) -> EffectSize:
-        """One whose interval reaches `quantile` standard uncertainties to either side."""
+        """A magnitude whose interval is `value` +- `quantile` standard uncertainties."""
         return cls(parameter, value, std, (value - quantile * std, value + quantile * std))
 
 
 @dataclass(frozen=True)
 class PossibleCause:
-    """A cause that could stand in some place, with its probability."""
+    """A possible cause and its probability."""
 
     effect: Effect
     probability: float
@@ -261,13 +259,13 @@ class TableCause(Locked):
     """A cause that the unloaded positions call for.
 
     Attributes:
-        effect: What it is.
+        effect: The cause.
         value: Its parameters, SI, shape (k,).
         std: Their standard uncertainties, shape (k,).
-        p_value: Chance of so much in a robot without, as many causes being looked for as are.
-        probability: Of it, or of a twin, against all that could stand in its place.
-        rivals: What else could, likeliest first.
-        twins: What makes the same robot: offsets along parallel axes.
+        p_value: Probability that any of the causes tested appears as large in a robot without them.
+        probability: Probability of the cause, or of a twin, against all that could replace it.
+        rivals: Causes that could replace it, likeliest first.
+        twins: Causes that result in the same robot: offsets along parallel axes.
     """
 
     effect: Effect
@@ -281,18 +279,18 @@ class TableCause(Locked):
 
 @dataclass(frozen=True, eq=False)
 class UnloadedFacts(Locked):
-    """What the unloaded positions show.
+    """Result of the unloaded positions.
 
     Attributes:
-        miss_m: Their deviation from the table, tool and base estimated as well, rms [m]; NaN
-            where too few were read.
-        left_m: The same from the estimated table, with the causes.
-        visible: Multiple of its typical size from which each cause would be found, by label.
+        miss_m: Their deviation from the table, tool and base estimated, rms [m]; NaN where too few
+            were read.
+        left_m: Their deviation from the estimated table with the causes, rms [m].
+        visible: Multiple of its typical magnitude from which each cause would be found, by label.
         cells: The estimated table, None where too few positions were read.
-        causes: What is off by far more than the rest of the table.
-        gain: What the estimate is worth at poses that were left out, against the table as it is.
-        rough: The table is off by more than is stated, beyond chance.
-        tool_m: How far the targets are from their places in [tool], the farthest [m].
+        causes: Parameters that are off by far more than the rest of the table.
+        gain: Cross-validation of the estimated against the nominal table.
+        rough: Whether the table is off by significantly more than stated.
+        tool_m: Largest distance of a target from its position in [tool] [m].
     """
 
     miss_m: float
@@ -306,31 +304,31 @@ class UnloadedFacts(Locked):
 
     @property
     def useless(self) -> bool:
-        """The causes predict where the robot stands in left-out poses no better than none."""
+        """Whether the causes fail to improve the predicted positions of left-out poses."""
         return bool(self.causes) and self.gain is not None and self.gain.reduction <= 0
 
     @property
     def believed(self) -> bool:
-        """Causes were found, and the robot stands where they put it."""
+        """Whether causes were found that improve predictions and explain the unloaded positions."""
         return bool(self.causes) and not self.useless and not self.refuted
 
     @property
     def refuted(self) -> bool:
-        """The robot is nowhere near where its table puts it, whatever single entry is wrong.
+        """Whether the robot is far from its table, whatever single entry is wrong.
 
-        Then the joint log or the whole table is wrong in a way that nobody listed. The same where
-        all targets are nowhere near their places in [tool].
+        Then the joint log or the whole table is wrong in an unlisted way. Also true where targets
+        are far from their positions in [tool].
         """
         left = self.left_m if self.causes else self.miss_m
         return max(left, self.tool_m) >= GROSS_M
 
     @property
     def corrects(self) -> bool:
-        """Whether displacements are analysed on the estimated table.
+        """Whether displacements are analysed with the estimated table.
 
-        They are where causes are believed, or where the table is rough beyond chance and the
-        estimated one predicts better where the robot stands in left-out poses. The second alone
-        does not do: of four poses all are better by chance in one campaign of sixteen.
+        They are where causes are believed, or where the table is significantly rough and the
+        estimated one certainly predicts left-out poses better. The latter alone is not sufficient:
+        with four poses, all improve by chance in one campaign of sixteen.
         """
         better = self.gain is not None and self.gain.ci95[0] > 0
         return self.believed or (self.rough and better and not self.refuted)
@@ -349,28 +347,28 @@ class FoundCause(Locked):
     """A cause that the data call for.
 
     Attributes:
-        effect: What it is.
-        probability: Against the others of the catalogue that could stand in its place, if one of
-            them does.
+        effect: The cause.
+        probability: Probability against the others of the catalogue that could replace it, given
+            that one of them is present.
         amplitudes: Its parameters.
-        p_value: Chance of so much evidence if it were absent.
+        p_value: Probability of as much evidence if it were absent.
         rivals: The others, likeliest first.
-        unnamed: What has no name and would stand there instead, and how likely something without
-            a name does; None where nothing was asked.
-        as_good: What has no name and predicts as well in its place, the best first.
+        unnamed: The likeliest nameless effect in its place, with the probability of any; None where
+            this was not tested.
+        as_good: Nameless effects that predict as well in its place, the best first.
         twins: Labels of rivals that no pose separates from it.
-        same_robot: Those of them that make the same robot: offsets along parallel axes.
+        same_robot: Those of them that result in the same robot: offsets along parallel axes.
         gain: Cross-validation error without and with all identified causes; None for causes of
             scatter and for a drift that the base reflectors show.
-        test_pose_change_m: By how much the predicted deflection at the test pose changes [m]; None
-            where that is not known.
-        height: Amplitude of a law that nobody listed; None for causes of the catalogue.
-        each_way: Compliance of the joint where the torque is positive, and where it is negative,
-            of a cause that gives it two; empty for others.
-        either: Laws of its place that the readings do not tell apart, itself first, each with its
-            probability if one of its place acts; empty where it leads by 20 to 1.
-        missing: Probability that something acts which the model with the causes does not hold, by
-            what it leaves; 0 where that is no more than chance.
+        test_pose_change_m: Change of the predicted deflection at the test pose [m]; None where
+            unknown.
+        height: Amplitude of a law outside the catalogue; None for causes of the catalogue.
+        each_way: Compliance of the joint for positive and for negative torque, for a two-sided
+            cause; empty for others.
+        either: Laws of its place that the readings do not distinguish, itself first, each with its
+            probability given that one of its place is present; empty where it leads by 20 to 1.
+        missing: Probability that something is present which the model with the causes lacks, from
+            the residuals; 0 where these are explained by chance.
     """
 
     effect: Effect
@@ -391,26 +389,26 @@ class FoundCause(Locked):
 
     @property
     def outside(self) -> float:
-        """Probability that what looks like it is none of the catalogue."""
+        """Probability that the apparent cause is not of the catalogue."""
         return max(self.missing, self.unnamed.probability if self.unnamed else 0.0)
 
     def stated(self, share: float) -> float:
-        """Probability of one of the catalogue, of its share if one of them stands there."""
+        """Probability of a cause of the catalogue, from its share given that one is present."""
         return (1.0 - self.outside) * share
 
     @property
     def told(self) -> tuple[EffectSize, ...]:
-        """What is told of its size: its parameters, or what these mean."""
+        """Magnitudes to report: its amplitude, compliances each way, or parameters."""
         return (self.height,) if self.height else self.each_way or self.amplitudes
 
     @property
     def largest(self) -> EffectSize:
-        """Its parameter that is largest in typical sizes."""
+        """Its largest parameter relative to the typical magnitude."""
         return max(self.amplitudes, key=lambda one: one.times_typical)
 
     @property
     def enormous(self) -> EffectSize | None:
-        """Its parameter that is certainly `MANY` times its typical size; None where none is."""
+        """Its parameter that certainly exceeds `MANY` times its typical magnitude, if any."""
         most = max(self.amplitudes, key=lambda one: one.at_least_typical)
         return most if most.at_least_typical > MANY else None
 
@@ -421,10 +419,10 @@ class SuspectStatistics:
 
     Attributes:
         effect: The suspect, in its best form.
-        p_value: F test.
-        log_evidence: Natural log, with physical priors.
-        absorbed: Fraction of its signature that the joint springs hide.
-        smallest_visible: Multiple of its typical size that is found in 80 % of the cases.
+        p_value: P-value of the F test.
+        log_evidence: Natural logarithm of the evidence with physical priors.
+        absorbed: Fraction of its signature that the joint springs absorb.
+        smallest_visible: Multiple of its typical magnitude that is detected in 80 % of the cases.
     """
 
     effect: Effect
@@ -436,7 +434,7 @@ class SuspectStatistics:
 
 @dataclass(frozen=True)
 class Misfit:
-    """Where what is left sits: drop of chi-square when all suspects of one place join."""
+    """Share of one place in the misfit: drop of chi-square with all suspects of the place."""
 
     place: str
     share: float
@@ -445,37 +443,36 @@ class Misfit:
 
 @dataclass(frozen=True, eq=False)
 class Facts:
-    """All that the verdict depends on, with what its sentences state.
+    """All that the verdict depends on, with the values that its sentences state.
 
     Attributes:
         detected: The joint springs alone do not explain the displacements.
         explains: The causes leave nothing but scatter.
-        causes: What the displacements call for, whether or not it predicts better.
-        gain: What these are worth at poses that were left out.
-        outside: The likeliest outside the catalogue, in the place of a cause.
-        refused: Causes that explain best, but at a size that physics does not allow.
-        remainder: What is left with the causes over what the readings scatter; None if unknown.
-        loose_p: Chance that the reflectors only seem to move against each other under load.
+        causes: Causes of the displacements, whether or not they improve predictions.
+        gain: Cross-validation error without and with them.
+        outside: The likeliest cause outside the catalogue, in the place of a cause.
+        refused: Causes that explain best, but at a physically impossible magnitude.
+        remainder: Remainder ratio with the causes; None if unknown.
+        loose_p: P-value of the reflectors' apparent motion against each other under load.
         scale_ratio: Scatter of the scale found over stated, relative to the tracker's, where only
-            this makes the remainder scatter; else 1.
-        scatter_told: The scatter of the readings is known from more than what the model leaves:
+            this explains the remainder as scatter; else 1.
+        scatter_told: Whether the scatter of the readings is known from more than the residuals:
             stated, or found in contrasts that no model of the robot can make.
         tracker_ratio: Scatter of the tracker found over the noise in use, which is not the stated
             one where repeats have corrected it.
         scatter: Causes of scatter.
         beyond_certificate: The residuals are larger than any error of a certificate.
         beyond_a_tracker: No noise is stated, and the residuals are larger than a tracker's.
-        stated_p: Probability of what the model leaves, by the noise in use; None where none is
-            stated.
-        misfit_p: The same by the noise found in contrasts, if that is more likely.
-        unloaded: What the unloaded positions show.
+        stated_p: P-value of the residuals with the noise in use; None where none is stated.
+        misfit_p: The same with the noise found in contrasts, if that is larger.
+        unloaded: Result of the unloaded positions.
         moved: Causes that these call for.
-        base: What the base reflectors show of the tracker, where they show anything.
-        drift: The same where they call for a drift.
-        mistakes: Mistakes in the data, corrected for all the rest.
-        bounds: Noise and misfit against what they can be.
-        positions: What absolute positions in a campaign of pulls show; None without any.
-        agreement: Springs by the arm's weight against those by the pulls, where both tell.
+        base: Motion of the tracker that the base reflectors show, if any.
+        drift: The same where it is named as a drift.
+        mistakes: Mistakes in the data, corrected in all other results.
+        bounds: Noise and misfit against their bounds.
+        positions: Facts of the absolute positions in a campaign of pulls; None without any.
+        agreement: Comparison of the springs by the arm's weight and by the pulls.
     """
 
     detected: bool = False
@@ -504,11 +501,23 @@ class Facts:
     agreement: Agreement | None = None
 
     @property
-    def helps(self) -> bool:
-        """The causes predict left-out poses better than the joint springs alone do.
+    def misdescribed(self) -> tuple[FoundCause, ...]:
+        """Causes among `moved` that are errors of the robot's file or base frame.
 
-        For certain, where only what the model leaves tells how the readings scatter: a test that
-        rests on its own residuals takes for granted that these are normal and all of one size.
+        What acts on the deflections too, the sag under the arm's weight, is the machine's own.
+        """
+        return tuple(
+            one
+            for one in self.moved
+            if not any(isinstance(facet, Elastic) for facet in one.effect.facets)
+        )
+
+    @property
+    def helps(self) -> bool:
+        """Whether the causes predict left-out poses better than the joint springs alone do.
+
+        They must do so with certainty where the scatter is known from the residuals only: such a
+        test presumes that the residuals are normal and of equal variance.
         """
         if self.gain is None:
             return True
@@ -517,39 +526,41 @@ class Facts:
 
 @dataclass(frozen=True, eq=False)
 class Diagnosed(Locked):
-    """What the model gets wrong.
+    """Result of the diagnosis.
 
     Attributes:
-        facts: What the verdict follows from.
+        facts: Facts from which the verdict follows.
         causes: The identified causes.
-        alone: What the likeliest causes do each by itself.
-        blind_spots: What would have gone unnoticed.
-        next_poses: What to measure next, where a cause is in question.
-        determining: The best pose for each joint, where none is; empty where no pose was found.
-        refused: Labels that fit best only at a physically impossible size.
+        alone: Effect of each of the likeliest causes by itself.
+        blind_spots: Causes that would have gone unnoticed.
+        next_poses: Poses to measure next, where a cause is in question.
+        determining: The best pose for each joint, where no cause is in question; empty where none
+            was found.
+        refused: Labels of suspects that fit best only at a physically impossible magnitude.
         clues: Statistics of every suspect.
-        threshold: p below which one suspect is a detection.
-        lack_of_fit: p of the tests of lack of fit with the joint springs alone.
-        remainder: The same with the causes, and the smallest p of a further suspect.
-        rough: Remainder ratio: what is left with the causes over the scatter; None if unknown.
-        misfits: Where in the cell the misfit sits, the largest share first.
+        threshold: P-value below which a single suspect is detected.
+        lack_of_fit: P-values of the tests of lack of fit with the joint springs alone.
+        remainder: The same with the causes, and the smallest p-value of a further suspect.
+        rough: Remainder ratio with the causes; None if unknown.
+        misfits: Places of the misfit in the cell, the largest share first.
         scatter: Scatter found over scatter stated.
         equilibrium: `deformed` where the second order in the load fits better.
-        apart: Sigmas between suspects at typical size as this campaign sees them, (n, n).
+        apart: Separation of suspects of typical magnitude in this campaign [standard deviations],
+            (n, n).
         apart_labels: Labels of its rows.
-        apart_found: The same between an identified cause, as large as found here, and the others,
-            NaN elsewhere, (n, n).
-        hypotheses: Springs estimated together with the identified causes, then with each likely
-            set of causes in their place; empty where nothing changes the springs.
-        too_small: Springs estimated together with each cause that may act but is too small to name,
-            by its probability beside the joint springs alone; empty where something was detected.
+        apart_found: Separation of an identified cause, with its magnitude, from the others; NaN
+            elsewhere, (n, n).
+        hypotheses: Springs estimated together with the identified causes, then with each likely set
+            of causes in their place; empty where nothing changes the springs.
+        too_small: Springs estimated together with each cause that may be present but is too small
+            to name, with its probability; empty where something was detected.
         left_out_before_m: Cross-validation residuals of the joint springs [m], shape (M,).
-        left_out_after_m: Of the extended model [m], shape (M,); the same without causes.
-        noise_floor_m: Root mean square that the scatter of the readings alone makes.
+        left_out_after_m: Those of the extended model [m], shape (M,); the same without causes.
+        noise_floor_m: Rms error expected from the scatter of the readings alone [m].
         seen: The campaign linearised at the joint springs and all accepted causes.
-        settled: The model leaves nothing but scatter, so that noise can be seen beside it.
-        stood_off_m: How far the unloaded reflectors are from the table, rms [m], and the same
-            with the identified causes; NaN where that is not known.
+        settled: Whether the model leaves nothing but scatter, so that the noise can be estimated.
+        stood_off_m: Deviation of the unloaded reflectors from the table, rms [m], and the same with
+            the identified causes; NaN where unknown.
     """
 
     facts: Facts
@@ -581,7 +592,7 @@ class Diagnosed(Locked):
 
     @property
     def estimate(self) -> Estimate | None:
-        """Springs and identified causes estimated together, None where nothing changes them."""
+        """Springs and identified causes estimated together, None if nothing changes the springs."""
         return self.hypotheses[0].estimate if self.hypotheses else None
 
     @property

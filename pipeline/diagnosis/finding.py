@@ -1,12 +1,15 @@
-"""What a diagnosis can find, and what that makes of a campaign."""
+"""Findings of a diagnosis, and the verdicts that they lead to."""
 
 from __future__ import annotations
 
 from enum import StrEnum
 
+ROUGH = 1.6
+"""Remainder ratio from which on a law of the model must be wrong [1]."""
+
 
 class Verdict(StrEnum):
-    """What a campaign comes to, the most severe last."""
+    """Verdict on a campaign, the most severe last."""
 
     ADEQUATE = "adequate"
     EXPLAINED = "explained"
@@ -16,12 +19,12 @@ class Verdict(StrEnum):
 
     @property
     def severity(self) -> int:
-        """0 to 4."""
+        """Rank of severity, 0 to 4."""
         return list(Verdict).index(self)
 
 
 class Finding(StrEnum):
-    """What was found; each name stands in one row of `TABLE`."""
+    """Kinds of findings; each occurs in one row of `TABLE`."""
 
     MISTAKE = "mistake"
     TRACKER_MOVED = "tracker_moved"

@@ -1,4 +1,4 @@
-"""What may be true: the accepted causes, and others in their places, each with its own springs."""
+"""Hypotheses: the accepted causes, and others in their places, each with its own springs."""
 
 from __future__ import annotations
 
@@ -24,23 +24,24 @@ from pipeline.system.system import Errors, Estimate, System
 from pipeline.system.whitened import with_laws
 
 _SEED = 20261122
-"""Of its draws: another one moves numbers within what they say of their scatter."""
+"""Seed of the draws; another one changes numbers within their stated scatter."""
 
 _USUAL = 2.5
-"""Standard deviation of an unnoticed cause in typical sizes [1]: the second largest of the widths
-that the evidence is averaged over (`system.evidence.WIDTHS`)."""
+"""Standard deviation of an undetected cause in typical magnitudes [1]: the second largest of the
+widths over which the evidence is averaged (`system.evidence.WIDTHS`)."""
 
 
 def hypotheses(case: SearchCase, found: Found, moved: bool, helps: bool) -> tuple[Hypothesis, ...]:
-    """The accepted causes, and every set with likely rivals in their places; none without causes.
+    """The accepted causes, and every set with likely rivals in their places; empty without causes.
+
+    A scale that scatters more than stated, or a moved robot, requires the same springs with new
+    weights.
 
     Args:
         case: The case.
-        found: The causes that the displacements called for.
+        found: Result of the search in the displacements.
         moved: The robot is not where its log says; the case already includes that.
         helps: The causes predict left-out poses better than the joint springs alone do.
-
-    A scale that scatters more than stated requires the same springs with new weights.
     """
     if not (found.accepted and helps):
         if not moved and case.force_noise == 1:
@@ -54,10 +55,10 @@ def hypotheses(case: SearchCase, found: Found, moved: bool, helps: bool) -> tupl
 
 
 def too_small(case: SearchCase, found: Found) -> tuple[Hypothesis, ...]:
-    """Single causes that may act unseen where none is detected, each above `LIKELY`.
+    """Single causes that may be present undetected where none is detected, each above `LIKELY`.
 
-    Weights are those beside a model without causes, which has the rest of them. Of each the size
-    is what the readings say and what is usual: normal with `_USUAL` typical sizes about zero.
+    Their weights are relative to a model without causes, which has the remaining probability. Each
+    magnitude combines the readings with a normal prior about zero of `_USUAL` typical magnitudes.
     """
     if found.detected or found.accepted:
         return ()
@@ -73,7 +74,7 @@ def too_small(case: SearchCase, found: Found) -> tuple[Hypothesis, ...]:
 
 
 def _usual(estimate: Estimate, effect: Effect) -> Estimate:
-    """The same, knowing also that the last parameters, the effect's, are of a usual size."""
+    """The estimate updated by the prior of the last parameters, those of the effect."""
     k, std = len(effect.parameters), usual(effect)
     C = estimate.cov
     gain = linear.solve((C[-k:, -k:] + np.diag(std**2)) / np.outer(std, std), C[-k:] / std[:, None])
@@ -83,23 +84,23 @@ def _usual(estimate: Estimate, effect: Effect) -> Estimate:
 
 
 def usual(effect: Effect) -> Array:
-    """Standard deviations of the parameters of a cause that acts unseen, shape (k,)."""
+    """Standard deviations of the parameters of an undetected cause, shape (k,)."""
     return _USUAL * effect.size * np.array([p.typical for p in effect.parameters])
 
 
 def accepted(case: SearchCase, found: Found) -> Hypothesis:
-    """The accepted causes alone, whether or not they are worth anything."""
+    """The accepted causes alone, whether or not they improve predictions."""
     return _hypothesis(case, found.view.model, found.seen, 1.0)
 
 
 @dataclass(frozen=True)
 class _Set:
-    """Causes that may be at work together.
+    """Causes that may be present together.
 
     Attributes:
-        suspects: Their indices; those behind the case's own have no name.
+        suspects: Their indices; those beyond the case's own suspects are nameless.
         weight: Their probability.
-        instead: Which accepted causes are not among them, and what replaces each.
+        instead: Accepted causes that are not among them, each with its replacement.
     """
 
     suspects: tuple[int, ...]
@@ -110,8 +111,8 @@ class _Set:
 def _likely(case: SearchCase, found: Found) -> list[_Set]:
     """Sets of causes with their probability: the accepted ones, then others, likeliest first.
 
-    What acts in one place is independent of what acts in another; something outside the
-    catalogue may replace one or several of the accepted causes at once.
+    Causes in different places are independent; something outside the catalogue may replace one or
+    several of the accepted causes at once.
     """
     strangers = {one.places: one for one in found.strange if one.probability > 0}
     known = math.prod(1.0 - one.probability for one in strangers.values())
@@ -128,7 +129,7 @@ def _likely(case: SearchCase, found: Found) -> list[_Set]:
 
 
 def _of_catalogue(case: SearchCase, found: Found, known: float) -> Iterator[_Set]:
-    """Sets of the catalogue's causes in all their forms, `known` the probability of any of them."""
+    """Sets of causes of the catalogue in all their forms; `known` is their total probability."""
     for rivals in product(*found.rivals):
         odds = known * math.prod(rival.probability for rival in rivals)
         if odds > LEAST:
@@ -141,7 +142,7 @@ def _of_catalogue(case: SearchCase, found: Found, known: float) -> Iterator[_Set
 def _at_once(
     case: SearchCase, found: Found, chosen: tuple[int, ...], weight: float
 ) -> Iterator[_Set]:
-    """One suspect for each place, as a set; none where one cause stands in two places."""
+    """One suspect for each place as a set, unless one cause occupies two places."""
     suspects = case.suspects
     kept = merged(suspects, chosen)
     if len({suspects[i].label for i in kept}) == len(kept):
@@ -175,10 +176,10 @@ def _hypothesis(
     weight: float,
     instead: tuple[tuple[str, str], ...] = (),
 ) -> Hypothesis:
-    """Springs and causes estimated, with uncertainties times what is left over the scatter.
+    """Springs and causes estimated together, with uncertainties multiplied by the remainder ratio.
 
-    A model that leaves more than the readings scatter is wrong somewhere: its uncertainties are
-    multiplied by that ratio, as Birge does (Physical Review 40 (1932) 207).
+    A model whose residuals exceed the scatter of the readings is wrong somewhere; its uncertainties
+    are multiplied by that ratio (Birge, Physical Review 40 (1932) 207).
     """
     effects = tuple(case.suspects[i] for i in model.accepted)
     system, estimate = _solved(case, model, seen)
@@ -193,9 +194,9 @@ def _hypothesis(
 
 
 def _tested(case: SearchCase, one: Hypothesis, seen: Linearised) -> Hypothesis:
-    """The same, tested in the noise that its readings are weighed by: alike, with what was found.
+    """The hypothesis, tested with equal noise for all readings, of the size found.
 
-    Weights that follow from the residuals make these small, whatever the model.
+    Weights that follow from the residuals would make these small whatever the model.
     """
     if case.shape is None or one.estimate.p_value is None:
         return one
@@ -206,9 +207,9 @@ def _tested(case: SearchCase, one: Hypothesis, seen: Linearised) -> Hypothesis:
 
 
 def _sized(system: System, model: CurrentModel, ratio: float) -> Estimate:
-    """The same without other laws of the same element: the size is that of the law that is named.
+    """Estimate without other laws of the same element: the magnitude is that of the named law.
 
-    Those move all pulls alike and would take over as much of what it moves as they resemble it.
+    Those laws are common to all pulls and would absorb as much of the cause as they resemble it.
     """
     errors = system.errors
     own = ~((errors.source == "law") & errors.common)
@@ -222,8 +223,8 @@ def _solved(case: SearchCase, model: CurrentModel, seen: Linearised) -> tuple[Sy
 
     Args:
         case: The case.
-        model: Where it is linearised.
-        seen: The campaign seen from there, for how far the laws of the causes may differ.
+        model: Linearisation point.
+        seen: The campaign linearised there, for the tolerances of the causes' laws.
     """
     flat = replace(model.cell, equilibrium="undeformed")
     system = assemble(flat, case.data, model.values)
@@ -245,9 +246,9 @@ def _solved(case: SearchCase, model: CurrentModel, seen: Linearised) -> tuple[Sy
 
 
 def _scales(case: SearchCase, system: System) -> Array:
-    """Scatter found over stated, for each column of G: that of the tracker and of the scale.
+    """Scatter found over stated for each column of G: that of the tracker and of the scale.
 
-    What is stated holds unless it is certainly larger.
+    The stated one holds unless the found one is certainly larger.
     """
     source = system.errors.source
     scale = case.force_noise * case.noise if case.force_noise != 1 else 1.0

@@ -1,4 +1,4 @@
-"""Which cause is it? Causes join one by one, are exchanged and dropped; rivals keep their odds."""
+"""Search for causes: they join one by one, are exchanged and dropped; rivals keep their odds."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from scipy import special
 
 from pipeline.base.arrays import Array, Bools, Ints, Locked
-from pipeline.diagnosis.facts import ROUGH
+from pipeline.diagnosis.finding import ROUGH
 from pipeline.machine.cell import Cell
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects.nameless import NAMELESS
@@ -24,48 +24,47 @@ from pipeline.system.shape import Shape
 from pipeline.system.whitened import Whitened, whiten
 
 _MOST = 3
-"""So many causes at once can be named; more is an unknown one."""
+"""Maximum number of causes named at once; more count as an unknown one."""
 
 WORTH = 3.0
-"""A further cause must be worth this much log evidence (20 to 1)."""
+"""Minimum log evidence of a further cause [1], 20 to 1."""
 
 _BETTER = 0.1
-"""A cause takes another's place when its log evidence is larger by this: the likelier one leads,
-and twins, which differ by rounding, stay."""
+"""Minimum advantage in log evidence by which a cause replaces another [1]; twins, which differ by
+rounding, stay."""
 
 _MOVES = 12
-"""So many moves in a row: the evidence grows with each, so that few are made."""
+"""Maximum number of successive exchanges; the evidence grows with each, so few are made."""
 
 _FIRST = 12
-"""So many of the likeliest causes are tried as the likelier one of a pair, with every other one: a
-part of what was mixed up stands out by itself beside what stays."""
+"""Number of the likeliest causes tried as the first of a pair, with every other one as the second:
+of two causes that a single one stood for, one stands out by itself."""
 
 _ASKED = 20
-"""So many of the best moves are asked whether the sizes are possible."""
+"""Maximum number of the best exchanges that are checked for physically possible magnitudes."""
 
 _FURTHER = 0.1
-"""A suspect that was not worth naming contradicts the model only this far below the threshold:
-what is left was searched once more after each cause that was named."""
+"""Factor on the detection threshold below which a suspect not worth naming contradicts the
+model [1]: the residuals were searched once more after each cause that was named."""
 
 
 @dataclass(frozen=True, eq=False)
 class SearchCase:
-    """What does not change while causes are sought.
+    """What stays the same during the search for causes.
 
     Attributes:
-        cell: The paper's model of the campaign, with the equilibrium that fits better.
+        cell: The joint springs model of the campaign, with the equilibrium that fits better.
         data: The measurements.
         suspects: All causes that move something, in all their forms.
         noise: Scatter of the tracker over its stated standard uncertainty.
-        certain_noise: The same where it is certainly larger or nothing is stated, else 1: what the
-            uncertainties of the answer rest on.
+        certain_noise: The same where it is certainly larger or nothing is stated, else 1; it
+            determines the uncertainties of the answer.
         force_noise: Scatter of the scale over its stated one, relative to the tracker's.
-        nameless: What competes with the suspects and is never named.
-        refuted: Multiples of the typical size from which the unloaded reflectors would show a
-            cause and do not, by label.
-        shape: Tails and wander of the noise as the data carry them; None where all readings are
-            alike.
-        room: What a proposed pose must leave free; None where nobody says.
+        nameless: Effects that compete with the suspects and are never named.
+        refuted: Multiples of the typical magnitude that the unloaded reflectors rule out, by label.
+        shape: Tails and wander of the noise in the data; None where all readings have equal
+            weights.
+        room: Obstacles that a proposed pose must avoid; None where not stated.
     """
 
     cell: Cell
@@ -80,25 +79,25 @@ class SearchCase:
     room: Room | None = None
 
     def linearised(self, model: CurrentModel, near: Linearised | None = None) -> Linearised:
-        """The campaign linearised at a model, with the errors of a near one where it is given."""
+        """The campaign linearised at a model; the errors are those of `near` if given."""
         return linearise(model, self.data, self.suspects, near)
 
     def whitened(self, seen: Linearised, doubt: Sequence[int] = ()) -> Whitened:
-        """The linearised campaign, whitened; the laws of `doubt` hold to their tolerance only."""
+        """The linearised campaign, whitened; laws of `doubt` are valid within tolerance only."""
         return whiten(seen, self.noise, self.force_noise, self.laws(doubt))
 
     def laws(self, doubt: Sequence[int]) -> list[tuple[int, float]]:
-        """Suspects, each with the fraction to which its law is known."""
+        """The suspects `doubt`, each with the relative tolerance of its law."""
         return [(i, self.suspects[i].tolerance) for i in doubt]
 
     def only(self, accepted: tuple[int, ...]) -> SearchCase:
-        """The case that asks about the accepted causes alone, which are then 0, 1, 2."""
+        """The case with the accepted causes as its only suspects, then numbered 0, 1, 2."""
         return replace(self, suspects=tuple(self.suspects[i] for i in accepted))
 
     def fitted(
         self, accepted: tuple[int, ...], start: Array, near: Linearised | None = None
     ) -> Linearised:
-        """The campaign linearised at the estimate of some causes; see `estimated`."""
+        """The campaign linearised at the estimate of some causes, as of `estimated`."""
         return self.linearised(self.estimated(accepted, start, near))
 
     def estimated(
@@ -108,13 +107,13 @@ class SearchCase:
         near: Linearised | None = None,
         rounds: int = 4,
     ) -> CurrentModel:
-        """Joint springs and accepted causes estimated together, linearised anew each round.
+        """Joint springs and accepted causes estimated together, linearised anew in each round.
 
         Args:
             accepted: Indices of the causes.
-            start: Values to begin with; causes that are missing there begin at zero.
+            start: Initial values; causes that are missing there start at zero.
             near: The campaign linearised close by, for its errors.
-            rounds: At most.
+            rounds: Maximum number of rounds.
         """
         model, few = self.model(accepted, start), self.only(accepted)
         for _ in range(rounds):
@@ -128,7 +127,7 @@ class SearchCase:
         return model
 
     def model(self, accepted: tuple[int, ...], start: Array) -> CurrentModel:
-        """A model with accepted causes; those missing in `start` begin at zero."""
+        """A model with accepted causes; those missing in `start` start at zero."""
         springs = len(self.cell.parameters)
         cell = self.cell.with_effects(*(self.suspects[i] for i in accepted))
         values = np.zeros(len(cell.parameters))
@@ -137,13 +136,13 @@ class SearchCase:
 
 
 def of_model(view: Whitened) -> Ints:
-    """Columns of the model's own parameters in their order."""
+    """Columns of the model's own parameters, in their order."""
     chosen = [view.columns([i]) for i in view.model.accepted]
     return np.concatenate([np.arange(view.springs), *chosen]).astype(np.int64)
 
 
 def _solved(view: Whitened, base: Ints) -> Array:
-    """Parameters of the view's model, estimated, SI."""
+    """Estimated parameters of the view's model, SI."""
     found = dict(zip(base.tolist(), coefficients(view.M, base), strict=True))
     mine = of_model(view)
     return np.array([found[c] for c in mine.tolist()]) * view.typical[mine]
@@ -156,8 +155,9 @@ class Replacement:
     Attributes:
         label: Name and place.
         suspect: Index of its best form.
-        probability: Given that one cause stands there.
-        forms: Each of its forms with the share of that probability, all forms likely beforehand.
+        probability: Probability given that one cause is present in that place.
+        forms: Each of its forms with its share of that probability, all forms equally likely a
+            priori.
     """
 
     label: str
@@ -168,12 +168,12 @@ class Replacement:
 
 @dataclass(frozen=True, eq=False)
 class Stranger:
-    """What could replace an accepted cause and is not in the catalogue.
+    """Something outside the catalogue that could replace an accepted cause.
 
     Attributes:
-        probability: That it is nothing of the catalogue.
-        suspect: Index of the likeliest of what competes without a name, behind the suspects.
-        places: Which of the accepted causes it stands for, alone.
+        probability: Probability that it is nothing of the catalogue.
+        suspect: Index of the likeliest nameless effect, counted after the suspects.
+        places: Which of the accepted causes it replaces by itself.
     """
 
     probability: float
@@ -183,26 +183,26 @@ class Stranger:
 
 @dataclass(frozen=True, eq=False)
 class Found(Locked):
-    """What the search ends with.
+    """Result of the search.
 
     Attributes:
         seen: The campaign linearised at the joint springs and all accepted causes.
         plain: The same, whitened.
-        wide: The same, with what competes without a name.
-        view: The same, with the laws of the accepted causes uncertain by their tolerance.
+        wide: The same, with the nameless effects.
+        view: `plain` with the laws of the accepted causes uncertain by their tolerance.
         first: The campaign whitened at the joint springs alone.
         single: Causes that could be the only one, likeliest first.
-        scores: Suspects beside the joint springs alone.
-        threshold: Calibrated for them.
+        scores: Statistics of the suspects given the joint springs alone.
+        threshold: Detection threshold calibrated for them.
         lack_first: Lack of fit of the joint springs alone.
         lack: Lack of fit of the model with the causes.
-        left: Smallest p of a further suspect.
+        left: Smallest p-value of a further suspect.
         accepted: Indices of the accepted suspects.
-        p_values: Of each accepted cause when it joined, beside all others.
-        rivals: For each accepted cause, itself and those that could stand there, likeliest first.
-        strange: For each accepted cause, the probability that it is outside the catalogue; empty
+        p_values: P-value of each accepted cause given all others.
+        rivals: For each accepted cause, itself and those that could replace it, likeliest first.
+        strange: For each accepted cause, what could replace it from outside the catalogue; empty
             where nothing competes.
-        refused: Labels of causes that would need a physically impossible size.
+        refused: Labels of causes that would need a physically impossible magnitude.
     """
 
     seen: Linearised
@@ -224,32 +224,32 @@ class Found(Locked):
 
     @property
     def detected(self) -> bool:
-        """True when the joint springs alone do not explain the data."""
+        """Whether the joint springs alone fail to explain the data."""
         return bool(self.scores.p().min() < self.threshold.p) or self.lack_first.found
 
     @property
     def stranger(self) -> Stranger | None:
-        """The likeliest that is nothing of the catalogue."""
+        """The likeliest replacement from outside the catalogue."""
         return max(self.strange, key=lambda one: one.probability, default=None)
 
     @property
     def rough(self) -> float | None:
-        """What is left with the causes over what the readings scatter; None where unknown."""
+        """Remainder ratio with the causes; None where unknown."""
         return remainder(self.plain)
 
     @property
     def explains(self) -> bool:
-        """True when causes are accepted that leave nothing but scatter."""
+        """Whether causes are accepted that leave nothing but scatter."""
         return bool(self.accepted) and self.clean and (self.rough or 1.0) <= ROUGH
 
     @property
     def clean(self) -> bool:
-        """True when nothing is left to explain."""
+        """Whether nothing is left to explain."""
         return not self.lack.found and self.left >= _FURTHER * self.threshold.p
 
 
 def remainder(view: Whitened) -> float | None:
-    """What a model leaves over what the readings scatter, root mean squares; None if unknown."""
+    """Remainder ratio of a model: rms residual over rms scatter of the readings, if known."""
     if not view.tells_scatter:
         return None
     base = view.base
@@ -259,7 +259,7 @@ def remainder(view: Whitened) -> float | None:
 
 
 def search(case: SearchCase, start: Array, rng: np.random.Generator) -> Found:
-    """Add the likeliest cause, exchange and drop, until nothing is left or three are in."""
+    """Add the likeliest cause, exchange and drop, until nothing is left or three are accepted."""
     seen = case.fitted((), start)
     first = case.whitened(seen)
     score = first.beside(first.base)
@@ -292,15 +292,15 @@ def search(case: SearchCase, start: Array, rng: np.random.Generator) -> Found:
 
 @dataclass(frozen=True, eq=False)
 class _Stand:
-    """Some causes accepted, and the statistics of the others beside them.
+    """A set of accepted causes, and the statistics of the others given them.
 
     Attributes:
         seen: The campaign linearised there.
         plain: The same, whitened.
         view: The same, with the laws of the accepted causes uncertain by their tolerance.
-        now: Suspects beside them, in `view`.
+        now: Statistics of the suspects given them, in `view`.
         lack: Lack of fit in `view`.
-        p: F tests of the suspects in `plain`, shape (n,).
+        p: P-values of the suspects' F tests in `plain`, shape (n,).
     """
 
     seen: Linearised
@@ -322,7 +322,7 @@ def _stand(case: SearchCase, seen: Linearised, rough: Sequence[int]) -> _Stand:
 def _grow(
     case: SearchCase, end: _Stand, limit: Threshold, refused: dict[str, None], most: int = _MOST
 ) -> _Stand:
-    """Add the likeliest, then move until no move is better, and so on until nothing joins."""
+    """Add the likeliest cause, then exchange until no move improves; repeat until nothing joins."""
     tried: set[tuple[int, ...]] = {()}
     while len(end.seen.model.accepted) < most and _open(end, limit):
         added = _add(case, end.view, end.now, end.p < limit.p, refused)
@@ -346,9 +346,9 @@ def _open(end: _Stand, limit: Threshold) -> bool:
 
 
 def _fewer(case: SearchCase, end: _Stand, limit: Threshold, refused: dict[str, None]) -> _Stand:
-    """The other way round, where as many as can be named leave something: one more, then fewer.
+    """Backward search where the maximum number of causes leaves something: add one, then drop.
 
-    What was mixed up when few had joined is the first to be dispensable beside all of its parts.
+    A cause that stood for a mixture of others is the first to become dispensable given all of them.
     """
     if len(end.seen.model.accepted) < _MOST or not _open(end, limit):
         return end
@@ -361,13 +361,13 @@ def _fewer(case: SearchCase, end: _Stand, limit: Threshold, refused: dict[str, N
 
 
 def _worth(case: SearchCase, end: _Stand) -> float:
-    """Log evidence of all accepted causes, less `WORTH` for each."""
+    """Log evidence of all accepted causes, minus `WORTH` for each."""
     accepted = end.seen.model.accepted
     return _chained(case, end.plain, (), accepted) - WORTH * len(accepted)
 
 
 def _dropped(case: SearchCase, seen: Linearised) -> Linearised:
-    """Without the cause that the others dispense with best, and after all moves from there."""
+    """The campaign without the most dispensable cause, after all exchanges from there."""
     accepted, view = seen.model.accepted, case.whitened(seen)
     rest = [tuple(a for a in accepted if a != one) for one in accepted]
     worth = [
@@ -379,7 +379,7 @@ def _dropped(case: SearchCase, seen: Linearised) -> Linearised:
 
 
 def by_label(suspects: Sequence[Effect]) -> dict[str, list[int]]:
-    """Forms of each cause."""
+    """Indices of the forms of each cause, by label."""
     out: dict[str, list[int]] = {}
     for i, effect in enumerate(suspects):
         out.setdefault(effect.label, []).append(i)
@@ -389,10 +389,10 @@ def by_label(suspects: Sequence[Effect]) -> dict[str, list[int]]:
 def _add(
     case: SearchCase, view: Whitened, now: Scores, found: Bools, refused: dict[str, None]
 ) -> int | None:
-    """The likeliest further cause of a possible size.
+    """The likeliest further cause of a possible magnitude.
 
-    It must be detected beyond the scatter, and keep its evidence when the laws of the accepted
-    ones hold to their tolerance only.
+    It must be detected beyond the scatter, and keep its evidence when the laws of the accepted ones
+    are valid within their tolerance only.
     """
     for i in _likeliest(now):
         label = case.suspects[i].label
@@ -407,21 +407,21 @@ def _add(
 
 
 def may_join(suspects: Sequence[Effect], accepted: Sequence[int], more: int) -> bool:
-    """Whether no cause of its name and place is there, but a law that it extends."""
+    """Whether no cause with its label is accepted, except a law that it extends."""
     one = suspects[more]
     mine = (suspects[i] for i in accepted if suspects[i].label == one.label)
     return all(extends(one, other) for other in mine)
 
 
 def joined(case: SearchCase, accepted: Sequence[int], more: int) -> tuple[int, ...]:
-    """Causes and one more behind them."""
+    """The accepted causes and one more at the end; a law that it extends is dropped."""
     return merged(case.suspects, (*accepted, more))
 
 
 def given(suspects: Sequence[Effect], now: Scores, beside: Sequence[int]) -> Scores:
-    """Statistics beside some causes, a law's extension at its odds once the law is there.
+    """Statistics given some causes; extensions of an accepted law get their prior odds.
 
-    What that law paid for its place and variable is not paid twice.
+    The prior odds of place and variable, which that law has paid, are not counted twice.
     """
     laws = [i for i in beside if suspects[i].law is not None]
     pairs = [(k, i) for i in laws for k, one in enumerate(suspects) if extends(one, suspects[i])]
@@ -434,42 +434,46 @@ def given(suspects: Sequence[Effect], now: Scores, beside: Sequence[int]) -> Sco
 
 
 def merged(suspects: Sequence[Effect], chosen: Sequence[int]) -> tuple[int, ...]:
-    """Some suspects without the laws that others of them extend."""
+    """The chosen suspects without laws that others of them extend."""
     return tuple(i for i in chosen if not any(extends(suspects[k], suspects[i]) for k in chosen))
 
 
 def extends(one: Effect, other: Effect) -> bool:
-    """Whether one is a law that nobody listed, and another such law with a further shape."""
+    """Whether one is a law outside the catalogue, and `other` such a law with fewer shapes."""
     return one.law is not None and other.law is not None and one.law.extends(other.law)
 
 
 def _likeliest(now: Scores) -> Ints:
-    """Suspects by their evidence; twins, which differ by rounding, in the catalogue's order."""
+    """Suspects by evidence, largest first; twins, equal but for rounding, in catalogue order."""
     return np.argsort(-np.round(now.log_evidence, 6), kind="stable")
 
 
 def _possible(case: SearchCase, now: Scores, suspect: int) -> bool:
-    """True unless an estimate is beyond its bounds by more than two sigmas.
+    """False if an estimate exceeds its bounds by more than two standard uncertainties and `_SLACK`.
 
-    Bounds are what physics allows and what the unloaded reflectors do not refute.
+    Bounds are physical, and those from the unloaded reflectors.
     """
     k = len(case.suspects[suspect].parameters)
     value, std = now.size[suspect, :k], np.sqrt(np.diag(now.cov[suspect]))[:k]
     most = case.refuted.get(case.suspects[suspect].label, np.inf)
     assert now.bounds is not None
     lower, upper = now.bounds[:, suspect, :k]
-    slack = 2 * std + 0.3
+    slack = 2 * std + _SLACK
     low, high = np.maximum(lower, -most) - slack, np.minimum(upper, most) + slack
     return bool(np.all((value > low) & (value < high)))
 
 
+_SLACK = 0.3
+"""Excess over a bound that says nothing, in typical sizes [1]: a law is known to such a part."""
+
+
 def _exchange(case: SearchCase, seen: Linearised, limit: float = 0.0) -> Linearised:
-    """Exchange and drop accepted causes until no move makes the evidence better.
+    """Exchange and drop accepted causes until no move improves the evidence.
 
     Args:
         case: The case.
-        seen: The campaign linearised at the causes to begin with.
-        limit: Two causes may take the place of one where the p of each, beside the other, is below.
+        seen: The campaign linearised at the initial causes.
+        limit: P-value that each of two causes must reach given the other to take the place of one.
     """
     tried = {frozenset(seen.model.accepted)}
     for _ in range(_MOVES):
@@ -484,12 +488,12 @@ def _exchange(case: SearchCase, seen: Linearised, limit: float = 0.0) -> Lineari
 
 @dataclass(frozen=True)
 class _Move:
-    """Causes that go, and those that take their places.
+    """Causes that leave, and those that take their places.
 
     Attributes:
-        gain: What is won: log evidence less `WORTH` for each cause, beside those that stay.
-        out: Places of those that go.
-        into: What comes instead: none, one or two.
+        gain: Change of log evidence minus `WORTH` for each cause, given those that stay.
+        out: Places of those that leave.
+        into: Their replacement: none, one or two.
     """
 
     gain: float
@@ -497,7 +501,7 @@ class _Move:
     into: tuple[int, ...]
 
     def of(self, suspects: Sequence[Effect], accepted: Sequence[int]) -> tuple[int, ...]:
-        """The causes after it, each newcomer in the place of one that went."""
+        """The causes after the move, newcomers in the place of the first one that left."""
         at, some = self.out[0], list(accepted)
         for place in reversed(self.out):
             del some[place]
@@ -505,7 +509,7 @@ class _Move:
 
 
 def _ranked(case: SearchCase, view: Whitened, most: int) -> list[_Move]:
-    """Moves that gain, those that gain most first."""
+    """Moves with a gain above `_BETTER`, the largest gain first."""
     places = range(len(view.model.accepted))
     outs = [*combinations(places, 1), *combinations(places, 2)]
     moves = [m for out in outs for m in _moves(case, view, out, most) if m.gain > _BETTER]
@@ -515,7 +519,7 @@ def _ranked(case: SearchCase, view: Whitened, most: int) -> list[_Move]:
 def _better(
     case: SearchCase, view: Whitened, tried: Set[frozenset[int]], limit: float = 0.0
 ) -> tuple[int, ...] | None:
-    """Better causes than the accepted ones that were not accepted before: by the best move."""
+    """The causes after the best possible move to a set not yet tried; None if there is none."""
     accepted = view.model.accepted
     most = 2 if limit and len(accepted) < _MOST else 0
     asked = 0
@@ -535,13 +539,16 @@ def _better(
 def _may_stand(
     case: SearchCase, view: Whitened, causes: Sequence[int], one: int, limit: float
 ) -> bool:
-    """Whether a cause has a possible size beside the others, and a p within the limit."""
+    """Whether a cause has a possible magnitude given the others and a p-value within the limit."""
     now = _beside(case, view, tuple(i for i in causes if i != one))
     return bool(now.p()[one] <= limit) and _possible(case, now, one)
 
 
 def _moves(case: SearchCase, view: Whitened, out: tuple[int, ...], most: int) -> Iterator[_Move]:
-    """All that can be done where some causes go: none, one, or as many as go come, or `most`."""
+    """All moves in which the causes `out` leave and none, one, or a pair takes their places.
+
+    Pairs are tried where two leave, or where `most` is two.
+    """
     accepted = view.model.accepted
     gone = [accepted[place] for place in out]
     rest = tuple(a for place, a in enumerate(accepted) if place not in out)
@@ -560,7 +567,7 @@ def _moves(case: SearchCase, view: Whitened, out: tuple[int, ...], most: int) ->
 def _in_pairs(
     case: SearchCase, view: Whitened, rest: tuple[int, ...], now: Scores, free: Sequence[int]
 ) -> Iterator[tuple[tuple[int, int], float]]:
-    """Pairs of causes that come beside the rest, the likelier one first, with their evidence."""
+    """Pairs of causes that may join the rest, the likelier one first, with their evidence."""
     for first in _leading(case, now, free):
         already = float(now.log_evidence[first])
         then = _beside(case, view, (*rest, first))
@@ -580,9 +587,9 @@ def _leading(case: SearchCase, now: Scores, free: Sequence[int]) -> list[int]:
 
 
 def _chained(case: SearchCase, view: Whitened, rest: Sequence[int], causes: Sequence[int]) -> float:
-    """Log evidence of causes beside others: the likelier one first, each next beside those before.
+    """Log evidence of causes given others: the likeliest first, each next one given those before.
 
-    The same in whatever order the causes were found.
+    It does not depend on the order in which the causes were found.
     """
     total, left, known = 0.0, list(causes), tuple(rest)
     while left:
@@ -595,7 +602,7 @@ def _chained(case: SearchCase, view: Whitened, rest: Sequence[int], causes: Sequ
 
 
 def _beside(case: SearchCase, view: Whitened, causes: Sequence[int]) -> Scores:
-    """Every suspect beside springs and some causes."""
+    """Statistics of every suspect given springs and some causes."""
     base = np.concatenate([np.arange(view.first), view.columns(causes)])
     return given(case.suspects, view.beside(base), causes)
 
@@ -616,7 +623,7 @@ def _rivals(
 def _odds(
     case: SearchCase, now: Scores, rest: Sequence[int], least: float = 1e-3
 ) -> tuple[Replacement, ...]:
-    """Probabilities of all causes possible in one place, forms taken together."""
+    """Probabilities of all causes possible in one place, their forms taken together."""
     labels, logs, best, shares = [], [], [], []
     for label, every in by_label(case.suspects).items():
         forms = [i for i in every if may_join(case.suspects, rest, i)]
@@ -634,9 +641,9 @@ def _odds(
 
 
 def lone_odds(case: SearchCase, found: Found) -> list[tuple[int, float]]:
-    """Each cause as the only one, in its best form, with its odds against none.
+    """Each cause as the only one, in its best form, with its posterior odds against none.
 
-    Beforehand some cause is as likely as none, and all of them are alike.
+    A priori some cause is as likely as none, and all causes are equally likely.
     """
     every, now = by_label(case.suspects).values(), found.scores
     best = [forms[int(np.argmax(now.log_evidence[forms]))] for forms in every]
@@ -645,9 +652,9 @@ def lone_odds(case: SearchCase, found: Found) -> list[tuple[int, float]]:
 
 
 def _strange(case: SearchCase, wide: Whitened) -> tuple[Stranger, ...]:
-    """For each accepted cause: how likely something without a name stands in its place.
+    """For each accepted cause, the likeliest replacement by something nameless.
 
-    Either in its place alone, or in the place of several causes that only together look like it.
+    It replaces either that cause alone, or several causes that only together resemble it.
     """
     accepted = wide.model.accepted
     if not accepted or not case.nameless:
@@ -663,7 +670,7 @@ def _strange(case: SearchCase, wide: Whitened) -> tuple[Stranger, ...]:
 
 
 def _instead(case: SearchCase, wide: Whitened, gone: Sequence[int]) -> Stranger:
-    """Probability of one thing without a name instead of the causes in some places."""
+    """Probability of one nameless effect instead of the causes in some places."""
     accepted = wide.model.accepted
     rest = tuple(a for place, a in enumerate(accepted) if place not in gone)
     known = len(case.suspects)

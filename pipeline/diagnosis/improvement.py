@@ -1,4 +1,4 @@
-"""Cross-validation gain of the causes: poses left out, causes chosen again without them."""
+"""Cross-validation gain of the causes: poses are left out, and causes chosen again without them."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pipeline.system.elimination import coefficients
 from pipeline.system.whitened import Whitened
 
 _ASKED = 6
-"""So many of those without a name are asked whether they do as well."""
+"""Number of nameless effects that are tested for predicting as well."""
 
 
 def alone(
@@ -25,7 +25,7 @@ def alone(
     Args:
         first: The campaign from the joint springs alone.
         likely: Suspects, each with its probability.
-        rng: Draws the bootstrap.
+        rng: Source of the bootstrap.
     """
     pose, springs = first.pose[: len(first.rows)], np.arange(first.first)
     before = first.left_out(springs)
@@ -41,17 +41,17 @@ def alone(
 def as_good(
     wide: Whitened, place: int, known: int, rng: np.random.Generator
 ) -> tuple[NamelessEqual, ...]:
-    """What competes without a name and predicts as well in the place of an accepted cause.
+    """Nameless effects that predict as well in the place of an accepted cause.
 
-    Of those that take most of the sum of squares there: it lets the cross-validation error fall for
-    certain, and is not for certain worse than the cause (both at 95 %, poses drawn with
-    replacement). Probabilities beside it rest on usual sizes, this on the readings alone.
+    Of those that reduce the sum of squares most, each that certainly reduces the cross-validation
+    error and is not certainly worse than the cause (both at 95 %, poses drawn with replacement).
+    Unlike the probabilities, which rest on usual magnitudes, this rests on the readings alone.
 
     Args:
-        wide: The campaign whitened at the accepted causes, with what has no name.
-        place: Which of them.
-        known: How many of the suspects have a name.
-        rng: Draws the bootstrap.
+        wide: The campaign whitened at the accepted causes, with the nameless effects.
+        place: Index of the accepted cause.
+        known: Number of suspects that have a name.
+        rng: Source of the bootstrap.
     """
     pose, accepted = wide.pose[: len(wide.rows)], wide.model.accepted
     rest = [a for k, a in enumerate(accepted) if k != place]
@@ -74,7 +74,7 @@ def as_good(
 def gain(
     case: SearchCase, first: Whitened, extended: Whitened, limit: float, rng: np.random.Generator
 ) -> CrossValidation:
-    """Leave out one pose with all its pulls at a time; estimate and choose without it.
+    """Leave out one pose with all its pulls at a time; choose causes and estimate without it.
 
     Cross-validation with the choice inside each fold (Stone, J. Roy. Stat. Soc. B 36, 1974).
 
@@ -82,8 +82,8 @@ def gain(
         case: The case.
         first: The campaign from the joint springs alone.
         extended: The campaign from the model with the accepted causes.
-        limit: p below which a cause may join.
-        rng: Draws the bootstrap.
+        limit: P-value below which a cause may join.
+        rng: Source of the bootstrap.
     """
     laws = [case.suspects[i].law for i in extended.model.accepted]
     most = sum(1 if law is None else len(law.shapes) for law in laws)
@@ -103,7 +103,7 @@ def gain(
 def _choose(
     case: SearchCase, view: Whitened, M: Array, most: int, limit: float, fewer: int
 ) -> tuple[int, ...]:
-    """Causes chosen from the poses that stay, one after the other."""
+    """Causes chosen from the remaining poses, one after the other."""
     names: tuple[int, ...] = ()
     for _ in range(most):
         base = np.concatenate([np.arange(view.first), view.columns(names)])

@@ -1,4 +1,4 @@
-"""Which causes can be told apart: never (twins), or not by this campaign (overlap)."""
+"""Which causes cannot be separated: by any campaign (twins), or by this one (overlap)."""
 
 from __future__ import annotations
 
@@ -17,19 +17,19 @@ from pipeline.machine.effects import catalogue
 from pipeline.machine.robot import Robot
 
 _SAME = 1e-8
-"""Two directions that differ by less than this, relative to their size, are one."""
+"""Relative difference below which two directions count as the same [1]."""
 
 _NOTHING_M = 1e-12
-"""A typical effect that moves the reflectors less than this [m] does not move them."""
+"""Motion of the reflectors below which an effect of typical magnitude counts as none [m]."""
 
 
 @dataclass(frozen=True)
 class Twins:
-    """What tip loading can never separate, whatever the poses.
+    """Effects that loading at the tip can never separate, whatever the poses.
 
     Attributes:
-        of_stiffness: Effects whose every signature is one of the joint springs.
-        pairs: Pairs of effects that leave the same signature beside the joint springs.
+        of_stiffness: Effects whose signatures are all within those of the joint springs.
+        pairs: Pairs of effects with the same signature given the joint springs.
         unmoved: Effects that move nothing when the robot is pulled.
     """
 
@@ -43,12 +43,12 @@ class Twins:
 
 
 def rich_pulls(robot: Robot, rng: np.random.Generator, pulls: int = 80) -> Pulls:
-    """Pulls as varied as they can be: all joints, directions, sizes, branches, approaches, times.
+    """Random pulls as varied as possible: joints, directions, forces, branches, approaches, times.
 
     Args:
         robot: The robot; joints without limits turn by up to 180 degrees.
         rng: Source of the draws.
-        pulls: How many, four to a pose.
+        pulls: Number of pulls, four to a pose.
     """
     far = np.where(robot.prismatic, 1.0, np.pi)
     lower = np.where(np.isfinite(robot.lower), np.maximum(robot.lower, -far * 20), -far)
@@ -69,14 +69,14 @@ def rich_pulls(robot: Robot, rng: np.random.Generator, pulls: int = 80) -> Pulls
 
 
 def rich_tool(rng: np.random.Generator) -> Tool:
-    """Load point and three reflectors at no special place."""
+    """Load point and three reflectors in general position."""
     points = rng.uniform([-0.4, -0.4, -0.2], [0.4, 0.4, 0.6], (4, 3))
     return Tool(points[0], np.array(["P1", "P2", "P3"], dtype=object), points[1:])
 
 
 @lru_cache(maxsize=8)
 def twins(robot: Robot) -> Twins:
-    """Find the twins among the causes of a robot by the ranks of a rich random design."""
+    """Twins among the causes of a robot, from the ranks of a rich random design."""
     rng = np.random.default_rng(20)
     cell, pulls = paper_cell(robot, rich_tool(rng)), rich_pulls(robot, rng)
     x = robot.nominal_compliance * rng.uniform(0.7, 1.4, robot.n)
@@ -87,7 +87,7 @@ def twins(robot: Robot) -> Twins:
 
 
 def _matrix(cell: Cell, pulls: Pulls, x: Array, effects: Sequence[Effect]) -> Array:
-    """Columns [m] at typical size, shape (rows, parameters)."""
+    """Columns [m] at typical magnitude, shape (rows, parameters)."""
     Z = sensitivity(cell, pulls, x, effects)
     typical = [p.typical for effect in effects for p in effect.parameters]
     return np.asarray(Z.reshape(-1, Z.shape[-1]) * np.array(typical))
@@ -118,7 +118,7 @@ def _once(names: list[str]) -> tuple[str, ...]:
 
 
 def _same_span(a: Array, b: Array) -> bool:
-    """True when two orthonormal bases span one space."""
+    """Whether two orthonormal bases span the same space."""
     if a.shape[1] != b.shape[1]:
         return False
     return bool(np.linalg.norm(a - b @ (b.T @ a)) < 1e3 * _SAME)

@@ -1,14 +1,14 @@
-"""Springs and causes of a campaign of pulls together with what absolute positions say of them.
+"""Springs and causes of a campaign of pulls, estimated together with absolute positions.
 
-Beside the pulls' rows c = B x + G e stand those of the positions, about which the table, the tool
-and what yields under the arm's weight were estimated (`machine.stance`):
+The pulls' rows c = B x + G e are extended by the estimate from the positions of the table, the tool
+and the elements that deflect under the arm's weight (`machine.stance`):
 
     c       = B x + B_y y - J F a + G e
     [c0 y0] = [x_s y]     + K a   + W w
 
-with y the elements that the weight shows to yield, x_s the joints' compliances in x, and a what the
-positions do not know of table and tool. a, w and e are independent unit errors. Least squares of
-these rows is that of all readings of both kinds at once.
+with y the elements that deflect under the weight, x_s the joints' compliances in x, and a the
+errors of table and tool left by the positions. a, w and e are independent unit errors. Least
+squares of these rows is equivalent to that of all readings of both kinds at once.
 """
 
 from __future__ import annotations
@@ -43,7 +43,7 @@ class Excess(NamedTuple):
 
     @property
     def p(self) -> float:
-        """Chance of so much."""
+        """Its p-value; 1 without degrees of freedom."""
         return float(chi2_beyond(self.chi2, self.dof)) if self.dof else 1.0
 
 
@@ -52,20 +52,21 @@ _NOTHING = Excess(0.0, 0)
 
 @dataclass(frozen=True, eq=False)
 class Agreement(Locked):
-    """Springs by the arm's weight against those by the pulls.
+    """Comparison of the springs by the arm's weight and by the pulls.
 
     Attributes:
-        chi2: Squared difference in its uncertainty.
-        dof: Springs, or mixes of them, that both tell.
-        weight: Compliances by the weight, infinite uncertainty where it tells none, (n, 2).
+        chi2: Chi-square of their difference.
+        dof: Number of springs, or combinations of them, that both determine.
+        weight: Compliances and standard uncertainties by the weight, infinite where undetermined,
+            (n, 2).
         pulls: The same by the pulls.
-        factor: By how much springs are softer than with an arm of usual weight, where no masses are
-            stated; None where they are [1].
-        common: The same where masses are stated, if nothing else parts the two; None where it does.
-        table_p: Chance that the unloaded readings of the pulls are so far from where the positions
-            have the robot.
-        elements: Squared difference of what yields beside the joints, under weight and under pulls.
-        held: What that is.
+        factor: Factor by which springs are softer than with an arm of usual weight, where no masses
+            are stated; else None [1].
+        common: The same where masses are stated, if a common factor explains the difference; else
+            None.
+        table_p: P-value of the pulls' unloaded readings under the model from the positions.
+        elements: Chi-square of the difference of other elements under weight and under pulls.
+        held: Names of these elements.
     """
 
     chi2: float
@@ -80,29 +81,31 @@ class Agreement(Locked):
 
     @property
     def most(self) -> tuple[int, float]:
-        """Joint from 0 of which they differ most, and pulls over weight there."""
+        """Joint from 0 with the most significant difference, and pulls over weight there."""
         (w, sw), (p, sp) = self.weight.T, self.pulls.T
         k = int(np.argmax(np.abs(p - w) / np.hypot(sp, sw)))
         return k, float(p[k] / w[k])
 
     @property
     def p(self) -> float:
-        """Chance of so much difference in springs or in elements, the rarer of the two."""
+        """Smaller p-value of the differences in springs and in elements, twice it if both exist."""
         springs = Excess(self.chi2, self.dof).p
         return min(2 * min(springs, self.elements.p), 1.0) if self.elements.dof else springs
 
 
 @dataclass(frozen=True, eq=False)
 class Joined(Locked):
-    """One set of causes with what positions say beside it.
+    """One set of causes, estimated together with the positions.
 
     Attributes:
-        hypothesis: Springs, causes, and elements that yield under the weight.
-        stance: What the positions say, with the elements among its causes held.
-        value: Springs and elements as a stance has them, and errors of table and points, (s,).
+        hypothesis: Springs, causes, and elements that deflect under the weight.
+        stance: Result of the positions, with the elements among the causes held.
+        value: Springs and elements in the order of the stance, and errors of table and points,
+            (s,).
         cov: Their covariance, shape (s, s).
-        springs: What the rows of the springs leave more.
-        elements: The same of the rows of the elements, without those.
+        springs: Increase of chi-square by the stance's rows of the springs that the weight
+            determines.
+        elements: Increase by the rows of the elements, without those of the springs.
     """
 
     hypothesis: Hypothesis
@@ -114,15 +117,15 @@ class Joined(Locked):
 
 
 def joined(one: Hypothesis, data: Measured, usual: Array | None = None) -> Joined:
-    """A hypothesis of the pulls beside the positions.
+    """A hypothesis of the pulls, estimated together with the positions.
 
-    Elements that it has among its causes are held by the positions, too. The spring of a joint
-    whose gear has another law in it is another number under the weight than under a pull.
+    Elements among its causes are held by the positions, too. The spring of a joint whose gear
+    follows another law in the hypothesis is a different number under the weight than under a pull.
 
     Args:
         one: The hypothesis, from the pulls alone.
         data: The measurements, with their stance.
-        usual: Standard deviations of the last parameters of it about zero before any reading.
+        usual: Prior standard deviations about zero of its last parameters.
     """
     assert data.stance is not None
     stance = data.stance.holding(one.cell.effects)
@@ -153,12 +156,13 @@ def joined(one: Hypothesis, data: Measured, usual: Array | None = None) -> Joine
 
 
 class _Places(NamedTuple):
-    """Where what positions say stands among the parameters of a hypothesis.
+    """Correspondence between a stance and the parameters of a hypothesis.
 
     Attributes:
-        rows: Springs and elements of the stance that are parameters of it, too, shape (r,).
-        columns: Which, shape (r,).
-        fresh: Elements that it lacks; their parameters come behind its own.
+        rows: Springs and elements of the stance that are parameters of the hypothesis, too,
+            shape (r,).
+        columns: Their indices among its parameters, shape (r,).
+        fresh: Elements that the hypothesis lacks; their parameters are appended to its own.
         fresh_yields: Parameters of these.
     """
 
@@ -169,7 +173,7 @@ class _Places(NamedTuple):
 
     @classmethod
     def of(cls, one: Hypothesis, stance: Stance) -> _Places:
-        """Those of a hypothesis, the elements among whose causes the stance holds."""
+        """Correspondence for a hypothesis and a stance that holds the elements among its causes."""
         n, effects = len(stance.compliance), one.cell.effects
         first = np.cumsum([0, *(len(each.parameters) for each in effects)])
         at = {(e.label, e.form): int(k) for e, k in zip(effects, first, strict=False)}
@@ -194,17 +198,17 @@ def _span(first: int, effect: Effect) -> range:
 
 
 def _more(one: Estimate, less: Estimate) -> Excess:
-    """What some rows leave more than without others."""
+    """Increase of chi-square and degrees of freedom by the rows that `less` lacks."""
     return Excess(max(one.chi2 - less.chi2, 0.0), max(one.dof - less.dof, 0))
 
 
 def agreement(one: Hypothesis, beside: Joined, lighter: float) -> Agreement:
-    """Springs by the weight against those by the pulls alone.
+    """Compare the springs by the weight with those by the pulls alone.
 
     Args:
         one: The hypothesis from the pulls alone.
-        beside: The same beside the positions.
-        lighter: Springs over those with an arm of usual weight.
+        beside: The same estimated together with the positions.
+        lighter: Factor of the springs over those with an arm of usual weight.
     """
     stance, n = beside.stance, len(beside.stance.told)
     laws = laws_of_gears(one.cell.effects, stance.elements)
@@ -212,7 +216,7 @@ def agreement(one: Hypothesis, beside: Joined, lighter: float) -> Agreement:
     own = np.sqrt(np.diag(stance.cov)[:n])
     weight = np.column_stack([stance.compliance, np.where(stance.told & both, own, np.inf)])
     pulls = np.column_stack([one.estimate.value[:n], one.estimate.std[:n]])
-    shared = int(stance.factor > 0)  # one of them has told the weight
+    shared = int(stance.factor > 0)  # one of them has determined the weight
     only, cov = one.estimate.value[:n], one.estimate.cov[:n, :n]
     known = one.estimate.identifiable[:n] & both
     common = None if shared else stance.common(only, cov, known)
@@ -232,9 +236,9 @@ def agreement(one: Hypothesis, beside: Joined, lighter: float) -> Agreement:
 def _beside(
     one: Hypothesis, data: Measured, stance: Stance, there: _Places, usual: Array | None
 ) -> System:
-    """The rows of the pulls, those of springs and elements below them.
+    """The rows of the pulls, followed by those of springs and elements.
 
-    What acted with given values when the pulls were fitted is taken off no longer.
+    Elements that were subtracted with given values when the pulls were fitted are added back.
     """
     acted, old = data.stance, one.system
     assert acted is not None
@@ -274,7 +278,7 @@ def _beside(
 
 
 def _held(cell: Cell, data: Measured, values: Array, effects: Sequence[Effect]) -> Array:
-    """What elements move per unit of their parameters, shape (M, e)."""
+    """Motion by elements per unit of their parameters, shape (M, e)."""
     if not effects:
         return np.zeros((3 * len(data.pull), 0))
     moved = sensitivity(cell, data.pulls, values, effects)[data.pull, data.target]
@@ -282,13 +286,13 @@ def _held(cell: Cell, data: Measured, values: Array, effects: Sequence[Effect]) 
 
 
 def _known(one: Hypothesis, usual: Array | None) -> Array:
-    """Rows of the last parameters, of which a usual size is known, (j, k)."""
+    """Rows that select the last parameters, which have a prior, (j, k)."""
     k = len(one.estimate.value)
     return np.eye(k)[k - (0 if usual is None else len(usual)) :]
 
 
 def _rows(old: Rows, more: int) -> Rows:
-    """Rows of no pull below those of the pulls."""
+    """The pulls' rows extended by rows of no pull."""
     none, name = np.full(more, -1, dtype=np.int64), np.full(more, POSITIONS, dtype=object)
     nothing = np.zeros(more, dtype=np.int64)
     return Rows(
@@ -303,8 +307,9 @@ def _rows(old: Rows, more: int) -> Rows:
 def _of_stance(system: System, stance: Stance, there: _Places) -> tuple[Array, Array]:
     """Springs and elements, errors of table and points, and the covariance of all, (s,), (s, s).
 
-    Those of a are columns of the least squares as a ~ N(0, I); table and points err by F a. Springs
-    that are no parameters of the pulls follow from the rest as the positions have them.
+    The errors a are columns of the least squares as a ~ N(0, I); table and points err by F a.
+    Springs that are not parameters of the pulls follow from their covariance with the rest in the
+    stance.
     """
     white = whitener(system.errors, system.rows.pose)
     X = np.hstack([white.with_priors(system.B * system.typical), white.columns])
@@ -320,7 +325,7 @@ def _of_stance(system: System, stance: Stance, there: _Places) -> tuple[Array, A
 
 
 def _completed(stance: Stance, rows: Ints, value: Array, cov: Array) -> tuple[Array, Array]:
-    """The same of all springs, where a part of them is given by some rows of the stance."""
+    """The estimate extended to all springs, where some rows of the stance are given."""
     C, every = stance.cov, np.arange(len(stance.cov))
     part = np.append(rows, every[stance.springs :])
     if len(part) == len(C):

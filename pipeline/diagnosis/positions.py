@@ -1,4 +1,4 @@
-"""What absolute positions show, as the facts that the one table of verdicts is read from."""
+"""Facts of absolute positions, from which the common table of verdicts is read."""
 
 from __future__ import annotations
 
@@ -28,6 +28,7 @@ from pipeline.geometry.worth import LeftOutGain as Worth
 from pipeline.geometry.worth import Parting
 from pipeline.machine.effect import Effect
 from pipeline.machine.effects import catalogue
+from pipeline.machine.effects.unlisted import AMPLITUDE
 from pipeline.machine.law import Law
 from pipeline.machine.robot import Robot
 from pipeline.machine.robot.axes import alone
@@ -39,9 +40,9 @@ def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> 
     """All that the verdict depends on.
 
     Args:
-        found: What was identified from the data without mistakes.
-        robot: As delivered.
-        mistakes: In the data.
+        found: Result for the data without mistakes.
+        robot: Robot as delivered.
+        mistakes: Mistakes in the data.
     """
     first, last = (found.stages[k].mean(Parting.BETWEEN) for k in (0, -1))
     causes = (
@@ -65,19 +66,20 @@ def facts_of(found: Study, robot: Robot, mistakes: tuple[Mistake, ...] = ()) -> 
 
 
 _WRONG = 0.01
-"""Length [m] or angle [rad] by which no entry of a table is off as delivered [1]: Nubiola and Bonev
-found 2 mm and mrad at most (`geometry.estimate.ROUGH`)."""
+"""Deviation of a DH parameter from which on it is an error of the table [m or rad]: Nubiola and
+Bonev found at most 2 mm and mrad as delivered (`geometry.estimate.ROUGH`)."""
 
 
 def _entries(found: Study, robot: Robot) -> Iterator[FoundCause]:
-    """Entries that are off by far more than the rest of the table."""
+    """DH parameters that are off by far more than the rest of the table."""
     final = found.final
     std = np.sqrt(np.diag(final.solution.cov))
     for k, letter in enumerate(final.mechanism.letters):
         off = float(final.mechanism.values[k])
         if not final.known.free[k] or abs(off) < _WRONG:
             continue
-        parameter = Parameter(letter.name, "rad" if letter.turns else "m", _WRONG)
+        unit = "rad" if letter.turns else "m"
+        parameter = Parameter(letter.name, unit, _WRONG, meaning=letter.meaning)
         effect = Effect(
             name=letter.name,
             where=letter.joint,
@@ -94,7 +96,7 @@ def _entries(found: Study, robot: Robot) -> Iterator[FoundCause]:
 
 
 def _off(one: FoundCause) -> TableCause:
-    """The same as what the unloaded positions call for, which then explains them."""
+    """The cause as one of the unloaded positions, which it then explains."""
     size = one.amplitudes[0]
     values = np.array([size.value]), np.array([size.std])
     return TableCause(one.effect, *values, one.p_value, one.probability, (), ())
@@ -104,7 +106,7 @@ def _off(one: FoundCause) -> TableCause:
 
 
 def _in_catalogue(one: Listed, robot: Robot) -> Effect | None:
-    """The effect of this name, place and form; where there is no such form, of the first one."""
+    """The effect of this name, place and form; if there is no such form, the first one."""
     if one.form in _NOUNS:
         return None
     named = [e for e in catalogue(robot) if (e.name, e.where) == _key(one)[:2]]
@@ -112,7 +114,7 @@ def _in_catalogue(one: Listed, robot: Robot) -> Effect | None:
 
 
 def _listed(one: Listed, robot: Robot) -> FoundCause:
-    """A cause that the catalogue has, with its parameters as positions show them."""
+    """A cause of the catalogue, with its parameters as estimated from positions."""
     noun = _NOUNS.get(one.form) or _NOUNS.get(one.name) or one.name.replace("_", " ")
     effect = _in_catalogue(one, robot) or Effect(
         name=one.name,
@@ -128,7 +130,12 @@ def _listed(one: Listed, robot: Robot) -> FoundCause:
     typical = {p.name: p.typical for p in effect.parameters}
     amplitudes = tuple(
         EffectSize.symmetric(
-            Parameter(p.name, p.unit, typical.get(p.name, max(abs(p.value), p.std))),
+            Parameter(
+                p.name,
+                p.unit,
+                typical.get(p.name, max(abs(p.value), p.std)),
+                meaning=p.meaning,
+            ),
             p.value,
             p.std,
         )
@@ -148,7 +155,7 @@ _NOUNS = {
     "gravity_sag": "sag under the arm's own weight",
     "other masses": "links that weigh other than the robot file states",
 }
-"""What positions alone know, as a noun, by its form or name."""
+"""Nouns for causes that only positions show, by form or name."""
 
 
 def _gain(one: Worth) -> CrossValidation:
@@ -160,10 +167,10 @@ def _gain(one: Worth) -> CrossValidation:
 
 
 def _cause(law: NamedLaw, robot: Robot) -> FoundCause:
-    """A law of a joint, as a cause that no catalogue has."""
+    """A joint law as a cause outside the catalogue."""
     slides = bool(robot.prismatic[law.joint - 1])
     unit = "m" if slides else "rad"
-    parameter = Parameter("amplitude", unit, START[slides])
+    parameter = Parameter("amplitude", unit, START[slides], meaning=AMPLITUDE)
     height = EffectSize.symmetric(parameter, law.amplitude, law.std)
     effect = _effect(law, robot, parameter)
     return FoundCause(effect, 1.0, (height,), law.p, gain=_gain(law.gain), height=height)
@@ -197,7 +204,7 @@ def _effect(law: NamedLaw, robot: Robot, parameter: Parameter) -> Effect:
 
 
 def _noun(law: NamedLaw, robot: Robot) -> str:
-    """The law as a noun, without its place and size."""
+    """The law as a noun, without its place and magnitude."""
     slides = bool(robot.prismatic[law.joint - 1])
     turn = "per metre" if slides else "per turn"
     if law.kind == "periodic":
@@ -226,11 +233,11 @@ _OF = {
 
 
 def bounds_of(found: Study) -> Bounds:
-    """Noise and misfit of a campaign of positions against what they can be.
+    """Noise and misfit of a campaign of positions against their bounds.
 
-    What scatters is held against the noise stated together with the usual error of each joint at a
-    pose, which no table holds; where targets of one pose show their own noise, beyond all that
-    joints can do, that is held against the noise stated alone.
+    The held-out errors are compared with the stated noise combined with the usual error of each
+    joint at a pose; where the targets of single poses show more noise than joints can cause, that
+    is compared with the stated noise alone.
     """
     last, final = found.stages[-1], found.final
     off = last.errors[Parting.BETWEEN]
@@ -253,7 +260,7 @@ def bounds_of(found: Study) -> Bounds:
 
 
 def _usual(found: Study) -> float:
-    """Rms of a coordinate by the noise stated and the usual errors of the joints [m]."""
+    """Expected rms of a coordinate from the stated noise and the usual errors of the joints [m]."""
     final = found.final
     joints = np.where(final.mechanism.table.prismatic, START[True], START[False])
     n = len(joints)
@@ -263,9 +270,9 @@ def _usual(found: Study) -> float:
 
 
 def _own_noise(found: Study) -> float:
-    """Noise of a coordinate that the targets of a pose show among each other [m].
+    """Noise of a coordinate from the targets of each pose relative to each other [m].
 
-    0 where too few are read: what six motions of the effector leave of 3 t coordinates.
+    The residuals of 3 t coordinates after six motions of the effector; 0 where too few are read.
     """
     final = found.final
     shifts = np.tile([True] * 3 + [False] * 3, len(final.readings.targets))
@@ -279,7 +286,7 @@ def _own_noise(found: Study) -> float:
 
 
 def _motions(found: Study) -> Array:
-    """How six motions of the effector move the targets of each pose, F_b, (m, 3 t, 6)."""
+    """Derivatives of the targets of each pose by six motions of the effector, F_b, (m, 3 t, 6)."""
     at = placed(found.final.readings, found.final.mechanism, found.final.weights)[0]
     lever = at - at.mean(axis=1, keepdims=True)
     turn = np.stack([np.cross(e, lever) for e in np.eye(3)], axis=3)
@@ -288,6 +295,6 @@ def _motions(found: Study) -> Array:
 
 
 def _left(off: Array, at: Array) -> float:
-    """Part of the squared motions of the targets from pose to pose that is left."""
+    """Residual fraction of the squared motions of the targets between poses."""
     spread = at - np.nanmean(at, axis=0)
     return float(np.nansum(off**2) / max(float(np.nansum(spread**2)), np.finfo(float).tiny))

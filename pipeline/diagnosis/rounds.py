@@ -1,4 +1,4 @@
-"""Base reflectors that were read without pause, as rounds of readings."""
+"""Grouping of base reflector readings that were read without pause into rounds."""
 
 from __future__ import annotations
 
@@ -10,18 +10,18 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.reduction.register import XYZ
 
 _MANY = 1000
-"""Readings from which on they are taken together: all pairs of a thousand are 8 MB."""
+"""Number of readings above which they are averaged in rounds: all pairs of a thousand are 8 MB."""
 _ROUNDS = 100
-"""How many rounds are made of them."""
+"""Number of time spans, hence rounds, into which the readings are averaged."""
 _OFF = ["dx_m", "dy_m", "dz_m"]
 
 
 def in_rounds(table: pd.DataFrame) -> pd.DataFrame:
-    """Many readings as few, each the mean of those of one reflector in one span of time.
+    """Average many readings, by reflector and span of time.
 
-    p = C sum C_k^-1 p_k, C = (sum C_k^-1)^-1 (m and m^2, F_b), at the mean of their times: what a
-    motion that is straight within a hundredth of the campaign does to the readings, it does to
-    their means. A thousand readings or fewer stay as they are.
+    p = C sum C_k^-1 p_k, C = (sum C_k^-1)^-1 (m and m^2, F_b), at the mean of their times: a motion
+    that is linear within a hundredth of the campaign has the same effect on the means. Up to
+    `_MANY` readings are returned unchanged.
 
     Args:
         table: Table REGISTRATION with `since`, seconds after the first reading.
@@ -29,7 +29,7 @@ def in_rounds(table: pd.DataFrame) -> pd.DataFrame:
     if len(table) <= _MANY:
         return table
     since = table["since"].to_numpy(float)
-    whole_s = since.max() or 1.0  # without times those of one group are all at once
+    whole_s = since.max() or 1.0  # without times a group is read at once
     span = np.minimum((since / whole_s * _ROUNDS).astype(np.int64), _ROUNDS - 1)
     target, names = pd.factorize(table["target"])
     _, first, which = np.unique(span * len(names) + target, return_index=True, return_inverse=True)
@@ -50,5 +50,5 @@ def in_rounds(table: pd.DataFrame) -> pd.DataFrame:
 
 
 def _sums(rows: Array, which: Ints) -> Array:
-    """Sums of the rows with each number, shape (numbers, columns)."""
+    """Sums of the rows with the same number in `which`, shape (numbers, columns)."""
     return np.column_stack([np.bincount(which, column) for column in rows.T])

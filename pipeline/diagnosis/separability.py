@@ -1,4 +1,4 @@
-"""Which causes one campaign can tell apart, and from which size on."""
+"""Which causes a campaign can separate, and from which magnitude on."""
 
 from __future__ import annotations
 
@@ -15,16 +15,16 @@ from pipeline.system.whitened import Whitened
 
 
 def separation(M: Array, base: Ints, at: Ints) -> Array:
-    """Sigmas between suspects at typical size, shape (..., n, n).
+    """Separation of suspects of typical magnitude [standard deviations], shape (..., n, n).
 
-    Entry (a, b) is what a leaves when base and b are fitted, (a, a) when only the base is, root
-    mean square over its k parameters, each at typical size by itself:
+    Entry (a, b) is the residual of a after fitting base and b, (a, a) after fitting the base only,
+    root mean square over its k parameters, each at its typical magnitude:
 
         d_ab^2 = trace(S_aa - S_ab S_bb^+ S_ba) / k,    d_aa^2 = trace(S_aa) / k,
 
-    S the products of whitened columns with the base taken out, parameters in typical sizes: the
-    root of the noncentrality of the test of a beside b (Baarda, A Testing Procedure for Use in
-    Geodetic Networks, 1968).
+    with S the products of whitened columns after elimination of the base, parameters in typical
+    magnitudes: the root of the noncentrality of the test of a given b (Baarda, A Testing Procedure
+    for Use in Geodetic Networks, 1968).
 
     Args:
         M: Products of whitened columns, of one campaign or of many plans, shape (..., W, W).
@@ -50,19 +50,19 @@ def separation_found(
     among: Sequence[int],
     possible: Sequence[Mapping[str, int]],
 ) -> Array:
-    """Sigmas between accepted causes and others, as large as these readings have them, (a, n).
+    """Separation of accepted causes of fitted magnitude from others [standard deviations], (a, n).
 
-    What an accepted cause at its fitted size leaves when the other is fitted in its place
-    (`left_by`); of one that is possible there the smaller of both ways. One that is not is fitted
-    at next to nothing and would leave as much. `separation` has typical sizes. NaN for a cause and
-    itself.
+    Residual of an accepted cause, at its fitted magnitude, after fitting the other in its place
+    (`left_by`); for an other that is possible there, the smaller of both directions. An impossible
+    one would be fitted with a negligible magnitude, so that the reverse direction means nothing.
+    NaN for a cause and itself. `separation` uses typical magnitudes.
 
     Args:
         view: The campaign whitened at the accepted causes.
         accepted: These causes.
         among: The others, shape (n,).
-        possible: For each accepted one what may act in its place: suspect by label, in the form
-            that fits best.
+        possible: For each accepted cause, what may be present in its place: suspect by label, in
+            the form that fits best.
     """
     out = np.full((len(accepted), len(among)), np.nan)
     for place, one in enumerate(accepted):
@@ -79,7 +79,7 @@ def separation_found(
 def _left_either_way(
     view: Whitened, one: int, other: int, rest: Sequence[int]
 ) -> tuple[float, float]:
-    """What each of two causes, as fitted, leaves for the other; some more are in the model."""
+    """Residual of each of two fitted causes after fitting the other; `rest` is in the model."""
     S = eliminate(view.M, np.concatenate([np.arange(view.first), view.columns(rest)]))
     a, b = (view.columns([i]) for i in (one, other))
     z, w = sizes(view, (one, other), rest)
@@ -87,12 +87,12 @@ def _left_either_way(
 
 
 def sizes(view: Whitened, who: Sequence[int | None], rest: Sequence[int]) -> tuple[Array, ...]:
-    """What each who could act in a place would be, fitted without the others, in typical sizes.
+    """Each suspect's magnitude if fitted in a place without the others, in typical magnitudes.
 
     Args:
         view: The campaign.
         who: Suspects; None for none.
-        rest: Causes that are in the model whoever it is.
+        rest: Causes that are in the model in any case.
     """
     S = eliminate(view.M, np.concatenate([np.arange(view.first), view.columns(rest)]))
     mine = (view.columns([] if i is None else [i]) for i in who)
@@ -100,7 +100,7 @@ def sizes(view: Whitened, who: Sequence[int | None], rest: Sequence[int]) -> tup
 
 
 def left_by(S: Array, true: Ints, size: Array, other: Ints) -> Array:
-    """Sigmas of what `true` leaves when `other` is fitted, sums of squares S beside the rest."""
+    """Residual of `true` after fitting `other` [standard deviations], from products S."""
     whole = np.einsum("i,...ij,j->...", size, S[..., true[:, None], true], size)
     if not len(other):
         return np.asarray(np.sqrt(np.maximum(whole, 0.0)))
@@ -110,6 +110,6 @@ def left_by(S: Array, true: Ints, size: Array, other: Ints) -> Array:
 
 
 def _fitted(S: Array, own: Ints, h: Array) -> Array:
-    """Sizes (G + I / w^2)^-1 h of some columns, held to those that the evidence holds possible."""
+    """Ridge estimate (G + I / w^2)^-1 h of some columns, w the widest prior of the evidence."""
     G = S[..., own[:, None], own] + np.eye(len(own)) / WIDTHS.max() ** 2
     return linear.solve(G, h)

@@ -1,10 +1,10 @@
-"""Stages 5 to 7 as one: mistakes, noise and causes, each judged beside all else that is held.
+"""Stages 5 to 7 as one: mistakes, noise and causes, each judged given the others.
 
-Held are mistakes in single readings and pulls, the noise (size and shape) and the causes. A move
-changes one of them beside the other two: readings are screened anew from all that is in the files,
-beside the springs, the causes and the tails that all doubtful readings show together; noise is
-weighed anew beside the causes; causes are sought anew in the readings that are left. It ends where
-no move changes anything. What spoils whole files was put right before.
+The state consists of mistakes in single readings and pulls, the noise (scale and shape) and the
+causes. Each move changes one of them given the other two: readings are screened again from
+everything in the files, given springs, causes and the tails of all doubtful readings together; the
+noise is estimated again given the causes; causes are sought again in the remaining readings. It
+ends where no move changes anything. Mistakes in whole files were corrected before.
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.diagnosis.bounds import bounds
+from pipeline.diagnosis.bounded import bounds
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import drift
 from pipeline.diagnosis.facts import Diagnosed
@@ -34,22 +34,22 @@ from pipeline.system.linearised import linearise
 from pipeline.system.shape import Shape, shape, tails
 
 _SEED = 20261103
-"""Of its draws: another one moves numbers within what they say of their scatter."""
+"""Seed of the draws; another one changes numbers within their stated scatter."""
 
 _ROUNDS = 6
-"""Moves of the mistakes at most [1]; where ends follow each other in a circle they are as good, and
-the one with the fewest mistakes stands."""
+"""Maximum number of changes of the mistakes; if states recur in a cycle they are equally good, and
+the one with the fewest mistakes is used."""
 
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """Where no single move changes anything.
+    """State that no single move changes.
 
     Attributes:
-        screened: What is wrong with the data.
-        right: The campaign without that, weighed by the noise that is held.
+        screened: Mistakes in the data.
+        right: The campaign without them, weighted by the estimated noise.
         where: The test pose.
-        diagnosis: The causes, and what the model misses.
+        diagnosis: The causes, and what the model lacks.
     """
 
     screened: Screened
@@ -79,12 +79,12 @@ def settle(case: Case, reduced: Reduced, given: Fitted, step: Step) -> Settled:
         again = [k for k, one in enumerate(ends) if one.screened.key == held.key]
         if again:
             break
-    ends = ends[again[0] :] if again else ends[-2:]  # those that follow each other for ever
+    ends = ends[again[0] :] if again else ends[-2:]  # the cycle, or the last two
     return _bounded(min(ends, key=lambda one: len(one.screened.findings)))
 
 
 def _bounded(end: Settled) -> Settled:
-    """The same with its noise and misfit against what they can be."""
+    """The state with its noise and misfit compared with their bounds."""
     right, said = end.right, end.diagnosis
     left = Far.none()
     if right.plain.noise_stated:
@@ -95,20 +95,21 @@ def _bounded(end: Settled) -> Settled:
     told = said.scatter.force > 1 and said.scatter.known_from == "contrasts"
     force = said.scatter.force * said.scatter.tracker if told else 1.0
     kept = bounds(right, best.system, best.estimate, left, force)
-    doubted = [at for one in end.screened.doubted if one.before > AWAY for at in one.at]
+    away = [one for one in end.screened.doubted if one.before > AWAY and one.may_be_noise]
+    doubted = [at for one in away for at in one.at]
     kept = replace(kept, doubted=tuple(doubted))
     return replace(end, diagnosis=replace(said, facts=replace(said.facts, bounds=kept)))
 
 
 def _stand(held: Screened, given: Fitted, step: Step) -> Settled:
-    """Noise and causes beside some mistakes."""
+    """Noise and causes, given some mistakes."""
     right = step(fit)(held.case, bring(held.case)) if held.findings else given
     where = place_of_interest(held.case.settings.test_pose, right.case.robot, right.data.pulls)
     return _weighed(Settled(held, right, where, _diagnosed(right, where, step)), step)
 
 
 def _screened(files: Screened, end: Settled) -> Screened:
-    """Readings and pulls judged beside the causes, and the noise as it is seen beside these."""
+    """Readings and pulls screened, and the noise estimated, given the causes."""
     said, family = end.diagnosis, _tails(files, end)
     cell, start = files.case.cell, files.case.robot.nominal_compliance
     richer = cell.with_effects(*said.modelled)
@@ -121,9 +122,9 @@ def _screened(files: Screened, end: Settled) -> Screened:
 
 
 def _tails(files: Screened, end: Settled) -> Family | None:
-    """Tails of all readings beside the accepted model, those among them that noise may have moved.
+    """Tails of all readings given the accepted model, including those that noise may have moved.
 
-    None where the noise is no more than what the model leaves.
+    None where no noise is stated, so that it is estimated from the residuals only.
     """
     right, seen = end.right, end.diagnosis.seen
     if not right.plain.noise_stated:
@@ -136,7 +137,7 @@ def _tails(files: Screened, end: Settled) -> Family | None:
 
 
 def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosed:
-    """What the model gets wrong; every diagnosis draws alike."""
+    """The diagnosis; every one uses the same draws."""
     rng = np.random.default_rng(_SEED)
     cell, data = right.case.cell, right.data
     scale, effects = float(right.noise.scale[0]), expected(right.case, data)
@@ -150,11 +151,11 @@ def _diagnosed(right: Fitted, where: Where, step: Step) -> Diagnosed:
 
 
 def _weighed(end: Settled, step: Step) -> Settled:
-    """The campaign weighed by the noise that is seen beside the accepted model.
+    """The campaign weighted by the noise that is estimated given the accepted model.
 
-    First its shape; where the model misses something, only if such noise is likely whatever the
-    machine does, and makes the model whole. Then its size: where the model leaves more than the
-    stated noise allows and no more than that of the contrasts, the latter is used.
+    First its shape; where the model lacks something, only if such noise is likely whatever the
+    machine does, and completes the model. Then its scale: where the residuals exceed the stated
+    noise but not that of the contrasts, the latter is used.
     """
     right, said, where = end.right, end.diagnosis, end.where
     if not right.plain.noise_stated or not (said.settled or _noise_likely(right, said)):
@@ -176,15 +177,15 @@ def _weighed(end: Settled, step: Step) -> Settled:
 
 
 def _noise_likely(right: Fitted, said: Diagnosed) -> bool:
-    """Whether there rather is other noise than not, whatever the machine does.
+    """Whether heavier tails or a wander are likelier than not, whatever the machine does.
 
-    Beside all that a machine could do, which leaves little to see it in; where no cause was found,
-    also beside a stiffness of its own for each pose.
+    It is tested given everything that a machine could do, which leaves few residuals to show it; if
+    not likely there, given the accepted model with a stiffness of its own for each pose.
     """
     return right.shape.likely or _beside(right, said, loose=True).likely
 
 
 def _beside(right: Fitted, said: Diagnosed, loose: bool = False) -> Shape:
-    """The shape of the noise beside the accepted model; `loose` as of `shape`."""
+    """Shape of the noise given the accepted model; `loose` as of `shape`."""
     seen = replace(said.seen, data=right.shape.off(said.seen.data))
     return shape(seen, said.seen.model.accepted, loose)

@@ -1,4 +1,4 @@
-"""Before anything is identified: evidence of every suspect, misfit of every place."""
+"""Statistics with the joint springs alone: evidence of every suspect, misfit of every place."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.system.whitened import Whitened
 
 
 def clues(found: Found) -> tuple[SuspectStatistics, ...]:
-    """Each suspect added to the joint springs alone, in its likeliest form."""
+    """Statistics of each suspect added to the joint springs alone, in its likeliest form."""
     view, now, p = found.first, found.scores, found.scores.p()
     seen = smallest_visible(view, view.base, found.threshold.p)
     whole, left = now.whole.sum(axis=1), np.einsum("nii->n", now.N)
@@ -28,7 +28,7 @@ def clues(found: Found) -> tuple[SuspectStatistics, ...]:
 
 
 def misfits(view: Whitened) -> tuple[Misfit, ...]:
-    """Which place of the cell takes most of the misfit when all its suspects join at once."""
+    """Share of each place of the cell in the misfit, all its suspects at once, smallest p first."""
     places: dict[str, list[int]] = {}
     for i, effect in enumerate(view.suspects):
         places.setdefault(effect.location, []).append(i)

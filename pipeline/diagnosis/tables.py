@@ -1,4 +1,4 @@
-"""Tables behind the figures of a diagnosis."""
+"""Tables for the figures of a diagnosis."""
 
 from __future__ import annotations
 
@@ -57,7 +57,7 @@ def examined_table(
 
     Args:
         diagnosis: The diagnosis.
-        cell: The paper's model.
+        cell: The joint springs model.
         data: The measurements.
         system: The linear system of the joint springs.
         estimate: Its solution.

@@ -1,16 +1,17 @@
-"""Laws that nobody listed, where the catalogue leaves structure in the displacements.
+"""Laws outside the catalogue, where this leaves structure in the displacements.
 
-Thousands of columns (`effects/unlisted.py`) stand beside the springs, or beside the causes that the
-catalogue offers. A law may join the suspects only if the largest statistic of all of them is as
-large neither by scatter nor by structure that has nothing to do with it:
+Thousands of columns (`effects/unlisted.py`) are tested in addition to the springs, or to the causes
+of the catalogue. A law may join the suspects only if the largest statistic of all of them is
+explained neither by scatter nor by structure unrelated to it:
 
-- scatter: p = 1 - (1 - p_F)^m, m the number of independent tests that draws of the noise model find
-  (`detect.threshold`),
-- structure: the residuals of whole poses with their signs flipped, which keeps what the pulls of a
-  pose share and destroys what depends on where the robot stands (decision 27).
+- scatter: p = 1 - (1 - p_F)^m, with m the number of independent tests according to draws of the
+  noise model (`detect.threshold`),
+- structure: the residuals of whole poses with flipped signs, which keep what the pulls of a pose
+  have in common and destroy any dependence on the robot's configuration (decision 27).
 
-From there on it is a suspect like any other: it must beat the listed causes on the evidence, with
-odds that hold all that was tried, and predict poses that were left out.
+From then on it is a suspect like any other: its evidence must exceed that of the catalogue's
+causes, with prior odds that account for all that was tried, and it must improve predictions of
+left-out poses.
 """
 
 from __future__ import annotations
@@ -38,40 +39,42 @@ from pipeline.system.evidence import Scores
 from pipeline.system.whitened import Whitened
 
 _FLIPS = 3000
-"""Copies whose poses have other signs: the smallest p is a third of `alarms.LAW`."""
+"""Number of copies with flipped signs of poses: the smallest p is a third of `alarms.LAW`."""
 
 _COUNTED = 20
-"""Parts up to which copies are drawn without replacement: beyond, one in 2^20 is the campaign."""
+"""Number of parts up to which copies are drawn without replacement; above it, only one in 2^20
+copies equals the data."""
 
 _DRAWS = 1000
-"""Draws of scatter."""
+"""Number of draws of scatter."""
 
 _WITHIN = 7.0
-"""Laws within so much log evidence of the best one (1000 to 1) may be in its place."""
+"""Difference in log evidence from the best law up to which a law is kept [1], 1000 to 1."""
 
 _FORMS = 6
-"""So many laws of one place: what aliases with the wave that is there, on few poses, is carried."""
+"""Maximum number of laws kept of one place; on few poses, aliases of the true wave are among
+them."""
 
 _MOST = 6
-"""So many places."""
+"""Maximum number of places kept."""
 
 _SEED = 20261123
-"""Of draws of its own, so that campaigns without such laws draw what they drew."""
+"""Seed of separate draws, so that campaigns without such laws keep their other draws."""
 
 
 def beyond(case: SearchCase, found: Found, start: Array) -> tuple[SearchCase, Found]:
-    """The case and what is found in it, with laws that nobody listed among the suspects.
+    """Extend the suspects by laws outside the catalogue, and search again.
 
-    Whether the catalogue explains the data is asked of the laws, too: what its own tests do not
-    see may stand out in one of theirs, whether nothing was detected or a listed cause takes a part.
+    Laws are also tested where the catalogue explains the data: what its own tests do not see may
+    stand out in one of theirs, whether nothing was detected or a listed cause absorbed a part.
 
-    The same as before where nothing generated is found beside what the catalogue offers, or where
-    that does not predict left-out poses better.
+    Case and result are returned unchanged where no law is found in addition to the catalogue, or
+    where the laws do not improve predictions of left-out poses.
 
     Args:
         case: The case.
-        found: What the catalogue makes of it.
-        start: Compliances to begin with.
+        found: Result with the catalogue.
+        start: Initial compliances.
     """
     rng, every = np.random.default_rng(_SEED), _every(case, found)
     if open_(found, rng) or _likely(case, found, found.accepted, every, rng):
@@ -85,9 +88,9 @@ def beyond(case: SearchCase, found: Found, start: Array) -> tuple[SearchCase, Fo
 def _extended(
     case: SearchCase, found: Found, start: Array, rng: np.random.Generator
 ) -> tuple[SearchCase, Found]:
-    """With further shapes of the accepted laws among the suspects, where they are found.
+    """Add further shapes of the accepted laws to the suspects, where they are significant.
 
-    They are sought beside these laws alone: what else was accepted may be what a law lacks.
+    They are sought given these laws alone: other accepted causes may be what a law lacks.
     """
     mine = tuple(i for i in found.accepted if case.suspects[i].law is not None)
     model = found.first.model
@@ -98,7 +101,7 @@ def _extended(
 
 
 def _every(case: SearchCase, found: Found) -> tuple[Effect, ...]:
-    """All laws, with the odds of what has no name shared among them."""
+    """All laws, sharing the prior odds of the nameless among them."""
     model, robot = found.first.model, case.cell.robot
     loaded = load(model.cell, case.data.pulls, model.values)
     return unlisted.effects(robot, loaded, NAMELESS * len(nameless(robot)))
@@ -112,7 +115,7 @@ def _searched(
     start: Array,
     rng: np.random.Generator,
 ) -> tuple[SearchCase, Found]:
-    """With laws among the suspects, where one is accepted and carries over to other poses."""
+    """Result with laws among the suspects, if one is accepted and carries over to other poses."""
     laws = _likely(case, found, beside, every, rng)
     if not laws:
         return case, found
@@ -130,8 +133,8 @@ def _searched(
 def open_(found: Found, rng: np.random.Generator) -> bool:
     """Whether something was detected that the catalogue does not certainly explain.
 
-    It leaves something, something nameless may stand there, or left-out poses are not certainly
-    predicted better.
+    This is so if something is left, if something nameless may take a cause's place, or if left-out
+    poses are not certainly predicted better.
     """
     if not found.detected:
         return False
@@ -146,9 +149,9 @@ def open_(found: Found, rng: np.random.Generator) -> bool:
 def _gain(
     view: Whitened, kept: Ints, rng: np.random.Generator, tests: Bools | slice = slice(None)
 ) -> float:
-    """Lower end of the 95 % interval of what a model gains over some columns of its causes.
+    """Lower end of the 95 % interval of a model's gain over one with only some of its columns.
 
-    By the cross-validation error, all estimated without each pose, poses drawn with replacement.
+    The gain is the reduction of the cross-validation error, with poses drawn with replacement.
     """
     base = np.concatenate([np.arange(view.first), kept])
     before, after = view.left_out(base), view.left_out(view.base)
@@ -168,13 +171,13 @@ def _likely(
     laws: tuple[Effect, ...],
     rng: np.random.Generator,
 ) -> dict[Effect, float]:
-    """Laws that chance does not make beside some causes, likeliest first, each with that chance.
+    """Laws that are significant given some causes, likeliest first, each with its p-value.
 
     Args:
         case: The case.
-        found: What is found in it.
+        found: Result of the search.
         beside: Causes of the base.
-        laws: All that are tried.
+        laws: All laws that are tried.
         rng: Source of the draws.
     """
     if not laws:
@@ -182,7 +185,7 @@ def _likely(
     view, first = _view(case, found, beside, laws), len(beside)
     now = given(view.suspects, view.beside(view.base), range(first))
     evidence, p = now.log_evidence[first:], now.p()[first:]
-    if not ((evidence > WORTH) & (p < alarms.LAW)).any():  # among many it is no rarer
+    if not ((evidence > WORTH) & (p < alarms.LAW)).any():  # the family's p is not smaller
         return {}
     limit = threshold(view, view.base, now.dof, rng, _DRAWS)
     by_scatter = -np.expm1(limit.independent * np.log1p(-np.minimum(p, 1 - 1e-15)))
@@ -202,7 +205,7 @@ def _likely(
 
 
 def _with_room(laws: Sequence[Effect], ranked: Sequence[int]) -> Iterator[int]:
-    """Of some laws, the likeliest first, so many places and so many forms of each."""
+    """The first laws of a ranking, up to `_MOST` places and `_FORMS` forms of each."""
     of: Counter[str] = Counter()
     for i in ranked:
         label = laws[i].label
@@ -214,10 +217,10 @@ def _with_room(laws: Sequence[Effect], ranked: Sequence[int]) -> Iterator[int]:
 def _view(
     case: SearchCase, found: Found, accepted: tuple[int, ...], laws: tuple[Effect, ...]
 ) -> Whitened:
-    """The campaign beside some causes, with every law as a suspect behind them.
+    """The campaign given some causes, with every law as a further suspect.
 
-    Those that are listed hold to their tolerance only: what is within it needs no further law. What
-    a law lacks that nobody listed, its further shapes say (`_extended`).
+    Causes of the catalogue are valid within their tolerance only: what lies within it needs no
+    further law. What an accepted law lacks is for its further shapes (`_extended`).
     """
     few, every = case.only(accepted), tuple(range(len(accepted)))
     near = found.seen if accepted else found.first.seen
@@ -230,12 +233,12 @@ def _view(
 
 
 def _by_structure(view: Whitened, now: Scores, rng: np.random.Generator) -> Array:
-    """Chance of so much anywhere with the residuals of whole poses at random signs, (n,).
+    """Probability of as large a statistic anywhere, given random signs of poses' residuals, (n,).
 
-    T_j = g' N^+ g of each copy, g = sum over poses of s_p D_p' P y. Blocks of other ranks compare
-    by -dof / 2 ln(1 - T / rest) - rank / 2 ln dof (Schwarz, Annals of Statistics 6, 1978), rest
-    being what the base leaves of the copy: it explains more of one than of y, which it was fitted
-    to, and against the rest of y chance would pass for a law more often than stated.
+    T_j = g' N^+ g of each copy, g = sum over poses of s_p D_p' P y. Blocks of different ranks are
+    compared by -dof / 2 ln(1 - T / rest) - rank / 2 ln dof (Schwarz, Annals of Statistics 6, 1978),
+    with rest the residual of the copy given the base. That is smaller than the residual of y, to
+    which the base was fitted; with the latter, chance would pass for a law more often than stated.
     """
     base = Base.of(view.A[:, view.base], view.A[:, -1])
     left = base.blocks.rows(base.left)
@@ -259,9 +262,9 @@ def _by_structure(view: Whitened, now: Scores, rng: np.random.Generator) -> Arra
 
 
 def _signs(n: int, rng: np.random.Generator) -> Array:
-    """Other signs of n parts, shape (c, n), no two alike up to a common sign, none all alike.
+    """Signs of n parts, shape (c, n): of few parts all different up to sign, none all equal.
 
-    The data themselves among the copies of few poses would be counted as their own rivals.
+    Otherwise the data would be among their own copies and count against themselves.
     """
     if n > _COUNTED:
         return np.asarray(rng.choice([-1.0, 1.0], (_FLIPS, n)))
@@ -277,23 +280,23 @@ def _of_poses(view: Whitened, rows: Array) -> Array:
 
 
 def _likelihood(share: Array, rank: Array | Ints, dof: int) -> Array:
-    """Gain in log likelihood of parts of the sum of squares, less its expectation by chance."""
+    """Gain in log likelihood by shares of the sum of squares, minus Schwarz's penalty."""
     explained = np.clip(share, 0.0, 1 - 1e-12)
     return np.asarray(-0.5 * dof * np.log1p(-explained) - 0.5 * rank * np.log(dof))
 
 
 def _carries(case: SearchCase, found: Found, rng: np.random.Generator) -> bool:
-    """Whether every accepted law makes left-out poses better, estimated without each of them.
+    """Whether every accepted law certainly improves predictions of left-out poses.
 
-    At 95 %, poses drawn with replacement, beside all else that is accepted; all of them, or those
-    at which the law is taught also without them.
+    At 95 %, poses drawn with replacement, given everything else that is accepted; over all poses,
+    or over those whose values lie within the range of the other poses.
     """
     laws = [i for i in found.accepted if case.suspects[i].law is not None]
     return all(_carried(case, found, law, rng) for law in laws)
 
 
 def _carried(case: SearchCase, found: Found, law: int, rng: np.random.Generator) -> bool:
-    """The same of one law."""
+    """Whether one law certainly improves predictions of left-out poses."""
     rest, taught = _without(case, found, law), _taught(case, found, law)
     if _gain(found.plain, rest, rng) > 0:
         return True
@@ -301,10 +304,10 @@ def _carried(case: SearchCase, found: Found, law: int, rng: np.random.Generator)
 
 
 def _taught(case: SearchCase, found: Found, law: int) -> Bools:
-    """Readings of poses at which a law is taught also without them, shape (m,).
+    """Readings of poses whose variable is within the range of all other poses, shape (m,).
 
-    Beyond the others' range it states nothing but that it is uncertain (`unlisted.beyond`): an
-    error there is none of the law.
+    Beyond that range a law only states that it is uncertain (`unlisted.beyond`), so that an error
+    there does not count against it.
     """
     view, one = found.plain, case.suspects[law].law
     pose = view.pose[: len(view.rows)]
@@ -320,7 +323,7 @@ def _taught(case: SearchCase, found: Found, law: int) -> Bools:
 
 
 def _without(case: SearchCase, found: Found, law: int) -> Ints:
-    """Columns of all that is accepted but a law; but its last shape, where it extends another."""
+    """Columns of everything accepted except a law, or of an extension only its last shape."""
     view, one = found.plain, case.suspects[law]
     rest = view.columns([i for i in found.accepted if i != law])
     less = (len(other.parameters) for other in case.suspects if extends(one, other))

@@ -1,7 +1,7 @@
-"""What the unloaded reflectors say of the robot's table, its base frame and the arm's weight.
+"""What the unloaded reflectors show of the robot's table, its base frame and the arm's weight.
 
-Delivered robots are off their table everywhere by some tenths of a millimetre and milliradian, and
-their joints err at every pose. Both are estimated; only what is far beyond them is a cause.
+Delivered robots deviate from their table everywhere by some tenths of a millimetre and milliradian,
+and their joints err at every pose. Both are estimated; only what is far beyond them is a cause.
 """
 
 from __future__ import annotations
@@ -38,38 +38,39 @@ from pipeline.geometry.scatter import START
 from pipeline.geometry.unloaded import USUAL, PoseRows, Unloaded, off, unloaded
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, Geometry, Observation
-from pipeline.machine.effects import base_rotation, joint_offset, table
+from pipeline.machine.effects import base_moved, base_rotation, joint_offset, table
 from pipeline.machine.robot.letters import changed
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
 from pipeline.system.system import Estimate
 
 BEYOND = 5.0
-"""A cause is so many times what the rest of the table is off by, or what a table usually is."""
+"""Minimum ratio of a cause to the deviations of the rest of the table, or of a usual table [1]."""
 
 _MISFIT = 1e-6
-"""Below this p the readings' noise alone does not explain where the reflectors stand."""
+"""P-value below which the readings' noise alone does not explain the reflectors' positions [1]."""
 
 _MOST = 4
-"""Causes that are named in one table at most."""
+"""Maximum number of causes named in one table."""
 
 _SEED = 20261123
-"""Of its draws: another one moves numbers within what they say of their scatter."""
+"""Seed of the draws; another one changes numbers within their stated scatter."""
 
 _WIDE = 0.1
-"""Standard deviation of what is off, [m] and [rad]; masses, ten times their usual size."""
+"""Prior standard deviation of a suspect [m or rad]; for masses it is ten times their usual size."""
 
 _POWER = 0.84
-"""Standard deviations beyond a threshold that are seen in 80 % of the cases."""
+"""Standard deviations by which a magnitude must exceed a threshold to be detected in 80 % of the
+cases [1]."""
 
 
 @dataclass(frozen=True)
 class _Suspect(Suspect):
-    """A cause that may be asked about.
+    """A possible cause.
 
     Attributes:
-        effect: What it is.
-        tries: Of so many the likeliest, each as likely before the data.
+        effect: The effect.
+        tries: Number of alternatives, equally likely a priori, of which it is the likeliest.
     """
 
     effect: Effect
@@ -77,10 +78,10 @@ class _Suspect(Suspect):
 
 
 def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]) -> UnloadedFacts:
-    """Estimate the table from the unloaded positions, and find what is far off in it.
+    """Estimate the table from the unloaded positions, and find the parameters that are far off.
 
     Args:
-        cell: The paper's model with the stiffnesses that were identified.
+        cell: The joint springs model with the identified stiffnesses.
         data: The measurements; `unloaded` may be NaN, then nothing is found.
         scale: Scatter of the tracker over its stated standard uncertainty.
         effects: The catalogue.
@@ -111,7 +112,7 @@ def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]
 
 
 def _moved_tool(zeros: Unloaded, found: Cells) -> float:
-    """How far the estimate puts the targets from their places in [tool], the farthest [m]."""
+    """Largest distance of an estimated target from its position in [tool] [m]."""
     if zeros.turned is not None:  # one pose stands for all targets
         return 0.0
     moved = found.mean[zeros.columns.tool].reshape(-1, 3)
@@ -124,7 +125,7 @@ def _sag(effects: Sequence[Effect]) -> Geometry | None:
 
 
 def _suspects(zeros: Unloaded, effects: Sequence[Effect]) -> Iterator[_Suspect]:
-    """Every geometric parameter by itself, the base frame's turn, the weight of the arm."""
+    """Every geometric parameter by itself, the base frame's rotation, the weight of the arm."""
     known = {effect.label: effect for effect in (*effects, *table.effects(zeros.robot))}
     where = zeros.columns
     for k, letter in enumerate(zeros.letters, where.table.start):
@@ -137,18 +138,21 @@ def _suspects(zeros: Unloaded, effects: Sequence[Effect]) -> Iterator[_Suspect]:
         if label in known and at.stop > at.start:
             yield _Suspect(label, tuple(range(at.start, at.stop)), wide, known[label])
     tries = remastered.places(zeros)
-    for k, one in enumerate(zeros.changes, where.changes.start):
-        effect = joint_offset.since(zeros.robot, one.joint, one.before, one.since)
-        yield _Suspect(f"{effect.label} {effect.form}", (k,), _WIDE * tries, effect, tries)
+    for one, at in zeros.changed:
+        effect: Effect = base_moved.since(one.before, one.since)
+        if one.joint:
+            effect = joint_offset.since(zeros.robot, one.joint, one.before, one.since)
+        wide, columns = _WIDE * tries ** (1 / one.unknowns), tuple(range(at.start, at.stop))
+        yield _Suspect(f"{effect.label} {effect.form}", columns, wide, effect, tries)
 
 
 def _unseen(effects: Sequence[Effect], asked: Sequence[_Suspect]) -> set[str]:
-    """What would move unloaded reflectors as F_b or the tool do: the zero of the rail."""
+    """Causes that move unloaded reflectors exactly as F_b or the tool do: the zero of the rail."""
     return {one.label for one in effects if one.shows_unloaded} - {one.label for one in asked}
 
 
 def _fits(zeros: Unloaded, rows: PoseRows, plain: Cells) -> bool:
-    """Whether place, stated turn, tool and the readings' scatter explain where they stand."""
+    """Whether position, stated rotation, tool and noise of the readings explain the positions."""
     left = rows.y - rows.D @ plain.mean
     chi2 = float(np.sum(np.einsum("pij,pj->pi", linear.whitening(rows.N), left) ** 2))
     return zeros.dof < 1 or bool(special.chdtrc(zeros.dof, chi2) > _MISFIT)
@@ -156,13 +160,13 @@ def _fits(zeros: Unloaded, rows: PoseRows, plain: Cells) -> bool:
 
 @dataclass(frozen=True, eq=False)
 class _Search:
-    """Causes found so far.
+    """State of the search for causes.
 
     Attributes:
         zeros: The readings.
-        asked: All that may be a cause.
-        x: Where they are linearised.
-        rows: The readings there.
+        asked: All possible causes.
+        x: Linearisation point.
+        rows: The readings linearised there.
         found: Estimates with the causes free.
     """
 
@@ -173,7 +177,7 @@ class _Search:
     found: Cells
 
     def done(self) -> _Search:
-        """With every cause that is far beyond the rest."""
+        """Add causes one by one while each of them is far beyond the rest."""
         now = self
         for _ in range(_MOST):
             more = now.with_free((*now.free, now.likeliest()))
@@ -183,30 +187,30 @@ class _Search:
         return now
 
     def with_changes(self, effects: Sequence[Effect]) -> _Search:
-        """The same, zeros of joints being asked that changed where what is left of it says so."""
+        """The search extended by changes of joint zeros, if the residuals call for any."""
         where = self.zeros.columns.changes
         if any(one.columns[0] >= where.start for one in self.free):
             return self
         zeros = replace(self.zeros, changes=remastered.changes(self.zeros, self.rows, self.found))
         if zeros.changes == self.zeros.changes:
             return self
-        x = np.append(self.x[: where.start], np.zeros(len(zeros.changes)))
+        x = np.append(self.x[: where.start], np.zeros(zeros.columns.count - where.start))
         asked, rows = tuple(_suspects(zeros, effects)), zeros.about(x)
         free = tuple(one for one in asked if one.label in {old.label for old in self.free})
         return _Search(zeros, asked, x, rows, cells(zeros, products(rows), free))
 
     @property
     def free(self) -> tuple[_Suspect, ...]:
-        """The causes."""
+        """The causes found so far."""
         return tuple(one for one in self.asked if one in self.found.free)
 
     def likeliest(self) -> _Suspect:
-        """What explains most if it is off."""
+        """The suspect with the largest evidence."""
         rest = [one for one in self.asked if one not in self.found.free]
         return max(rest, key=lambda one: round(self.found.evidence(one), 6))
 
     def with_free(self, free: tuple[_Suspect, ...]) -> _Search:
-        """The estimate with some causes free, linearised where the robot then stands."""
+        """The estimate with some causes free, linearised at the corrected robot."""
         x, rows = self.x, self.rows
         for _ in range(_ROUNDS):
             x, before = unrefined(self.zeros, products(rows), free).mean, x
@@ -217,11 +221,11 @@ class _Search:
         return _Search(self.zeros, self.asked, x, rows, found)
 
     def far(self, one: _Suspect) -> bool:
-        """Whether a cause is beyond chance and beyond what the rest of the table is off by."""
+        """Whether a cause is significant and far beyond the deviations of the rest of the table."""
         return self.p_value(one) < alarms.GEOMETRY and _size(self.found, one) > BEYOND
 
     def p_value(self, one: _Suspect) -> float:
-        """Chance of so much, as many being asked about as are."""
+        """P-value of a cause, corrected for the number of suspects and their alternatives."""
         at = np.array(one.columns) - self.zeros.columns.table.start
         beside = np.zeros((len(self.found.log), len(at)))
         if one.columns[0] == self.zeros.columns.loose.start:
@@ -233,16 +237,17 @@ class _Search:
 
 
 _ROUNDS = 4
-"""Linearisations: 50 mm and some milliradians leave nanometres after two."""
+"""Maximum number of linearisations: 50 mm and some milliradians leave nanometres after two."""
 
 _STILL = 1e-6
-"""A step below this [m], [rad] is the last."""
+"""Change of the table's parameters below which the iteration ends [m or rad]."""
 
 
 def _rest(found: Cells, one: Suspect) -> float:
     """What the rest of the table, or a usual one, is off by: in the unit of a cause [m] or [rad].
 
-    What the weight of the arm moves is compared with lengths, as it moves reflectors.
+    What the weight of the arm moves is compared with lengths, as it moves reflectors, and a motion
+    of the robot with what one joint errs by at a pose.
     """
     zeros, first = found.zeros, one.columns[0]
     where = zeros.columns
@@ -250,35 +255,42 @@ def _rest(found: Cells, one: Suspect) -> float:
         k = first - where.table.start
         return max(float(zeros.usual()[k]), float(found.per_letter[k]))
     if first >= where.changes.start:
-        slides = zeros.robot.prismatic[zeros.changes[first - where.changes.start].joint - 1]
-        size = float(np.sqrt(found.weight @ found.transmission**2))
-        return START[bool(slides)] * max(size, 1 / BEYOND)
+        joint = next(change.joint for change, at in zeros.changed if at.start == first)
+        size = max(float(np.sqrt(found.weight @ found.transmission**2)), 1 / BEYOND)
+        if joint:
+            return START[bool(zeros.robot.prismatic[joint - 1])] * size
+        usual = np.where(zeros.robot.prismatic, START[True], START[False])
+        return rms(zeros.about(found.mean).Z * usual) * size
     if first == where.loose.start:
         return max(USUAL[1], float(found.roughness[1]), rms(zeros.rotation))
     return max(USUAL[0], float(found.roughness[0]))
 
 
-def _size(found: Cells, one: Suspect) -> float:
+def _size(found: Cells, one: _Suspect) -> float:
     """How often a cause is what the rest is off by."""
     x = found.mean[list(one.columns)]
-    if one.label != "gravity_sag":
+    if one.effect.name not in _OF_MANY:
         return float(np.linalg.norm(x)) / _rest(found, one)
     return rms(_moves(found, one) @ x) / _rest(found, one)
 
 
+_OF_MANY = ("gravity_sag", "base_moved")
+"""Causes whose unknowns count by what they move the reflectors."""
+
+
 def _moves(found: Cells, one: Suspect) -> Array:
-    """What one unit of each of its unknowns moves, shape (p, r, columns) [m]."""
+    """Motion per unit of each of its unknowns, shape (p, r, columns) [m]."""
     return np.asarray(found.zeros.about(found.mean).D[:, :, list(one.columns)])
 
 
 def _visible(found: Cells, asked: Sequence[_Suspect]) -> dict[str, float]:
-    """Multiples of the typical size from which a cause is found in 80 % of the cases."""
-    out, best = {}, found.best
+    """Multiples of the typical magnitude from which a cause is found in 80 % of the cases."""
+    out, best, free = {}, found.best, {one.label for one in found.free}
     far = float(special.ndtri(1 - alarms.GEOMETRY / len(asked) / 2)) + _POWER
     for one in asked:
         at = list(one.columns)
         C = found.cov[best][np.ix_(at, at)]
-        if one not in found.free:
+        if one.label not in free:
             less = np.diag(1 / (found.std[best, at] ** -2 - one.wide**-2))
             C = C + C @ linear.solve(less - C, C)
         typical = np.array([parameter.typical for parameter in one.effect.parameters])
@@ -289,7 +301,7 @@ def _visible(found: Cells, asked: Sequence[_Suspect]) -> dict[str, float]:
 
 
 def _least(found: Cells, one: _Suspect) -> float:
-    """BEYOND, as a multiple of the typical size."""
+    """`BEYOND`, as a multiple of the typical magnitude."""
     typical = one.effect.parameters[0].typical
     if one.label == "gravity_sag":
         typical = max(rms(_moves(found, one).sum(axis=2)), 1e-12)
@@ -297,7 +309,7 @@ def _least(found: Cells, one: _Suspect) -> float:
 
 
 def _off(search: _Search, number: int) -> TableCause:
-    """One cause with its size and what else could stand in its place."""
+    """One cause with its magnitude and what else could replace it."""
     zeros, one = search.zeros, search.free[number]
     rest = tuple(other for other in search.free if other is not one)
     sums = products(search.rows)
@@ -325,14 +337,14 @@ def _off(search: _Search, number: int) -> TableCause:
 
 
 def _units(one: _Suspect) -> Array:
-    """SI of each of its unknowns: masses are in units of their usual sizes."""
+    """SI value of one unit of each of its unknowns: masses are in units of their usual sizes."""
     if one.label != "gravity_sag":
         return np.ones(len(one.columns))
     return np.array([parameter.typical for parameter in one.effect.parameters])
 
 
 def _gain(missed: tuple[Array, Array], zeros: Unloaded, found: Cells) -> CrossValidation:
-    """What the corrected table is worth at poses that were left out, against the table as it is."""
+    """Cross-validation of the corrected table against the table as it is."""
     before, after = (part.ravel() for part in missed)
     rng = np.random.default_rng(_SEED)
     reduction, ci95 = interval(before, after, np.repeat(zeros.read, 3), rng)
@@ -341,7 +353,7 @@ def _gain(missed: tuple[Array, Array], zeros: Unloaded, found: Cells) -> CrossVa
 
 
 def as_stiff(cell: Cell, estimate: Estimate) -> Cell:
-    """The cell with the stiffnesses that were identified, which set the sag under gravity."""
+    """The cell with the identified stiffnesses, which determine the sag under gravity."""
     known = estimate.identifiable & (estimate.value > 0)
     joints = tuple(
         joint.with_stiffness(float(1 / x)) if told else joint
@@ -351,9 +363,9 @@ def as_stiff(cell: Cell, estimate: Estimate) -> Cell:
 
 
 def corrected(cell: Cell, data: Measured, found: UnloadedFacts) -> tuple[Cell, Measured]:
-    """The cell with its table, and the measurements with the robot where it was found to be.
+    """The cell with corrected table, and the measurements at the corrected joint values.
 
-    What was read in F_b is turned back by the turn of F_b that was found, loads with it.
+    Readings and forces given in F_b are rotated back by the estimated rotation of F_b.
     """
     assert found.cells is not None
     zeros, x = found.cells.zeros, found.cells.mean
@@ -371,4 +383,9 @@ def corrected(cell: Cell, data: Measured, found: UnloadedFacts) -> tuple[Cell, M
         for facet in effect.facets:
             if isinstance(facet, Observation):
                 delta = facet.observe(loaded, delta, pulls.time, -turn)
+    for change, at in zeros.changed:
+        if not change.joint:
+            turns = np.outer(change.share(pulls), x[at][3:])
+            pulls = replace(pulls, force=pulls.force - np.cross(turns, pulls.pulled * pulls.force))
+            delta = delta - np.cross(turns[data.pull][:, None], delta)
     return replace(cell, robot=robot), replace(data, pulls=pulls, delta=delta[:, 0])

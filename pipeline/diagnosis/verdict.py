@@ -1,7 +1,8 @@
 """The verdict: one table of findings; the most severe of those that hold decides.
 
-Each subject (data, base reflectors, unloaded reflectors, displacements) contributes at most one
-finding, that of its first row whose condition holds. Sentences are made elsewhere, from findings.
+Each subject (data, base reflectors, unloaded reflectors, displacements, bounds, agreement of pulls
+and positions) contributes at most one finding, that of its first row whose condition holds.
+Sentences are made elsewhere, from findings.
 """
 
 from __future__ import annotations
@@ -16,11 +17,11 @@ from pipeline.machine.effect import same_element
 from pipeline.system import alarms
 
 CERTAIN = 0.95
-"""A cause less probable than this among its rivals is not identified alone [1]: the odds of 19 to 1
-that a 95 % interval gives."""
+"""Minimum probability of a cause among its rivals to be identified [1]: the odds of 19 to 1 that
+correspond to a 95 % interval."""
 
 _UNKNOWN = 0.5
-"""Something outside the catalogue stands for a cause that is less likely than it [1]."""
+"""Probability of something outside the catalogue above which it replaces a cause [1]."""
 
 
 @dataclass(frozen=True)
@@ -28,9 +29,9 @@ class VerdictRow:
     """One row of the table.
 
     Attributes:
-        finding: Its name.
-        verdict: What it makes of the campaign, unless something worse was found.
-        holds: When it applies.
+        finding: The finding.
+        verdict: Its verdict, unless something more severe was found.
+        holds: Condition.
     """
 
     finding: Finding
@@ -56,12 +57,12 @@ def _gain_uncertain(facts: Facts) -> bool:
 
 
 def certain(cause: FoundCause) -> bool:
-    """Whether a cause is identified rather than one of several that fit alike."""
+    """Whether a cause is identified rather than one of several that fit equally well."""
     return not cause.twins and cause.probability >= CERTAIN
 
 
 def two_laws(facts: Facts) -> int | str | None:
-    """The joint whose gear needs two laws of the catalogue at once: it has a third one."""
+    """The joint whose gear seems to follow two laws of the catalogue, hence really a third one."""
     for one, other in combinations([cause.effect for cause in facts.causes], 2):
         if same_element(one, other):
             return one.where
@@ -151,8 +152,8 @@ _BOUNDS = (
     VerdictRow(Finding.BEYOND_NOISE, Verdict.UNEXPLAINED, lambda f: f.bounds.faulty),
     VerdictRow(Finding.SCATTERED, Verdict.UNEXPLAINED, lambda f: f.bounds.scattered),
 )
-"""What green means, whatever causes were found: a model that predicts, beside a noise that can
-be."""
+"""Bounds that a sound campaign must keep whatever causes were found: a model that predicts, and a
+possible noise."""
 
 _TOGETHER = (
     VerdictRow(
@@ -167,17 +168,17 @@ TABLE = (_DATA, _BASE, _UNLOADED, _DISPLACEMENTS, _BOUNDS, _TOGETHER)
 
 
 def findings(facts: Facts) -> tuple[VerdictRow, ...]:
-    """The first row of each subject that holds; of the displacements there always is one."""
+    """The first row of each subject that holds; for the displacements there is always one."""
     first = (next((row for row in rows if row.holds(facts)), None) for rows in TABLE)
     return tuple(row for row in first if row is not None)
 
 
 def of_both(facts: Facts) -> tuple[VerdictRow, ...]:
-    """The same, and what absolute positions in the same campaign show."""
+    """The findings, and those of absolute positions in the same campaign."""
     beside = () if facts.positions is None else findings(facts.positions)
     return tuple(dict.fromkeys((*findings(facts), *beside)))
 
 
 def verdict(facts: Facts) -> Verdict:
-    """The most severe."""
+    """The most severe verdict of all findings."""
     return max((row.verdict for row in of_both(facts)), key=lambda one: one.severity)

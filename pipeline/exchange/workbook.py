@@ -16,8 +16,8 @@ import numpy as np
 import pandas as pd
 import pyarrow as pa
 
+from pipeline.annex.words import source
 from pipeline.answer.contract import Answer, Cause, TargetDeflection
-from pipeline.answer.nouns import noun
 from pipeline.answer.words import ABOUT
 from pipeline.base.shown import printable
 from pipeline.report import words
@@ -197,7 +197,7 @@ _CAUSES = (
     _SheetColumn("where", _of("where")),
     _number("probability [1]", _of("probability")),
     _number("p-value [1]", _of("p_value")),
-    _SheetColumn("quantity", lambda row: row.beside and noun(row.of, row.beside.name)),
+    _SheetColumn("quantity", lambda row: row.beside and row.beside.meaning),
     _SheetColumn("parameter", lambda row: row.beside and row.beside.name),
     _number("value", lambda row: row.beside and row.beside.value),
     _number("standard uncertainty", lambda row: row.beside and row.beside.std),
@@ -304,7 +304,7 @@ def _of_table(
 
 def _words_of(column: pd.Series) -> pa.Array:
     told = column.astype(object).where(column.notna(), None)
-    said = words.source if column.name == "source" else str
+    said = source if column.name == "source" else str
     return pa.array([None if one is None else printable(said(one)) for one in told], STR)
 
 

@@ -1,7 +1,7 @@
-"""Bad data found and named: one file per fault, one line each below.
+"""Mistakes in the data: found, named and corrected; one file per fault, one line each below.
 
-Each is a discrete mistake with a discrete correction. A mistake is stated only when the data speak
-for it and its correction makes them agree; both results are given, corrected and as given.
+Each is a discrete mistake with a discrete correction. A mistake is reported only when the data
+support it and its correction makes them agree; both results are given, corrected and as given.
 """
 
 from pipeline.faults import (
@@ -57,6 +57,6 @@ FAULTS: tuple[Fault, ...] = (
     pull.REVERSED,
     pull.UNIT,
 )
-"""In the order of the tests: what spoils whole files; then what spoils one reading, the base and
-the chain before the robot; last what scales or turns all forces alike, which no residual shows and
-a bad reading may imitate."""
+"""Faults in the order of their tests: first those of whole files; then those of single readings,
+base and chain before the robot; last those that scale or rotate all forces alike, which no residual
+shows and a bad reading may imitate."""

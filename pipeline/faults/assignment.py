@@ -1,9 +1,9 @@
-"""Which place each thing belongs in: the one test of whether groups or rows were exchanged.
+"""Assignment of contents to places: the common test of whether groups or rows were exchanged.
 
-How badly each content fits each place is a square in units of what usually remains. The assignment
+The misfit of each content in each place is a square in units of the usual residual. The assignment
 of least sum (Kuhn, Naval Research Logistics Quarterly 2, 1955) moves contents only where each move
-takes away more than the threshold of its own test, so that equal ones stay. What it moves round in
-a ring is one exchange, and counts where every content of it ends as near as contents usually are.
+reduces it by more than the threshold of its own test, so that equal ones stay. Each cycle of moves
+is one exchange, and counts if every content in it then fits as well as contents usually do.
 """
 
 from __future__ import annotations
@@ -17,25 +17,26 @@ from scipy import optimize
 from pipeline.base.arrays import Array, Ints
 
 STANDS_OUT = 10.0
-"""A content in the wrong place is this many times farther off than usual [1]: what a machine or its
-table has, it has in many places."""
+"""Minimum misfit of a content in the wrong place over the usual one [1]; errors of a machine or its
+table would occur in many places."""
 
 _NOWHERE = 10.0
-"""A misfit of so many times what a move has to take away is no place at all [1], however far it is:
-as many contents as possible find theirs."""
+"""Misfit, over the reduction required of a move, above which a place counts as no place at all [1],
+so that as many other contents as possible find theirs."""
 
 _ENDED = 4
-"""A row too few, or written twice, moves so many others at least, and leaves one without place."""
+"""Minimum number of contents in a cycle with one content that fits nowhere, as a missing or
+repeated row causes."""
 
 
 @dataclass(frozen=True)
 class Ring:
-    """Contents that stand in each other's place.
+    """Contents that are in each other's place.
 
     Attributes:
-        members: The place where each content stands; it belongs in the place that follows, the
-            last one in the first.
-        ended: The last content belongs nowhere, and nothing belongs in the first place.
+        members: Place of each content; it belongs in the place that follows, the last one in the
+            first.
+        ended: Whether the last content belongs nowhere, and nothing belongs in the first place.
     """
 
     members: tuple[int, ...]
@@ -43,19 +44,19 @@ class Ring:
 
     @property
     def moves(self) -> list[tuple[int, int]]:
-        """Where each content stands and where it belongs."""
+        """Present and correct place of each content."""
         pairs = list(zip(self.members, (*self.members[1:], self.members[0]), strict=True))
         return pairs[:-1] if self.ended else pairs
 
     @property
     def by_one(self) -> bool:
-        """Whether three at least are each in the place before or after their own."""
+        """Whether three or more contents are each one place before or after their own."""
         step = {there - here for here, there in self.moves}
         first = {there - here for here, there in self.moves if abs(there - here) == 1}
         return len(self.members) > 2 and len(first) == 1 and len(step) <= 2
 
     def where(self, names: Sequence[str]) -> str:
-        """`a/b` of two, else the first and the last and how they stand; names of the members."""
+        """`a/b` for two members, else first and last and how they are arranged, by their names."""
         if len(names) == 2:
             return "/".join(sorted(names))
         return f"{min(names)}/{max(names)} {'off by one' if self.by_one else 'shuffled'}"
@@ -66,21 +67,21 @@ def shift(order: Ints, step: int, ended: bool) -> Ring:
 
     Args:
         order: Places in the order of their file, shape (n,).
-        step: Each belongs so many places farther, 1 or -1.
-        ended: Whether that at the end belongs nowhere, instead of at the beginning.
+        step: Direction in which each belongs, 1 or -1.
+        ended: Whether the last content belongs nowhere, instead of in the first place.
     """
     return Ring(tuple(int(k) for k in order[::step]), ended)
 
 
 def said(names: Sequence[str]) -> str:
-    """Which members they are, in words."""
+    """The members in words."""
     if len(names) == 2:
         return " and ".join(sorted(names))
     return f"{min(names)} to {max(names)} ({len(names)})"
 
 
 def standing(ring: Ring | None, one: str) -> str:
-    """How contents stand, and where that at the end belongs; `one` is what a place is."""
+    """How contents are arranged, and where the last one belongs; `one` is a noun for a place."""
     if ring is None or not ring.by_one:
         return "in each other's place"
     late = any(there - here == -1 for here, there in ring.moves)
@@ -94,28 +95,28 @@ def standing(ring: Ring | None, one: str) -> str:
 
 
 _FEW = 6
-"""So many lines are named in a sentence; `readings` has all of them."""
+"""Maximum number of lines named in a sentence; `readings` has all of them."""
 
 
 def lines(at: Sequence[str]) -> str:
-    """Where it stands, in words."""
+    """Lines of the files, in words."""
     more = len(at) - _FEW
     return ", ".join(at[:_FEW]) + (f" and {more} more lines" if more > 0 else "")
 
 
 def assigned(cost: Array) -> Ints:
-    """The content of each place where the sum is least, whatever it moves, shape (n,)."""
+    """The content of each place in the assignment of least sum, moves being free, shape (n,)."""
     return np.argsort(optimize.linear_sum_assignment(cost)[1])
 
 
 def rings(cost: Array, least: float, most: float) -> list[Ring]:
-    """Contents that stand in each other's place.
+    """Contents that are in each other's place.
 
     Args:
-        cost: Misfit of each content (row) in each place (column), squared, shape (n, n); its own
+        cost: Squared misfit of each content (row) in each place (column), shape (n, n); its own
             place is on the diagonal.
-        least: What each move takes away at least, on the average of its ring.
-        most: What is left of each content that is moved, at most.
+        least: Minimum reduction by each move, on the average of its cycle.
+        most: Maximum remaining misfit of each content that is moved.
     """
     n = len(cost)
     if n < 2:
@@ -126,7 +127,7 @@ def rings(cost: Array, least: float, most: float) -> list[Ring]:
 
 
 def _settled(cycle: Sequence[int], cost: Array, most: float) -> Ring | None:
-    """The exchange that a cycle is, if its contents end where they belong."""
+    """The exchange of a cycle, if its contents fit where they are moved."""
     after = (*cycle[1:], cycle[0])
     left = [k for k, (i, j) in enumerate(zip(cycle, after, strict=True)) if not cost[i, j] <= most]
     if len(cycle) > 1 and not left:

@@ -1,8 +1,8 @@
-"""Base reflectors that carry each other's names in [base_frame]: two of them, or all, off by one.
+"""Base reflectors with exchanged names in [base_frame]: two of them, or all of them off by one.
 
-A rigid motion keeps distances: the names are right under which the reflectors are as far apart as
-campaign.toml has them. Where several ways of naming them are, as in a rectangle, the robot's table
-tells which one brings the effector to where it stands.
+A rigid motion preserves distances: the names are right if the distances between the reflectors are
+those in campaign.toml. Where several assignments satisfy this, as for a rectangle, the robot's
+table shows which one brings the effector to its position.
 """
 
 from __future__ import annotations
@@ -25,11 +25,11 @@ from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import BASE_REFLECTORS
 
 _MOST = 1000
-"""Ways of naming the reflectors that are tried: more have a layout that tells no name [1]."""
+"""Maximum number of assignments that are tried; a layout with more of them identifies no name."""
 
 
 def base_names(case: Case) -> list[Mistake]:
-    """That the names are not those that the readings have, if one other way of naming them is."""
+    """The mistake that base reflectors are misnamed, if exactly one other assignment fits."""
     names, seen, nominal = _reflectors(case)
     if len(names) < BASE_REFLECTORS:
         return []
@@ -46,9 +46,9 @@ def base_names(case: Case) -> list[Mistake]:
 
 
 def not_rigid(case: Case) -> float | None:
-    """How far no place of the tracker brings the base reflectors nearer to [base_frame] [m], rms.
+    """Rms deviation of the base reflectors from [base_frame] after the best rigid motion [m].
 
-    None where they are as far apart as it has them, or where nothing tells.
+    None where it is below `GROSS_M`, or where fewer reflectors were read than a registration needs.
     """
     names, seen, nominal = _reflectors(case)
     if len(names) < BASE_REFLECTORS:
@@ -58,7 +58,7 @@ def not_rigid(case: Case) -> float | None:
 
 
 def _reflectors(case: Case) -> tuple[list[str], Array, Array]:
-    """Names, where each was read [m], tracker's frame, and its place in [base_frame] [m]."""
+    """Names, median readings [m], tracker's frame, and positions in [base_frame] [m]."""
     rows, base = case.readings, case.settings.base_frame
     rows = rows[rows["pose"].isna() & rows["target"].isin(list(base))]
     at = rows.groupby(rows["target"].astype(str))[XYZ].median()
@@ -68,14 +68,14 @@ def _reflectors(case: Case) -> tuple[list[str], Array, Array]:
 
 
 def _miss(seen: Array, nominal: Array, order: Sequence[int]) -> float:
-    """How far the readings are from their places once moved rigidly onto them [m], rms."""
+    """Rms deviation of the readings from their positions after the best rigid motion [m]."""
     due = nominal[list(order)]
     R, t = linear.rigid(seen, due)
     return float(np.sqrt(np.mean(np.sum((seen @ R.T + t - due) ** 2, axis=1))))
 
 
 def _true(case: Case, names: list[str], seen: Array, nominal: Array) -> tuple[int, ...] | None:
-    """The place of each reflector, None where no single way of naming them fits."""
+    """The place of each reflector; None where no single assignment fits."""
     tried = [order for order, _ in zip(_alike(seen, nominal), range(_MOST), strict=False)]
     miss = {order: _miss(seen, nominal, order) for order in tried}
     least = min(miss.values(), default=np.inf)
@@ -90,14 +90,14 @@ def _true(case: Case, names: list[str], seen: Array, nominal: Array) -> tuple[in
 
 
 def _nearer(one: float | None, other: float | None) -> bool:
-    """Whether the table tells one way of naming them from the other."""
+    """Whether the robot's table favours one assignment over the other."""
     if one is None or other is None:
         return False
     return one < GROSS_ANCHORED_M and BETTER * one < other
 
 
 def _alike(seen: Array, nominal: Array) -> Iterator[tuple[int, ...]]:
-    """Places in which the reflectors are as far from each other as they were read."""
+    """Assignments whose distances between reflectors agree with the readings."""
     read, stated = (np.linalg.norm(at[:, None] - at, axis=2) for at in (seen, nominal))
 
     def further(begun: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
@@ -113,12 +113,12 @@ def _alike(seen: Array, nominal: Array) -> Iterator[tuple[int, ...]]:
 
 
 def _places(names: list[str], order: Sequence[int]) -> dict[str, str]:
-    """Under which name campaign.toml has the place of each."""
+    """For each misnamed reflector, the name of its place in campaign.toml."""
     return {names[k]: names[place] for k, place in enumerate(order) if place != k}
 
 
 def _renamed(case: Case, place: dict[str, str]) -> Case:
-    """Base reflectors with the places that [base_frame] has under other names."""
+    """The campaign with the places in [base_frame] under the right names."""
     base = case.settings.base_frame
     base = base | {name: base[other] for name, other in place.items()}
     return replace(case, settings=case.settings.model_copy(update={"base_frame": base}))
@@ -148,6 +148,4 @@ def _finding(
     )
 
 
-FAULT = Fault(
-    "label_swap", "swapped names of targets", lambda asked: base_names(asked.case), in_files=True
-)
+FAULT = Fault("label_swap", lambda asked: base_names(asked.case), in_files=True)

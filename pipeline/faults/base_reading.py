@@ -1,11 +1,11 @@
-"""Bad readings of the base reflectors, which no robot moves: of any size, and several at once.
+"""Bad readings of the base reflectors, independent of the robot: of any size, and several at once.
 
-The readings are linearised where those that are not grossly off place the tracker
-(`register.agreed`). Then readings are set free one after the other, each the one that adds most
-beside the others (see `system.beside`), and exchanged while another does better. The tracker may
-have drifted, or have been shifted, or shifted and turned, between two rounds of readings, or a real
-drift would be laid on readings. Of these courses that with the least penalised sum of squares is
-believed: every reading and every motion costs the threshold of its own test.
+The model is linearised at the pose of the tracker according to the readings that are not grossly
+off (`register.agreed`). Then readings are freed one after the other, each time the one that reduces
+the sum of squares most given the others (see `system.beside`), and exchanged while another one does
+better. Between two rounds the tracker may have drifted, shifted, or shifted and rotated; otherwise
+a real drift would be attributed to readings. Of these courses the one with the least penalised sum
+of squares is accepted: every reading and every motion costs the threshold of its own test.
 """
 
 from __future__ import annotations
@@ -30,25 +30,26 @@ from pipeline.system import alarms, odds
 from pipeline.system.beside import Base, Beside
 
 _AGREES = 0.01
-"""What is left agrees if its misfit is more probable than this."""
+"""Minimum p-value of the remaining readings for them to agree [1]."""
 
 _ROUNDS = 100
-"""Rounds of readings between which a moved tracker is told from bad readings; one of more counts
-for less than a hundredth of where the tracker stands, and their motions are a drift."""
+"""Maximum number of rounds for which motions of the tracker are distinguished from bad readings;
+with more, one round determines less than a hundredth of the tracker's pose, and motions are a
+drift."""
 
 _REFLECTORS = 3
-"""Fewer place no tracker."""
+"""Minimum number of reflectors that determine the pose of the tracker."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Readings(Locked):
-    """Base readings beside what is estimated in any case, whitened; m readings.
+    """Whitened base readings with the parameters that are estimated in any case; m readings.
 
     Attributes:
         X: Columns of the tracker's pose, and of its motions between rounds, shape (m, 3, k).
         y: Residuals, shape (m, 3).
-        white: What whitens them, shape (m, 3, 3).
-        cost: Threshold of the test that would find those motions, in chi-square.
+        white: Whitening matrices, shape (m, 3, 3).
+        cost: Threshold of the test for these motions, as a chi-square.
     """
 
     X: Array
@@ -57,11 +58,11 @@ class _Readings(Locked):
     cost: float
 
     def base(self, used: Bools) -> Base:
-        """What is estimated in any case, from some of the readings."""
+        """The base, from some of the readings."""
         return Base.of(self.X[used].reshape(-1, self.X.shape[2]), self.y[used].ravel())
 
     def each(self, used: Bools) -> Beside:
-        """Every used reading shifted by itself [m]."""
+        """Shift of every used reading by itself [m], given the base."""
         white, y = self.white[used], self.y[used].ravel()
         X = self.X[used].reshape(-1, self.X.shape[2])
         base = Base.of(X, y, key=np.repeat(np.arange(len(white)), 3))
@@ -71,15 +72,15 @@ class _Readings(Locked):
 
 @dataclass(frozen=True, eq=False)
 class _Free:
-    """Readings that are set free.
+    """Result of freeing some readings.
 
     Attributes:
-        rest: Sum of squares that the others leave.
+        rest: Residual sum of squares of the others.
         dof: Its degrees of freedom.
-        drop: Of each freed reading alone, by number.
-        size: Of each [m], by number.
-        cost: Threshold of all hypotheses together, in chi-square.
-        decided: Whether no other reading would do nearly as well in the place of one.
+        drop: Reduction by each freed reading alone, by index.
+        size: Shift of each [m], by index.
+        cost: Thresholds of all hypotheses together, as a chi-square.
+        decided: Whether no other reading would do nearly as well in the place of one of them.
     """
 
     rest: float
@@ -96,7 +97,7 @@ class _Free:
 
     @property
     def certain(self) -> bool:
-        """Whether the others agree, and no reading could be another one."""
+        """Whether the others agree, and each freed reading is identified."""
         agree = self.dof >= _REFLECTORS and chi2_beyond(self.rest, self.dof) > _AGREES
         return bool(agree and self.decided)
 
@@ -105,9 +106,9 @@ def base_outlier(registration: Registration, scale: float) -> list[Mistake]:
     """The base readings that contradict the others, if these agree without them.
 
     Args:
-        registration: Where the tracker stands.
-        scale: Scatter of the readings over the stated one; where none is stated only what is
-            grossly off is named.
+        registration: Pose of the tracker.
+        scale: Scatter of the readings over the stated one; where none is stated, only gross errors
+            are named.
     """
     if registration.dof < 6:
         return []
@@ -130,10 +131,11 @@ def base_outlier(registration: Registration, scale: float) -> list[Mistake]:
 
 
 def _stands_out(one: _Readings, limit: float) -> bool:
-    """Whether any reading drops the sum of squares by more.
+    """Whether any reading reduces the sum of squares by more than `limit`.
 
-    With H = Q Q' of its rows and r what is left of them the drop is r' (1 - H)^-1 r, at most
-    r' r / (1 - tr H): where that is below the limit for all, none needs a closer look.
+    With H = Q Q' of its rows and r its residual, the reduction is
+    r' (1 - H)^-1 r <= r'r / (1 - tr H); if this bound is below the limit for all readings, no
+    further test is needed.
     """
     every = np.ones(len(one.y), dtype=bool)
     base = one.base(every)
@@ -145,7 +147,7 @@ def _stands_out(one: _Readings, limit: float) -> bool:
 
 
 def _whole_reflector(table: pd.DataFrame, free: _Free) -> bool:
-    """Whether every one of several readings of a reflector is off: `base_reflector` tells which."""
+    """Whether all of several readings of a reflector are off, which `base_reflector` tests."""
     off = np.isin(np.arange(len(table)), list(free.drop))
     of = pd.Series(off).groupby(table["target"].astype(str).to_numpy())
     return bool((of.all() & (of.count() > 1)).any())
@@ -161,12 +163,12 @@ def _findings(free: _Free, table: pd.DataFrame, scale: float) -> Iterator[Mistak
 
 
 def shifts(registration: Registration, scale: float, which: Ints) -> Beside:
-    """Base readings shifted together [m], F_b, beside where the tracker stands.
+    """Base readings shifted in groups [m], F_b, given the pose of the tracker.
 
     Args:
-        registration: Where the tracker stands.
+        registration: Pose of the tracker.
         scale: Scatter of the readings over the stated one.
-        which: Number of the suspect that each reading belongs to, shape (m,).
+        which: Index of the suspect that each reading belongs to, shape (m,).
     """
     still = next(_courses(registration, scale))
     D = still.white[:, :, None, :] * np.eye(which.max() + 1)[which][:, None, :, None]
@@ -175,16 +177,16 @@ def shifts(registration: Registration, scale: float, which: Ints) -> Beside:
 
 
 def astray(registration: Registration, scale: float, far: float) -> tuple[int, int]:
-    """How many base readings must be off by more than `far` standard deviations, and of how many.
+    """Minimum number of base readings off by more than `far` standard deviations, and the total.
 
-    Whatever the tracker did between its rounds, and wherever the reflectors are: set free one by
-    one, the farthest first, until the others leave no more than chance and one such reading would.
-    Which ones they are it does not tell.
+    It holds for any motion of the tracker between rounds and any positions of the reflectors:
+    readings are freed one by one, the worst first, until the residual is explained by chance and
+    one such reading. It does not identify them.
 
     Args:
-        registration: Where the tracker stands.
+        registration: Pose of the tracker.
         scale: Scatter of the readings over the stated one.
-        far: So many of them [1].
+        far: Number of standard deviations [1].
     """
     table = registration.table
     if table["group"].nunique() < 2 or table["group"].nunique() > _ROUNDS:
@@ -203,17 +205,17 @@ def astray(registration: Registration, scale: float, far: float) -> tuple[int, i
 
 
 def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
-    """A tracker that stands still; drifts; is shifted between rounds; shifted and turned.
+    """Courses of the tracker: at rest, drifting, shifted between rounds, shifted and rotated.
 
-    y_k = v + w x p_k + a(t_k) (v' + w' x p_k) + e_k [m], F_b: a a law of `LAWS` that ends at 1; or
-    v', or v' and w', of its own for each round.
+    y_k = v + w x p_k + a(t_k) (v' + w' x p_k) + e_k [m], F_b: with a a law of `LAWS`, normalised to
+    1 at the end; or v', or v' and w', of each round.
     """
     table = registration.table
     C = covariance.weighing(table)
     R = registration.R
     white = covariance.alike(C, lambda own: linear.whitening(R @ own @ R.T * scale**2))
     off = table[["dx_m", "dy_m", "dz_m"]].to_numpy(float)
-    lever = table[XYZ].to_numpy(float) - off - registration.centre  # of the nominal places
+    lever = table[XYZ].to_numpy(float) - off - registration.centre  # of the nominal positions
     turns = linear.turning(lever)
     rigid = white @ np.concatenate([np.broadcast_to(np.eye(3), turns.shape), turns], axis=2)
     y = (white @ off[..., None])[..., 0]
@@ -231,7 +233,7 @@ def _courses(registration: Registration, scale: float) -> Iterator[_Readings]:
 
 
 def _drifts(table: pd.DataFrame) -> list[Array]:
-    """How much of each form of a drift there is at each reading, shape (m,), of the most."""
+    """Each form of a drift at the readings, shape (m,), over its maximum."""
     since = table["time_s"].to_numpy(float) - table["time_s"].min()
     if not (np.isfinite(since).all() and since.max() > 0):
         return []
@@ -239,13 +241,13 @@ def _drifts(table: pd.DataFrame) -> list[Array]:
 
 
 def _scatter(registration: Registration, near: Bools) -> float:
-    """Root mean square of what the readings that agree leave [m]."""
+    """Rms residual of the readings that agree [m]."""
     left = next(_courses(registration, 1.0)).base(near)
     return float(np.sqrt(left.rest / left.dof)) if left.dof > 0 else np.inf
 
 
 def _freed(one: _Readings, table: pd.DataFrame, near: Bools, limit: float) -> _Free:
-    """Readings set free until none stands out; those that need not be free are not."""
+    """Readings freed until no further one is significant; insignificant ones are used again."""
     free = set(np.flatnonzero(~near).tolist())
     most = (len(near) - _REFLECTORS) // 2
     while len(free) <= most:
@@ -259,7 +261,7 @@ def _freed(one: _Readings, table: pd.DataFrame, near: Bools, limit: float) -> _F
 
 
 def _exchanged(one: _Readings, free: set[int]) -> set[int]:
-    """The same number of readings, of which none leaves less than another in its place."""
+    """The set after exchanging each reading for the one that reduces the sum of squares most."""
     for k in sorted(free):
         rest = free - {k}
         free = rest | {int(np.argmax(_drops(one, rest)[0]))}
@@ -267,7 +269,7 @@ def _exchanged(one: _Readings, free: set[int]) -> set[int]:
 
 
 def _drops(one: _Readings, free: set[int]) -> tuple[Array, Beside]:
-    """What every reading would drop beside those that are free, -1 for these, shape (m,)."""
+    """Reduction by every reading given those that are free, -1 for these, shape (m,)."""
     used = np.ones(len(one.y), dtype=bool)
     used[sorted(free)] = False
     found = one.each(used)
@@ -277,16 +279,16 @@ def _drops(one: _Readings, free: set[int]) -> tuple[Array, Beside]:
 
 
 def _lost(table: pd.DataFrame, near: Bools) -> Bools:
-    """Which readings are grossly off while most others of their round are not, shape (m,).
+    """Readings that are grossly off while most others of their round are not, shape (m,).
 
-    No motion of the tracker between rounds explains them: it would have carried the others along.
+    A motion of the tracker between rounds cannot explain them: it would affect the others, too.
     """
     by = pd.Series(near).groupby(table["group"].astype(str).to_numpy())
     return np.asarray(~near & (by.transform("sum") > 0.5 * (by.transform("size") - 1)))
 
 
 def _told(one: _Readings, table: pd.DataFrame, free: set[int], lost: Bools, limit: float) -> _Free:
-    """Freed readings, each beside the others; what does not stand out so is used again."""
+    """The freed readings, each tested given the others; insignificant ones are used again."""
     drops, sizes, decided = {}, {}, True
     for k in sorted(free):
         drop, found = _drops(one, free - {k})
@@ -308,7 +310,7 @@ def _nothing() -> _Free:
 
 
 _off = lru_cache(maxsize=1)(base_outlier)
-"""Kept for the second of the two tests, which asks the same of a case."""
+"""Result kept for the second of the two tests, which has the same arguments."""
 
 
 def _when(found: Sequence[Mistake], single: bool) -> list[Mistake]:
@@ -317,13 +319,11 @@ def _when(found: Sequence[Mistake], single: bool) -> list[Mistake]:
 
 ONE = Fault(
     "outlier",
-    "outlying reading",
     lambda asked: _when(_off(asked.reduced.registration, asked.spread[0]), True),
 )
 
 SEVERAL = Fault(
     "outlier",
-    "outlying reading",
     lambda asked: _when(_off(asked.reduced.registration, asked.spread[0]), False),
 )
 """Tested after a reflector that is off in every round, which is one mistake and not several."""

@@ -1,4 +1,4 @@
-"""A base reflector that is off in every round: its nominal place is wrong, or it was moved."""
+"""A base reflector that is off in every round: its nominal position is wrong, or it was moved."""
 
 from __future__ import annotations
 
@@ -21,23 +21,23 @@ from pipeline.reduction.register import XYZ, Registration, agreed, register
 from pipeline.system import alarms
 
 _FEWEST = 4
-"""With fewer reflectors the others cannot outvote one."""
+"""Minimum number of reflectors; with fewer the others cannot outvote one."""
 
 _AGREE = 0.01
-"""The others agree if their misfit is more probable than this; a target whose removal leaves a
-misfit less probable than alarms.READING is no rival."""
+"""Minimum p-value of the others for them to agree [1]. A target whose removal leaves a misfit less
+probable than alarms.READING is no rival."""
 
 
 def base_target(case: Case, registration: Registration, scale: float) -> list[Mistake]:
     """The target of [base_frame] that the others contradict, if no other removal explains it.
 
     All readings of a target are shifted together while the tracker's pose is estimated as well; p
-    is multiplied by the number of targets (Bonferroni). The one that leaves
-    least is registered without.
+    is multiplied by the number of targets (Bonferroni). The target with the smallest residual sum
+    of squares is then left out of the registration.
 
     Args:
         case: The campaign.
-        registration: Where the tracker stands.
+        registration: Pose of the tracker.
         scale: Scatter of the readings over the stated one.
     """
     table, chi2 = registration.table, registration.chi2
@@ -66,12 +66,12 @@ def base_target(case: Case, registration: Registration, scale: float) -> list[Mi
 
 
 def _freed(case: Case, registration: Registration, name: str) -> tuple[float, Array] | None:
-    """Weighted sum of squares with the nominal place of a target free, and its shift [m], F_b.
+    """Weighted sum of squares with the position of a target free, and its shift [m], F_b.
 
     The registration without the target, plus sum_i (p_i - p)' V_i (p_i - p) of its own readings in
     F_b about their weighted mean p = (sum V_i)^-1 sum V_i p_i, V_i = (R C_i R')^-1; shift p - p_0.
 
-    None where the others do not determine the registration, as nearly on one line.
+    None where the others do not determine the registration, for example if nearly collinear.
     """
     try:
         lost = register(_without_target(case, name).settings, case.readings)
@@ -108,6 +108,5 @@ def _without_target(case: Case, name: str) -> Case:
 
 FAULT = Fault(
     "outlier",
-    "outlying reading",
     lambda asked: base_target(asked.case, asked.reduced.registration, asked.spread[0]),
 )

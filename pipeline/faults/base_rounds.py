@@ -1,7 +1,7 @@
-"""Rounds of base reflectors read from two stations that have each other's readings.
+"""Rounds of base reflectors read from two stations, with exchanged readings.
 
-Each round fits [base_frame] by itself, so that no reflector contradicts another one; what was read
-after it is then placed from where the tracker did not stand, and the robot's table says so.
+Each round fits [base_frame] by itself, so that no reflector contradicts another one; but readings
+after it are then transformed from the wrong station, which the robot's table reveals.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.stations import with_rounds_exchanged
 
 _MOST = 30
-"""Rounds of which all pairs are tried: nobody carries a tracker so often [1]."""
+"""Maximum number of rounds of which all pairs are tried; nobody moves a tracker so often."""
 
 
 def base_rounds(case: Case) -> list[Mistake]:
-    """The two rounds whose exchange brings the effector to where the robot's table has it."""
+    """The two rounds whose exchange brings the effector to its position by the robot's table."""
     if not case.stations or (before := _away(case)) is None:
         return []
     away = {
@@ -47,13 +47,13 @@ def _rounds(case: Case) -> list[str]:
 
 
 def _exchanged(case: Case, pair: tuple[str, str]) -> Case:
-    """The campaign with the readings of two of its rounds in each other's place."""
+    """The campaign with the readings of two of its rounds exchanged."""
     rows, stations = with_rounds_exchanged(case.settings, case.readings, case.stations, pair)
     return replace(case, readings=rows, stations=stations)
 
 
 def _away(case: Case) -> float | None:
-    """How far the effector is from where the table has it in the mean [m]; None unknown."""
+    """Mean distance of the effector from its position by the table [m]; None if unknown."""
     where = anchored(case) if case.settings.base_frame else None
     if where is None:
         return None
@@ -80,6 +80,4 @@ def _finding(case: Case, pair: tuple[str, str], before: float, after: float) -> 
     )
 
 
-FAULT = Fault(
-    "exchanged", "entries in each other's place", lambda asked: base_rounds(asked.case), True
-)
+FAULT = Fault("exchanged", lambda asked: base_rounds(asked.case), True)

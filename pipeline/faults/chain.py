@@ -1,10 +1,11 @@
 """Bad readings of the two reflectors on the chain, by their distance and by their direction.
 
-Both set a pull free beside the fit to all (see `system.beside`): deleted residuals, externally
+Both tests free one pull in the fit to all (see `system.beside`): deleted residuals, externally
 studentised (Cook and Weisberg, Residuals and Influence in Regression, 1982), for the largest of all
-pulls. A chain may stretch with the force and be hung differently in every pose; its direction may
-change with the force, as the load point yields, with its inverse, as a chain sags, or as the
-targets on the effector show that the load point moves, in proportion to the force or not.
+pulls. A chain may stretch with the force and be hung differently in every pose. Its direction may
+change with the force, as the load point yields; with its inverse, as a chain sags; or with the
+motion of the load point that the targets on the effector show, whether or not proportional to the
+force.
 """
 
 from __future__ import annotations
@@ -29,25 +30,26 @@ from pipeline.system.beside import Base, Beside
 from pipeline.system.blocks import Blocks
 
 _TESTS = 2
-"""Distance and direction share the probability of a false alarm."""
+"""Number of tests that share the false-alarm rate: distance and direction."""
 
 _FEWEST = 8
-"""Fewer pulls do not determine the scatter of a chain."""
+"""Minimum number of pulls that determine the scatter of a chain."""
 
 _HUNG = 0.05
-"""Lengths that differ between poses below this p: the chain was hung differently."""
+"""P-value below which lengths differ between poses because the chain was hung differently [1]."""
 
 _MATTERS_RAD = 5e-4
-"""A direction off by less turns no force by more than the readings of a scale scatter."""
+"""Minimum error of a direction that is reported [rad]; a smaller one turns no force by more than
+the scatter of a scale."""
 
 _SHORT_M = 1.5e-4
-"""A distance off by less is not reported."""
+"""Minimum error of a distance that is reported [m]."""
 
 _APART = 5.0
-"""A direction stands out this much also against the other pulls of its own pose."""
+"""Minimum ratio of an outlying direction to the residuals of the other pulls of its pose [1]."""
 
 _DECIDES = 3.0
-"""One end stands out this much more than the other, or neither is named alone."""
+"""Minimum ratio of the errors of the two ends for one to be named alone [1]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,11 +59,11 @@ class _Chain(Locked):
     Attributes:
         group: Group of each pull, shape (m,).
         pose: Its pose, shape (m,).
-        force: Reading of the scale [N], NaN unknown, shape (m,).
-        ends: Where both ends were read [m], shape (m, 2, 3).
-        std: Standard uncertainty of their distance; 1 for all where none is stated, shape (m,).
-        stated: Whether one is.
-        give: How far the effector has moved in the pose, as its targets show [m], NaN unknown,
+        force: Reading of the scale [N], NaN where unknown, shape (m,).
+        ends: Readings of both ends [m], shape (m, 2, 3).
+        std: Standard uncertainty of their distance [m]; 1 for all where none is stated, shape (m,).
+        stated: Whether one is stated.
+        give: Motion of the effector in the pose according to its targets [m], NaN where unknown,
             shape (m,).
     """
 
@@ -76,14 +78,14 @@ class _Chain(Locked):
 
 @dataclass(frozen=True)
 class _Off:
-    """The pull that stands out most.
+    """The worst outlier among the pulls.
 
     Attributes:
-        pull: Its number.
-        sigmas: By how many standard deviations.
-        axes: Coordinates that these are of.
-        size: By how much, in metres or radians.
-        p_value: Of that, by chance, among all pulls; None where chance plays no part.
+        pull: Its index.
+        sigmas: Its deviation in standard deviations.
+        axes: Number of coordinates that this is computed from.
+        size: Its deviation [m] or [rad].
+        p_value: Probability of as large a deviation of any pull by chance; None for a gross error.
     """
 
     pull: int
@@ -95,14 +97,14 @@ class _Off:
 
 @dataclass(frozen=True, eq=False)
 class _Turned(Locked):
-    """Directions against the other pulls of their poses, by the law that accuses each least.
+    """Directions against the other pulls of their poses, by the law most favourable to each.
 
     Attributes:
-        pull: Numbers of the pulls, shape (n,).
-        p: p-value of each, shape (n,).
-        apart: How far off it is over what the other pulls of the pose leave, shape (n,).
-        size: How far off it is [rad], shape (n,).
-        sigmas: The same in standard deviations, shape (n,).
+        pull: Indices of the pulls, shape (n,).
+        p: P-value of each, shape (n,).
+        apart: Deviation over the residuals of the other pulls of the pose, shape (n,).
+        size: Deviation [rad], shape (n,).
+        sigmas: Deviation in standard deviations, shape (n,).
     """
 
     pull: Ints
@@ -115,8 +117,8 @@ class _Turned(Locked):
 def chain_outlier(case: Case) -> list[Mistake]:
     """The pull whose chain reflectors are unlike those of the other pulls, and which of the two.
 
-    Distance and direction are tested each by itself; of two pulls the one that chance puts so far
-    off less often is told. Once it stands out by its distance, what its direction adds counts, too.
+    Distance and direction are tested separately; of two different pulls the one with the smaller
+    p-value is named. If it is named for its distance, the evidence of its direction is added.
     """
     chain = _read(case)
     if len(chain.group) < _FEWEST:
@@ -134,12 +136,12 @@ def chain_outlier(case: Case) -> list[Mistake]:
 
 
 def _rarer(one: _Off, other: _Off) -> bool:
-    """Whether chance puts one pull so far off less often than another."""
+    """Whether one pull is another one than `other` and less probable by chance."""
     return one.pull != other.pull and (one.p_value, -one.sigmas) < (other.p_value, -other.sigmas)
 
 
 def _with_direction(chain: _Chain, near: _Off, names: Sequence[str]) -> tuple[_Off, str]:
-    """What stands out by its distance, with what its direction adds, and what is told of both.
+    """An outlier by distance with the evidence of its direction, and the description of both.
 
     |e|^2 = e_u^2 + e_v^2 + e_w^2 in standard deviations, u along the chain, v and w across it.
     """
@@ -163,9 +165,9 @@ def _told_direction(size: float, sigmas: float) -> str:
 
 
 def chain_gross(case: Case) -> list[Mistake]:
-    """The pull whose chain reflectors are apart as no chain stretches, nor is hung (`unlike`).
+    """The pull whose chain reflectors are at a distance that no chain can have (`unlike`).
 
-    Found before the scale's readings are judged: such a pull points anywhere.
+    Tested before the scale's readings are judged, since such a pull points anywhere.
     """
     chain = _read(case)
     if len(chain.group) < _FEWEST:
@@ -190,7 +192,7 @@ def chain_gross(case: Case) -> list[Mistake]:
 
 @lru_cache(maxsize=1)
 def _read(case: Case) -> _Chain:
-    """The chain of a case: two tests ask, one after the other."""
+    """The chain of a case, cached for two successive tests."""
     near, far = case.settings.naming.chain
     rows = case.readings[case.readings["state"] == "loaded"].drop_duplicates(["group", "target"])
     ends = [rows[rows["target"] == name].set_index("group") for name in (near, far)]
@@ -216,10 +218,10 @@ def _read(case: Case) -> _Chain:
 
 
 def _give(case: Case, group: Strings, pose: Ints) -> Array:
-    """How far the effector has moved in each pull of its pose [m], NaN unknown, shape (m,).
+    """Motion of the effector in each pull of its pose [m], NaN where unknown, shape (m,).
 
-    d = v' (x - mean x): x the centre of the targets that were read in all pulls of the pose, v the
-    direction along which these lie apart most.
+    d = v' (x - mean x), with x the centre of the targets that were read in all pulls of the pose,
+    and v the direction of largest variance.
     """
     rows = case.readings[case.readings["state"] == "loaded"]
     rows = rows[rows["target"].isin(case.settings.naming.measured)]
@@ -241,11 +243,11 @@ def _length(chain: _Chain) -> Array:
 
 
 def _distance(chain: _Chain) -> _Off | None:
-    """By the distance of the ends, the same in all pulls but for what the chain stretches.
+    """The outlier by distance of the ends, which is constant except for the stretch of the chain.
 
     (|Pl2 - Pl1| - median) / u = (a + b f) / u + e, f the force over the largest, u [m] the standard
-    uncertainty; one a for all pulls or, where an F test calls for it, one to a pose. The p-value of
-    t is two-sided and multiplied by the number of pulls.
+    uncertainty; one a for all pulls or, if an F test calls for it, one for each pose. The p-value
+    of t is two-sided and multiplied by the number of pulls.
     """
     y = _length(chain)
     y = (y - np.median(y)) / chain.std
@@ -256,11 +258,12 @@ def _distance(chain: _Chain) -> _Off | None:
     off = _each(common, y)
     best = int(np.argmax(off.drop))
     kept = np.arange(len(y)) != best
-    # an F test of the lengths by pose, beside one length
+    # F test of the lengths by pose against one common length
     if Base.of(common[kept], y[kept]).beside_all(hung[kept]).p() < _HUNG:
         among_all, off = off.drop, _each(hung, y)
         level = np.flatnonzero(off.drop >= 0.998 * off.drop.max())
-        best = int(level[np.argmax(among_all[level])])  # of two in a pose that unlike all others
+        # of two in one pose, the one unlike all others
+        best = int(level[np.argmax(among_all[level])])
     variance = off.variance(1.0) if chain.stated else off.variance()
     p = len(y) * float(off.p(variance)[best])
     size_m = float(np.abs(off.size[best, 0]) * chain.std[best])
@@ -270,14 +273,14 @@ def _distance(chain: _Chain) -> _Off | None:
 
 
 def _each(X: Array, y: Array) -> Beside:
-    """Every row free beside the columns X: deleted residuals."""
+    """Every row free given the columns X: deleted residuals."""
     return Base.of(X, y).beside(np.eye(len(y))[None, :, :, None]).of_block(0)
 
 
 def _turned(chain: _Chain) -> _Turned:
-    """Directions against the other pulls of the pose, four or more of them.
+    """Directions against the other pulls of the pose, in poses with four pulls or more.
 
-    The law of the course that accuses a pull less is believed.
+    For each pull the law of the course that is most favourable to it is used.
     """
     index = np.unique(chain.pose, return_inverse=True)[1]
     known = np.isfinite(chain.force)
@@ -292,7 +295,7 @@ def _turned(chain: _Chain) -> _Turned:
 
 
 def _direction(chain: _Chain) -> _Off | None:
-    """The pull whose direction stands out most."""
+    """The worst outlier by direction."""
     turned = _turned(chain)
     if not len(turned.pull):
         return None
@@ -306,18 +309,19 @@ def _direction(chain: _Chain) -> _Off | None:
 
 
 def _turns(chain: _Chain, pulls: Ints, course: Array) -> tuple[Array, Array, Array, Array]:
-    """Every pull's direction free beside a straight course in each pose.
+    """Every pull's direction freed from a straight course in each pose.
 
     w = a_p + b_p x + e for the two coordinates w [rad] across the mean direction of pose p, in the
-    tracker's frame, x the course over its largest.
+    tracker's frame, x the course over its largest value.
 
     Args:
         chain: The chain.
-        pulls: Pulls that are tested, of poses with four at least, shape (n,).
-        course: What directions are straight in, shape (m,).
+        pulls: Indices of the tested pulls, of poses with at least four, shape (n,).
+        course: Variable in which directions are linear, shape (m,).
 
     Returns:
-        p-values, size over what the other pulls of the pose leave, size [rad], sigmas, all (n,).
+        P-values, size over the residuals of the other pulls of the pose, size [rad], size in
+            standard deviations, all (n,).
     """
     u = (chain.ends[:, 1] - chain.ends[:, 0])[pulls]
     u = u / np.linalg.norm(u, axis=1, keepdims=True)
@@ -342,9 +346,9 @@ def _turns(chain: _Chain, pulls: Ints, course: Array) -> tuple[Array, Array, Arr
 
 
 def _end(chain: _Chain, pull: int) -> tuple[int, float] | None:
-    """Which end is not where the other pulls of the pose put it, and by how much [m].
+    """Index of the end that deviates from the other pulls of the pose, and by how much [m].
 
-    None where that is open.
+    None where neither is clearly the worse one.
     """
     miss = _misses(chain, pull)
     if miss is None or max(miss) < _DECIDES * min(miss):
@@ -353,7 +357,7 @@ def _end(chain: _Chain, pull: int) -> tuple[int, float] | None:
 
 
 def _misses(chain: _Chain, pull: int) -> tuple[float, float] | None:
-    """How far both ends are from where the other pulls of the pose put them [m], three at least."""
+    """Deviation of both ends from the other pulls of the pose [m], if there are at least three."""
     same = (chain.pose == chain.pose[pull]) & np.isfinite(chain.force)
     others = same & (np.arange(len(same)) != pull)
     if others.sum() < 3 or not same[pull]:
@@ -364,7 +368,7 @@ def _misses(chain: _Chain, pull: int) -> tuple[float, float] | None:
 
 
 def _unlike(X: Array, at: Array, others: Bools, pull: int) -> float:
-    """How far a reading is from the straight course of the others [m]."""
+    """Distance of a reading from the straight course of the others [m]."""
     course = linear.least_squares(X[others], at[others])
     return float(np.linalg.norm(at[pull] - X[pull] @ course))
 
@@ -401,6 +405,6 @@ def _without_group(case: Case, group: str) -> Case:
     return replace(case, readings=rows[rows["group"] != group])
 
 
-GROSS = Fault("outlier", "outlying reading", lambda asked: chain_gross(asked.case))
+GROSS = Fault("outlier", lambda asked: chain_gross(asked.case))
 
-FAULT = Fault("outlier", "outlying reading", lambda asked: chain_outlier(asked.case))
+FAULT = Fault("outlier", lambda asked: chain_outlier(asked.case))

@@ -1,8 +1,9 @@
-"""Mistakes that hold for a whole campaign, from the unloaded positions of the reflectors.
+"""Mistakes that affect a whole campaign, from the unloaded positions of the reflectors.
 
-Robots agree with their table within millimetres. The unloaded reflectors, moved rigidly onto where
-the table puts them (so that a poor base frame plays no part), miss by far more when a unit, the
-handedness of the tracker's frame, the joint convention or a sign of the table is wrong.
+Robots agree with their table within millimetres. The unloaded reflectors, after the best rigid
+motion onto their positions by the table (so that a poor base frame has no effect), deviate by far
+more if a unit, the handedness of the tracker's frame, the joint convention or a sign of the table
+is wrong.
 """
 
 from __future__ import annotations
@@ -29,13 +30,14 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ, agreeing
 
 GROSS_ANCHORED_M = 0.3
-"""Nor this far from it in a base frame, however poor its reflectors."""
+"""Deviation from the table in a base frame, however poor its reflectors, from which on it is
+gross [m]."""
 
 _BASE = 3
-"""Base reflectors below which nothing is placed."""
+"""Minimum number of base reflectors that determine a frame."""
 
 FEWEST_POSES = 3
-"""Poses below which a rigid motion can hide a wrong table."""
+"""Minimum number of poses; with fewer, a rigid motion can hide a wrong table."""
 
 UNITS = {
     1e3: ("m", "the numbers are metres and were read as millimetres"),
@@ -45,7 +47,7 @@ UNITS = {
     25.4e-3: ("inch", "the numbers are inches and were read as metres"),
     1 / 25.4e-3: ("m", "the numbers are metres and were read as inches"),
 }
-"""Factor on the tracker's coordinates: the unit they are in, and the sentence for it."""
+"""Factor on the tracker's coordinates: their actual unit, and the sentence for it."""
 
 LOGGED = (
     ("_rad", "rad", 180 / np.pi, "the numbers are radians and were read as degrees"),
@@ -53,13 +55,13 @@ LOGGED = (
     ("_m", "joints_mm", 1e-3, "the sliding joint is in millimetres and was read as metres"),
     ("_m", "joints_m", 1e3, "the sliding joint is in metres and was read as millimetres"),
 )
-"""Columns of the joint log by their ending: unit they are in, factor, and the sentence for it."""
+"""Columns of the joint log by their ending: their actual unit, factor, and the sentence for it."""
 
 _LOGGED_ALONE = (
     ("_rad", "rad", 180 / np.pi, "is in radians and was read as degrees"),
     ("_rad", "deg", np.pi / 180, "is in degrees and was read as radians"),
 )
-"""The same of one column among others, as where a log was put together from two."""
+"""The same for a single column, as in a log that was assembled from two."""
 
 _DH_SAYS = {
     "modified_dh": "the robot file has modified DH parameters, read as standard ones",
@@ -75,9 +77,9 @@ class SupposedMistake:
         name: As in `Mistake`.
         where: As in `Mistake`.
         says: What was mistaken for what.
-        correct: What puts it right.
-        single: Whether it is tested by itself only, and not together with another mistake: there
-            are many of its kind.
+        correct: Correction of a case.
+        single: Whether it is only tested by itself and not together with another mistake, because
+            there are many of its kind.
     """
 
     name: str
@@ -88,11 +90,11 @@ class SupposedMistake:
 
 
 def conventions(case: Case) -> list[Mistake]:
-    """The unit, sign or convention that is wrong; at most two of them at once.
+    """The wrong unit, sign or convention; at most two of them at once.
 
     Nothing is found where the reflectors are where they should be, where too few poses were
-    measured, or where no single mistake and no pair of them explains their positions. What moves
-    the whole robot rigidly shows only against the base reflectors, which are tested second.
+    measured, or where no single mistake and no pair explains their positions. What moves the whole
+    robot rigidly shows only against the base reflectors, which are tested second.
     """
     for how, gross in ((miss, GROSS_M), (anchored_miss, GROSS_ANCHORED_M)):
         before = how(case)
@@ -114,7 +116,7 @@ def _search(
 
 
 def _pairs(singles: Sequence[SupposedMistake]) -> list[tuple[SupposedMistake, ...]]:
-    """Two mistakes at once, each in another place."""
+    """Pairs of mistakes in different places."""
     data = [h for h in singles if not h.single]
     return [p for p in itertools.combinations(data, 2) if p[0].where != p[1].where]
 
@@ -125,10 +127,10 @@ def _after(
     how: Callable[[Case], float | None],
     most: float,
 ) -> float:
-    """How far the reflectors stand off with some mistakes put right; infinite if unknown.
+    """Deviation of the reflectors with some mistakes corrected [m]; infinite if not informative.
 
-    Nor is anything known of poses that are one: a factor that shrinks all to a point fits a point.
-    That is asked only below `most` [m]: what stands off farther is no answer either way.
+    It is not informative from `most` on, nor where the poses coincide: a factor that shrinks all
+    readings to a point fits a point.
     """
     for hypothesis in chosen:
         case = hypothesis.correct(case)
@@ -139,7 +141,7 @@ def _after(
 
 
 def _apart(case: Case) -> float:
-    """How far poses are from each other, as read or by the table, whichever is less [m], rms."""
+    """Distance of the poses from each other, as read or by the table, the smaller one [m], rms."""
     zeros = unloaded(case)
     target = zeros["target"].to_numpy()
     both = (pd.DataFrame(each).groupby(target) for each in pairs(case, zeros)[:2])
@@ -162,7 +164,7 @@ def _finding(case: Case, h: SupposedMistake, before: float, after: float) -> Mis
 
 
 def miss(case: Case) -> float | None:
-    """Distance of the unloaded reflectors from the robot's table [m], median over states.
+    """Deviation of the unloaded reflectors from the robot's table [m], median over groups.
 
     None where too few poses were read.
     """
@@ -176,7 +178,7 @@ def miss(case: Case) -> float | None:
 
 
 def anchored_miss(case: Case) -> float | None:
-    """The same [m] with the readings moved by the base reflectors instead of freely.
+    """Median deviation [m] with the readings transformed by the base reflectors instead of freely.
 
     None without three base reflectors.
     """
@@ -190,9 +192,9 @@ def anchored_miss(case: Case) -> float | None:
 
 @lru_cache(maxsize=1)
 def anchored(case: Case) -> tuple[Array, Array] | None:
-    """R, t that bring readings into F_b by the base reflectors, None where fewer than three do.
+    """R, t that transform readings into F_b by the base reflectors, None with fewer than three.
 
-    Without [base_frame] they are taken to be there.
+    Without [base_frame] the readings are taken to be in F_b.
     """
     rows, nominal = case.readings, case.settings.base_frame
     if not nominal:
@@ -207,16 +209,16 @@ def anchored(case: Case) -> tuple[Array, Array] | None:
 
 
 def _not_alone(agree: Bools, reflector: Ints) -> Bools:
-    """Readings but for those that disagree where another of the same reflector agrees.
+    """Mask without readings that disagree while another one of the same reflector agrees.
 
-    One that is metres off would turn the frame by degrees. A reflector of which all readings
-    disagree has the wrong name or place, which is asked elsewhere.
+    One that is metres off would rotate the frame by degrees. A reflector of which all readings
+    disagree has the wrong name or position, which is tested elsewhere.
     """
     known = np.bincount(reflector, agree) > 0
     return np.asarray(agree | ~known[reflector])
 
 
-@lru_cache(maxsize=1)  # a dozen tests ask for those of one campaign
+@lru_cache(maxsize=1)  # used by a dozen tests of one campaign
 def unloaded(case: Case) -> pd.DataFrame:
     """Unloaded readings of the measured targets in poses with joint values."""
     rows = case.readings
@@ -225,15 +227,35 @@ def unloaded(case: Case) -> pd.DataFrame:
 
 
 def pairs(case: Case, rows: pd.DataFrame) -> tuple[Array, Array, Ints]:
-    """Readings (n, 3) in the tracker's frame, where the table puts them in F_b, their states."""
+    """Readings (n, 3) in the tracker's frame, their places by the table in F_b, their groups."""
     poses, at = np.unique(rows["pose"].to_numpy(int), return_inverse=True)
     target = pd.Index(case.settings.measured).get_indexer(pd.Index(rows["target"]))
     points = configure(case.robot, case.q(poses)).points(case.tool.points)
     return rows[XYZ].to_numpy(float), points[at, target], pd.factorize(rows["group"])[0]
 
 
+def aligned(case: Case) -> tuple[Array, Array] | None:
+    """Rigid motion from the table's F_b to the tracker's frame, None with too few poses."""
+    zeros = unloaded(case)
+    if zeros["pose"].nunique() < FEWEST_POSES:
+        return None
+    seen, expected, _ = pairs(case, zeros)
+    return robust(expected, seen)
+
+
+def robust(expected: Array, seen: Array) -> tuple[Array, Array]:
+    """Rigid motion of the expected points onto the readings, without those far off."""
+    good = np.ones(len(seen), dtype=bool)
+    R, t = rigid(expected, seen)
+    for _ in range(3):
+        off = np.linalg.norm(seen - expected @ R.T - t, axis=1)
+        good = off < np.maximum(3 * np.median(off), 1e-3)
+        R, t = rigid(expected[good], seen[good])
+    return R, t
+
+
 def _moved_onto(seen: Array, expected: Array) -> Array:
-    """The expected points after the rigid motion that brings them nearest to those seen."""
+    """The expected points after the best rigid motion onto those seen."""
     R, t = rigid(expected, seen)
     return expected @ R.T + t
 
@@ -271,7 +293,7 @@ def hypotheses(case: Case) -> Iterator[SupposedMistake]:
 
 
 def _columns(case: Case) -> Iterator[SupposedMistake]:
-    """A column of the joint log that is wrong among others that are right."""
+    """Single columns of the joint log that may be wrong."""
     for column, joint in zip(case.joint_columns, case.robot.joints, strict=True):
         for ending, unit, factor, says in _LOGGED_ALONE if len(case.joint_columns) > 1 else ():
             if column.endswith(ending):
@@ -302,7 +324,7 @@ def _columns(case: Case) -> Iterator[SupposedMistake]:
 
 
 def _names(case: Case) -> Iterator[SupposedMistake]:
-    """Names that stand for each other in the whole campaign."""
+    """Permutations of the target names in the whole campaign."""
     for names in itertools.permutations(case.settings.measured):
         if list(names) != case.settings.measured:
             yield SupposedMistake(
@@ -315,7 +337,7 @@ def _names(case: Case) -> Iterator[SupposedMistake]:
 
 
 def _robots(robot: Robot) -> Iterator[tuple[str, str, Robot]]:
-    """Other robots that may have stood there: what is wrong where, and the robot."""
+    """Other robots that may have been measured: what is wrong, where, and the robot."""
     for name in SHIPPED:
         other = load(name)
         if name == robot.name or not alike(robot, other):
@@ -328,7 +350,7 @@ def _robots(robot: Robot) -> Iterator[tuple[str, str, Robot]]:
 
 
 def scaled(factor: float) -> Callable[[Case], Case]:
-    """Coordinates times a factor; a stated noise in metres stays what it is."""
+    """Correction that multiplies coordinates by a factor; a noise stated in metres is kept."""
 
     def correct(case: Case) -> Case:
         rows = case.readings
@@ -346,7 +368,7 @@ def scaled(factor: float) -> Callable[[Case], Case]:
 
 
 def _mirrored(case: Case) -> Case:
-    """The tracker's y reversed."""
+    """The campaign with the tracker's y reversed."""
     rows, flip = case.readings, np.diag([1.0, -1.0, 1.0])
     C = flip @ covariance.matrices(rows) @ flip
     return replace(
@@ -355,24 +377,24 @@ def _mirrored(case: Case) -> Case:
 
 
 def with_covariance(rows: pd.DataFrame, six: Array) -> pd.DataFrame:
-    """Readings with other covariances, their six numbers each (m, 6) [m^2]."""
+    """Readings with other covariances, given by six numbers each (m, 6) [m^2]."""
     return rows.assign(**dict(zip(covariance.columns(), six.T, strict=True)))
 
 
 def _logged(columns: Sequence[str], factor: float, case: Case) -> Case:
-    """Some columns of the joint log times a factor."""
+    """The campaign with some columns of the joint log multiplied by a factor."""
     joints = case.joints.assign(**{c: case.joints[c] * factor for c in columns})
     return replace(case, joints=joints)
 
 
 def _in_columns(one: str, other: str, case: Case) -> Case:
-    """Two columns of the joint log in each other's place."""
+    """The campaign with two columns of the joint log exchanged."""
     joints = case.joints.assign(**{one: case.joints[other], other: case.joints[one]})
     return replace(case, joints=joints)
 
 
 def _from_controller(case: Case) -> Case:
-    """Joint values from what turn out to be the controller's axes."""
+    """Joint values from columns that hold the controller's axes."""
     axes = case.joints[case.joint_columns].to_numpy(float)
     q = axes @ case.robot.controller_matrix.T + case.robot.controller_offset
     return replace(
@@ -381,7 +403,7 @@ def _from_controller(case: Case) -> Case:
 
 
 def renamed(case: Case, names: Strings | tuple[str, ...]) -> Case:
-    """Readings whose targets have each other's names in every group."""
+    """Readings with permuted target names in every group."""
     true = dict(zip(case.settings.measured, names, strict=True))
     rows = case.readings
     return replace(case, readings=rows.assign(target=[true.get(t, t) for t in rows["target"]]))
@@ -389,7 +411,6 @@ def renamed(case: Case, names: Strings | tuple[str, ...]) -> Case:
 
 FAULT = Fault(
     "sign_or_convention",
-    "wrong sign or axis convention",
     lambda asked: conventions(asked.case),
     in_files=True,
 )

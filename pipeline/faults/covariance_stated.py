@@ -2,11 +2,12 @@
 
 The columns are read as along the axes of the tracker. Some software states them along the axes of
 the base frame, some along the beam and across it; some in another unit, or variances for standard
-uncertainties. What no model of the robot can make of the readings (`contrasts.pure_error`) scatters
-as the right statement says: with L minus twice the restricted log likelihood, the scale s of all
-covariances free, and (ln s / ln 2)^2 for the scale itself, another statement has p = n exp((L -
-L_0) / 2), n of them being tried, as no ratio of likelihoods is above 1 / p more often than p where
-what is read is right (Markov). It is named where the scatter then is the stated one, too.
+uncertainties. The scatter in contrasts that no model of the robot can make (`contrasts.pure_error`)
+follows the right statement: with L minus twice the restricted log likelihood, the scale s of all
+covariances free, plus (ln s / ln 2)^2 as the prior of the scale, another statement has p = n exp((L
+- L_0) / 2), with n the number of statements tried, since a likelihood ratio exceeds 1 / p with a
+probability of at most p where the statement as read is right (Markov). It is named if the scatter
+then also agrees with the stated one.
 """
 
 from __future__ import annotations
@@ -33,19 +34,20 @@ from pipeline.system.restricted import PaddedRows, lowest
 from pipeline.system.whiten import whitener
 
 _FEWEST = 30
-"""Contrasts below which their scatter says nothing of axes."""
+"""Minimum number of contrasts to judge covariances by."""
 
 _ROUND = 0.1
-"""Difference of the variances along the axes, over their mean, that no frame changes much [1]."""
+"""Minimum range of the variances along the axes, over their mean [1]; below it no frame changes
+much."""
 
 _USUAL = 2.0
-"""Scatter over the stated one that is one standard deviation of its logarithm [1], as for
-`diagnosis.bounds.FAULTY`: a tracker that is twice as noisy as its certificate is usual."""
+"""Factor of the scatter over the stated one that is one standard deviation of its logarithm [1], as
+for `diagnosis.bounds.FAULTY`: a tracker that is twice as noisy as its certificate is usual."""
 
 _ALIKE = 2.0
-"""Quantiles of the scatter, over those of a normal one, differ by less where one factor is wrong
-for all readings [1]: tails with three degrees of freedom differ by 1.3, a tenth of the readings
-that are far off by any number."""
+"""Maximum ratio of the scatter's normalised quantiles where a single factor is wrong for all
+readings [1]: with tails of three degrees of freedom it is 1.3, with a tenth of the readings far off
+any number."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +55,12 @@ class _Statement:
     """Another way to state covariances.
 
     Attributes:
-        name: The kind of mistake.
+        name: Kind of mistake.
         where: Which of that kind.
-        said: What is so of the uncertainties, as a sentence's end.
-        within: Scatter over the stated one, or the inverse, that is left of it at most [1].
-        means: Covariances (m, 3, 3) and points (m, 3) in the tracker's frame, as read, to the
-            covariances that are meant.
+        said: Description of the uncertainties, as the end of a sentence.
+        within: Maximum remaining ratio of the scatter to the stated one, or its inverse [1].
+        means: Function of covariances (m, 3, 3) as read and points (m, 3), in the tracker's frame,
+            that returns the covariances that are meant.
     """
 
     name: str
@@ -68,14 +70,14 @@ class _Statement:
     means: Callable[[Array, Array], Array]
 
     def correct(self, own: Bools, case: Case) -> Case:
-        """The campaign with the covariances of some rows as they are meant."""
+        """The campaign with the intended covariances of some rows."""
         C = covariance.matrices(case.readings)
         C[own] = self.means(C[own], case.readings[list(XYZ)].to_numpy(float)[own])
         return replace(case, readings=with_covariance(case.readings, covariance.flat(C)))
 
 
 def _frames(R: Array) -> list[_Statement]:
-    """Along other axes; R from the tracker's frame to F_b."""
+    """Statements along other axes; R from the tracker's frame to F_b."""
 
     def along(axes: Callable[[Array], Array]) -> Callable[[Array, Array], Array]:
         return lambda C, points: axes(points) @ C @ np.swapaxes(axes(points), -1, -2)
@@ -91,7 +93,7 @@ def _frames(R: Array) -> list[_Statement]:
 
 
 def _units() -> list[_Statement]:
-    """In another unit, or as the squares or the roots of what is read."""
+    """Statements in another unit, or as squares or roots of what is read."""
     kind = "unit_mixup", "covariance"
     out = []
     for power in (-6, -3, 3, 6):
@@ -109,7 +111,7 @@ def _units() -> list[_Statement]:
 def _as_stated(
     asked: Screening, own: Bools, tried: Iterable[_Statement]
 ) -> Iterator[tuple[_Scatter, _Statement]]:
-    """Ways to state them with which the readings scatter as stated, alike along all axes."""
+    """Statements with which the readings scatter as stated, equally along all axes."""
     for one in tried:
         then = _scatter(replace(asked, case=one.correct(own, asked.case), known=None))
         if then is not None and then.alike and abs(np.log(then.scale)) < np.log(one.within):
@@ -117,7 +119,7 @@ def _as_stated(
 
 
 def misstated(asked: Screening) -> list[Mistake]:
-    """How the covariances are stated, where it is not as they are read."""
+    """The wrong statement of the covariances, if there is one."""
     case = asked.case
     own = (case.readings["covariance_from"] == "file").to_numpy()
     if not own.any() or case.settings.displacements is not None:
@@ -155,12 +157,12 @@ def misstated(asked: Screening) -> list[Mistake]:
 
 @dataclass(frozen=True)
 class _Scatter:
-    """How the contrasts scatter under a statement.
+    """Scatter of the contrasts under a statement.
 
     Attributes:
-        loss: Minus twice the restricted log likelihood, and what the prior takes for the scale.
+        loss: Minus twice the restricted log likelihood, plus the penalty by the prior of the scale.
         scale: Scatter over the stated one [1].
-        alike: All readings scatter by one factor more or less than stated.
+        alike: Whether all readings scatter by one factor more or less than stated.
     """
 
     loss: float
@@ -169,7 +171,7 @@ class _Scatter:
 
 
 def _scatter(asked: Screening) -> _Scatter | None:
-    """Of the campaign as it is stated; None where there are too few contrasts."""
+    """Scatter of the campaign as it is stated; None with too few contrasts."""
     left = asked.estimate.residual
     pure = pure_error(asked.system, left, asked.reduced.data, asked.zeros, asked.cell)
     if len(pure.rows) < _FEWEST:
@@ -185,7 +187,7 @@ def _scatter(asked: Screening) -> _Scatter | None:
 
 
 def _near(one: _Statement, case: Case, own: Bools, scale: float) -> bool:
-    """Whether the scatter would be about the stated one, from the size of the covariances."""
+    """Whether the scatter would be about the stated one, judging by the size of the covariances."""
     before, after = (
         np.median(np.einsum("mii->m", covariance.matrices(made.readings)[own]))
         for made in (case, one.correct(own, case))
@@ -203,7 +205,7 @@ def _times(factor: float, C: Array, _: Array) -> Array:
 
 
 def _root(unit_m: float, C: Array, _: Array) -> Array:
-    """What is meant where C is the square of variances, in units of a length."""
+    """Intended covariance where C is the square of variances, in units of a length."""
     size, axes = linear.directions(C)
     root = np.sqrt(np.maximum(size, 0.0))
     return np.asarray(unit_m * (axes * root[:, None, :]) @ np.swapaxes(axes, 1, 2))
@@ -214,7 +216,7 @@ def _square(unit_m: float, C: Array, _: Array) -> Array:
 
 
 def _beam(points: Array) -> Array:
-    """Along the beam to each point, then across it level and upright, in the tracker's frame."""
+    """Axes along the beam to each point, then across it level and upright, tracker's frame."""
     along = points / np.linalg.norm(points, axis=1, keepdims=True)
     level = np.cross([0.0, 0.0, 1.0], along)
     level /= np.maximum(np.linalg.norm(level, axis=1, keepdims=True), np.finfo(float).tiny)
@@ -223,7 +225,6 @@ def _beam(points: Array) -> Array:
 
 FAULT = Fault(
     "sign_or_convention",
-    "covariances stated in another frame or unit",
     misstated,
     in_files=True,
 )

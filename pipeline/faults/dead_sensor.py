@@ -1,8 +1,8 @@
-"""Columns that no sensor wrote: displacements without deflection, a force or a pose copied down.
+"""Columns without measured content: displacements without deflection, a copied force or pose.
 
-A robot deflects under a load, no two pulls of a pose that move it unlike had the same force, and in
-no two poses with the same joint values its reflectors are decimetres apart. None of it needs an
-estimate, and none can be put right: what is missing was not measured.
+A robot deflects under a load; pulls of a pose with different displacements had different forces;
+and poses with the same joint values cannot have their reflectors decimetres apart. These tests need
+no estimate, and none of these mistakes can be corrected: what is missing was not measured.
 """
 
 from __future__ import annotations
@@ -31,30 +31,31 @@ from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Scale
 
 _STIFF = 1 / 30
-"""No robot moves by a smaller part of what its joints typically yield [1]: stiffnesses of a type
-differ by a factor of a few, and one joint in thirty is not all of them."""
+"""Minimum ratio of a robot's compliance to its typical one [1]: stiffnesses of a type differ by a
+factor of a few, and if one joint is thirty times stiffer, not all of them are."""
 
 _BY_CHANCE = 4.0
-"""A displacement along the expected one is none within so many of its standard errors [1]."""
+"""Standard errors within which a displacement along the predicted one counts as none [1]."""
 
 _FEWEST = 9
-"""Coordinates below which nothing is said [1]: three displacements."""
+"""Minimum number of coordinates for a finding: three displacements."""
 
 _COPIED = 3
-"""So many equal forces in a row or in all, of pulls that moved unlike, are a copy [1]."""
+"""Minimum number of equal values that count as copied."""
 
 _UNLIKE = 1.3
-"""Factor between displacements of a pose that no friction makes of equal forces [1]."""
+"""Minimum ratio of displacements in a pose that friction cannot cause at equal forces [1]."""
 
 _ALONG = 0.98
-"""Cosine from which two pulls of a pose are along one direction: their chain stays hung [1]."""
+"""Minimum cosine between two pulls of a pose in the same direction [1]: their chain stays hung."""
 
 _CLEAR = 20.0
-"""A displacement of so many standard uncertainties of the tracker is compared with another [1]."""
+"""Minimum displacement that is compared with another one, in standard uncertainties of the
+tracker [1]."""
 
 
 def dead(asked: Screening) -> list[Mistake]:
-    """No deflection anywhere, one force copied into pulls that moved unlike, or one pose."""
+    """No deflection anywhere, else one force copied into unlike pulls, and a copied pose."""
     data = asked.reduced.data
     return _still(asked, data) or [*_copied(asked.case, data), *_one_pose(asked.case)]
 
@@ -63,7 +64,7 @@ def dead(asked: Screening) -> list[Mistake]:
 
 
 def _still(asked: Screening, data: Measured) -> list[Mistake]:
-    """That the displacements hold none of what any stiffnesses would make of these loads."""
+    """The mistake that no displacement is related to the loads by any possible stiffnesses."""
     cell = asked.case.cell
     typical = np.array([p.typical for p in cell.parameters])
     moved = predict(cell, data.pulls, typical).displacement[data.pull, data.target]
@@ -101,7 +102,7 @@ def _still(asked: Screening, data: Measured) -> list[Mistake]:
 
 
 def _copied(case: Case, data: Measured) -> list[Mistake]:
-    """Pulls with one reading of the scale that moved unlike, and so had other forces."""
+    """Pulls with the same reading of the scale but different displacements, hence other forces."""
     if not len(case.loads):
         return []
     pulls = data.pulls
@@ -119,7 +120,7 @@ def _copied(case: Case, data: Measured) -> list[Mistake]:
 
 
 def _unlike(data: Measured, same: Ints, size: Array) -> bool:
-    """Whether most pairs of these pulls, of one pose and direction, moved by other amounts."""
+    """Whether most pairs of these pulls in one pose and direction have different displacements."""
     moved = np.sqrt(np.bincount(data.pull, np.sum(data.delta**2, axis=1), len(data.pulls)))
     count = np.bincount(data.pull, minlength=len(data.pulls))
     std = displacement_std(data) * np.sqrt(3 * count)
@@ -160,7 +161,7 @@ def _of_copy(case: Case, data: Measured, same: Ints, force: float, every: bool) 
 
 
 def _unlogged(case: Case) -> Case:
-    """The campaign with forces of which no more is known than that they are of this order."""
+    """The campaign with forces of which only the order of magnitude is known."""
     known = case.settings.scale or Scale()
     scale = known.model_copy(update={"sigma_rel": 1.0, "gain_sigma": 1.0})
     return replace(case, settings=case.settings.model_copy(update={"scale": scale}))
@@ -170,7 +171,7 @@ def _unlogged(case: Case) -> Case:
 
 
 def _one_pose(case: Case) -> list[Mistake]:
-    """Rows of the joint log that are one, of poses whose unloaded reflectors are far apart."""
+    """Equal rows of the joint log, of poses whose unloaded reflectors are far apart."""
     log = case.joints.sort_values(["file", "line"])
     zeros = unloaded(case).groupby(["target", "pose"], observed=True)[XYZ].median()
     found = []
@@ -203,4 +204,4 @@ def _one_pose(case: Case) -> list[Mistake]:
     return found
 
 
-FAULT = Fault("dead_sensor", "column that no sensor wrote", dead, in_files=True, in_forces=True)
+FAULT = Fault("dead_sensor", dead, in_files=True, in_forces=True)

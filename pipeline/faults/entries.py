@@ -1,16 +1,16 @@
 """A point of campaign.toml that the readings contradict: which single entry is wrong.
 
-Where the flange of each unloaded pose stands by the robot's table, the places of the reflectors in
-[tool] and [base_frame], and the readings can be wrong together in one way only: all entries have
-the small errors that nominal points have, or one of them has any error. With rows y (readings in
-F_b minus stated places), the unknown place of the tracker and an entry i that is free,
+Given the flange in each unloaded pose by the robot's table, the points in [tool] and [base_frame]
+and the readings can disagree in one way only: all entries have the small errors of nominal points,
+or one of them has an arbitrary error. With y the readings in F_b minus the stated places, the
+unknown pose of the tracker in x, and a free entry i,
 
     y = D x + G_i d_i + e,   e ~ N(0, V),   V = noise + entries + robot's errors of size s
 
-each hypothesis has the likelihood of what no choice of x and d_i explains (Harville, J. Am. Stat.
-Assoc. 72, 1977), its mean over s. A free entry costs a factor for each axis, the width of its
-estimate over a metre, so that it must explain far more than chance. Two entries exchanged, and a
-table in another unit, are hypotheses without anything free.
+each hypothesis has the restricted likelihood, given what no choice of x and d_i explains (Harville,
+J. Am. Stat. Assoc. 72, 1977), averaged over s. A free entry is penalised by a factor for each axis,
+the width of its estimate over a metre, so that it must explain far more than chance. Two exchanged
+entries, and a table in another unit, are hypotheses without free parameters.
 """
 
 from __future__ import annotations
@@ -34,27 +34,30 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
 _NOISE_M = 1e-4
-"""Of a reading and of a reflector put back into its nest, per axis [m]."""
+"""Standard uncertainty of a reading, and of a reflector put back into its nest, per axis [m]."""
 TOOL_M = 5e-4
-"""Standard uncertainty of a point in [tool], where it is not stated [m]: measured once with the
+"""Standard uncertainty of a point of the tool where it is not stated [m]: measured once with the
 tracker or a caliper, and mounted again."""
 _BASE_M = 2e-3
-"""The same of a point in [base_frame] [m]: surveyed once, on a floor that settles."""
+"""Standard uncertainty of the stated position of a base reflector [m]: surveyed once, on a floor
+that settles."""
 _ROBOT_M = np.geomspace(1e-4, 3e-2, 6)
-"""Sizes s of the robot's own errors that are tried [m]: from its repeatability to 30 mm, which no
-robot in use has. A flange turns by s at a metre, and the robot in F_b by s at `_CELL_M`."""
+"""Sizes s of the robot's own errors that are averaged over [m]: from its repeatability to 30 mm,
+which no robot in use exceeds. They rotate the flange by s at a metre, and the robot in F_b by s at
+`_CELL_M`."""
 _CELL_M = 5.0
-"""Lever at which the robot's foot or rail is off in F_b by its errors [m]."""
+"""Lever of the rotation of the robot's foot or rail in F_b by its errors [m]."""
 _MOST_POSES = 24
-"""More poses tell no more of one entry."""
+"""Maximum number of poses used; more do not help to identify one entry."""
 _STEPS = 3
-"""Gauss-Newton steps: from readings that exclude a wrong entry two are enough."""
+"""Number of Gauss-Newton steps; starting from readings without the wrong entry, two suffice."""
 _FAR = 6.0
-"""Standard deviations, or times the usual misfit, from which a state is not one of the others."""
+"""Deviation in standard deviations, or over the usual misfit, from which a state is left
+out [1]."""
 _RIVAL = 0.05
-"""An entry less probable than this is no rival."""
+"""Minimum probability of an entry to be listed [1]."""
 _UNITS = {"mm": 1e-3, "in": 25.4e-3}
-"""What a table in metres may be written in instead."""
+"""Units in which a table in metres may actually be written, as factors [m]."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -63,13 +66,13 @@ class Entry(Locked):
 
     Attributes:
         table: `tool` or `base_frame`.
-        names: The point that is wrong, or two that carry each other's places; none where all
-            points of the table are in another unit.
+        names: The wrong point, or two that have each other's places; empty where all points of the
+            table are in another unit.
         unit: That unit, else None.
-        stated: Where campaign.toml has the point [m], shape (3,); empty for several.
-        found: Where the readings put it [m], the same frame.
-        std: Standard uncertainty of that per axis [m].
-        probability: That this entry is the wrong one, if one is.
+        stated: Position of the point in campaign.toml [m], shape (3,); empty for several.
+        found: Position according to the readings [m], in the same frame.
+        std: Its standard uncertainty per axis [m].
+        probability: Probability that this entry is the wrong one, if one is.
     """
 
     table: str
@@ -82,18 +85,18 @@ class Entry(Locked):
 
     @property
     def path(self) -> list[str]:
-        """Where campaign.toml has it; the table of several."""
+        """Path of the entry in campaign.toml; for several points that of the table."""
         return [self.table, *self.names[:1]]
 
     @property
     def off_m(self) -> float:
-        """How far it is from where it should be [m]."""
+        """Distance of the stated from the estimated position [m]."""
         return float(np.linalg.norm(self.found - self.stated))
 
 
 @dataclass(frozen=True, eq=False)
 class _Scene(Locked):
-    """What the points are held against: m readings of p poses and of b base reflectors.
+    """Data for the hypotheses: m readings of targets in p poses, and b base reflectors.
 
     Attributes:
         seen: Readings of targets, then of base reflectors, tracker's frame [m], (m + b, 3).
@@ -101,8 +104,8 @@ class _Scene(Locked):
         target: Its target, shape (m,).
         axes: Rotation of the flange in each pose, shape (p, 3, 3).
         origin: Its origin [m], shape (p, 3).
-        tool: Stated places of the targets, flange frame [m], shape (t, 3).
-        base: Stated places of the base reflectors, F_b [m], shape (b, 3).
+        tool: Stated positions of the targets, flange frame [m], shape (t, 3).
+        base: Stated positions of the base reflectors, F_b [m], shape (b, 3).
         tool_std: Standard uncertainty of a point of the tool per axis [m].
     """
 
@@ -117,27 +120,27 @@ class _Scene(Locked):
 
     @property
     def m(self) -> int:
-        """How many readings of targets there are."""
+        """Number of readings of targets."""
         return len(self.pose)
 
     @property
     def stated(self) -> Array:
-        """Where the readings should be, F_b [m], shape (m + b, 3)."""
+        """Stated positions of the readings, F_b [m], shape (m + b, 3)."""
         turned = np.einsum("nij,nj->ni", self.axes[self.pose], self.tool[self.target])
         return np.vstack([self.origin[self.pose] + turned, self.base])
 
     def of(self, entry: int) -> Bools:
-        """Readings of an entry: targets first, then base reflectors; shape (m + b,)."""
+        """Mask of the readings of an entry, targets first, then base reflectors; shape (m + b,)."""
         which = np.concatenate([self.target, len(self.tool) + np.arange(len(self.base))])
         return np.asarray(which == entry)
 
     def column(self, entry: int) -> Array:
-        """G: how an error of an entry moves its stated places, (3 (m + b), 3)."""
+        """G: derivatives of the stated positions by an entry, (3 (m + b), 3)."""
         turn = np.concatenate([self.axes[self.pose], np.tile(np.eye(3), (len(self.base), 1, 1))])
         return np.where(self.of(entry)[:, None, None], turn, 0.0).reshape(-1, 3)
 
     def errors(self, at: Array) -> tuple[Array, Array, Array]:
-        """Columns of all small errors of entries, the sizes of these, and columns of the robot.
+        """Columns of the small errors of entries, their standard deviations, columns of the robot.
 
         Args:
             at: The readings in F_b [m], shape (m + b, 3).
@@ -152,19 +155,19 @@ class _Scene(Locked):
 
     @cached_property
     def _entries(self) -> tuple[Array, Array]:
-        """Columns of all small errors of entries, and their sizes."""
+        """Columns of the small errors of all entries, and their standard deviations."""
         entries = [self.column(k) for k in range(len(self.tool) + len(self.base))]
         size = [self.tool_std] * (3 * len(self.tool)) + [_BASE_M] * (3 * len(self.base))
         return np.hstack(entries), np.array(size)
 
     def _flange(self, lever: Array) -> Array:
-        """Columns of an error of the flange that goes with it from pose to pose."""
+        """Columns of an error of the flange frame that is the same in all poses."""
         turn = self.axes[self.pose]
         own = np.einsum("nji,nj->ni", turn, lever)
         return np.asarray(np.einsum("nij,njk->nik", turn, _screw(own)).reshape(-1, 6))
 
     def only(self, poses: Bools) -> _Scene:
-        """The same with some poses only."""
+        """The scene with some poses only."""
         keep = poses[self.pose]
         number = np.cumsum(poses) - 1
         return replace(
@@ -179,13 +182,13 @@ class _Scene(Locked):
 
 @dataclass(frozen=True, eq=False)
 class _Fit(Locked):
-    """One hypothesis: how probable the readings are with it, and what they make of the entry.
+    """Fit of one hypothesis.
 
     Attributes:
-        evidence: Log likelihood.
-        shift: Error of the entry that is free [m], shape (3,) or (0,).
-        std: Standard uncertainty of that.
-        left: What remains of each reading [m], shape (m + b, 3).
+        evidence: Logarithm of the restricted likelihood, averaged over the robot's errors.
+        shift: Error of the free entry [m], shape (3,) or (0,).
+        std: Its standard uncertainty [m].
+        left: Residual of each reading [m], shape (m + b, 3).
     """
 
     evidence: float
@@ -194,12 +197,12 @@ class _Fit(Locked):
     left: Array
 
 
-@lru_cache(maxsize=1)  # asked of the readings, and again when the answer is written
+@lru_cache(maxsize=1)  # used for the readings, and again when the answer is written
 def wrong_entries(case: Case) -> tuple[Entry, ...]:
     """Entries of [tool] and [base_frame] one of which is wrong, the most probable first.
 
-    Nothing where all entries as stated are likelier than any single error, where no single one
-    brings the reflectors to where the robot's table has them, or where too little was read to tell.
+    Empty where it is likelier that no entry is wrong, where no single entry reconciles the
+    reflectors with the robot's table, or where too little was read.
     """
     scene = _scene(case)
     if scene is None:
@@ -209,7 +212,7 @@ def wrong_entries(case: Case) -> tuple[Entry, ...]:
     if len(kept.axes) < len(scene.axes):
         found = _single(case, kept)
     if not _doubted(found):
-        return ()  # exchanged points would leave one that is free far ahead of none
+        return ()  # exchanged points would leave a single free one far ahead of none
     found += [(claim, _fit(other, None)) for claim, other in _together(case, kept)]
     evidence = np.array([fit.evidence for _, fit in found[1:]])
     share = np.exp(evidence - logsumexp(evidence))
@@ -222,7 +225,7 @@ def wrong_entries(case: Case) -> tuple[Entry, ...]:
 
 
 def _doubted(found: Sequence[tuple[_Claim, _Fit]]) -> bool:
-    """Whether one of the entries is rather wrong than none, at even odds before."""
+    """Whether a single wrong entry is likelier than none, at even prior odds."""
     none, *single = (fit.evidence for _, fit in found)
     return bool(single) and float(logsumexp(single)) - np.log(len(single)) > none
 
@@ -237,7 +240,7 @@ class _Claim:
 
 
 def _single(case: Case, scene: _Scene) -> list[tuple[_Claim, _Fit]]:
-    """That nothing is wrong, and each entry by itself, with their fits."""
+    """The hypotheses that nothing is wrong, and that each entry is, with their fits."""
     named = [(table, name) for table, names, _ in _tables(case) for name in names]
     single = [(_Claim(table, (name,)), _fit(scene, k)) for k, (table, name) in enumerate(named)]
     return [(_Claim(), _fit(scene, None)), *single]
@@ -256,7 +259,7 @@ def _together(case: Case, scene: _Scene) -> Iterator[tuple[_Claim, _Scene]]:
 
 
 def _tables(case: Case) -> list[tuple[str, Sequence[str], str]]:
-    """Each table with its points in the order of a scene, and what the scene calls it."""
+    """Each table with its points in the order of a scene, and its attribute there."""
     return [("tool", case.settings.measured, "tool"), ("base_frame", _base(case)[0], "base")]
 
 
@@ -268,7 +271,7 @@ def _entry(case: Case, claim: _Claim, fit: _Fit, probability: float) -> Entry:
 
 
 def _scene(case: Case) -> _Scene | None:
-    """What was read unloaded, one mean for each target of a pose; None where nothing was."""
+    """Unloaded readings, one median for each target of a pose; None where there are none."""
     zeros = unloaded(case)
     at = zeros.groupby(["pose", "target"], observed=True)[XYZ].median().reset_index()
     names, seen = _base(case)
@@ -294,7 +297,7 @@ def _scene(case: Case) -> _Scene | None:
 
 @lru_cache(maxsize=1)
 def _base(case: Case) -> tuple[list[str], Array]:
-    """Base reflectors that were read, and where in the tracker's frame [m], (b, 3)."""
+    """Base reflectors that were read, and their median readings, tracker's frame [m], (b, 3)."""
     rows = case.readings[case.readings["pose"].isna()]
     names = [one for one in case.settings.base_frame if (rows["target"] == one).any()]
     at = [rows.loc[rows["target"] == one, XYZ].median().to_numpy(float) for one in names]
@@ -302,30 +305,30 @@ def _base(case: Case) -> tuple[list[str], Array]:
 
 
 def _same_shape(scene: _Scene) -> Bools:
-    """Poses in which the targets keep the distances that they mostly have, shape (p,)."""
+    """Mask of the poses in which the targets keep their usual distances, shape (p,)."""
     at = np.full((len(scene.axes), len(scene.tool), 3), np.nan)
     at[scene.pose, scene.target] = scene.seen[: scene.m]
     first, second = np.triu_indices(len(scene.tool), 1)
     apart = pd.DataFrame(np.linalg.norm(at[:, first] - at[:, second], axis=-1))
     off = (apart - apart.median()).abs()
-    usual = np.hypot(_NOISE_M, 1.4826 * off.median())  # of a normal distribution
+    usual = np.hypot(_NOISE_M, 1.4826 * off.median())  # for a normal distribution
     return np.asarray(~(off > _FAR * usual).any(axis=1))
 
 
 def _alike(scene: _Scene, fit: _Fit) -> Bools:
-    """Poses that the likeliest hypothesis misses no more than the others, shape (p,)."""
+    """Mask of the poses whose misfit under a hypothesis is not far above the median, shape (p,)."""
     each = _missed(scene, fit)
     return np.asarray(each <= _FAR * max(float(np.median(each)), _NOISE_M))
 
 
 def _missed(scene: _Scene, fit: _Fit) -> Array:
-    """How far a hypothesis misses the targets of each pose [m], rms, shape (p,)."""
+    """Rms misfit of the targets of each pose under a hypothesis [m], shape (p,)."""
     square = (fit.left[: scene.m] ** 2).sum(axis=1)
     return np.sqrt(np.bincount(scene.pose, square) / np.bincount(scene.pose))
 
 
 def _fit(scene: _Scene, entry: int | None) -> _Fit:
-    """The hypothesis that one entry is wrong, or none."""
+    """Fit of the hypothesis that one entry is wrong, or none."""
     out = np.zeros(len(scene.seen), bool) if entry is None else scene.of(entry)
     R, t = _placed(scene, ~out)
     free = np.zeros((3 * len(out), 0)) if entry is None else scene.column(entry)
@@ -343,7 +346,7 @@ def _fit(scene: _Scene, entry: int | None) -> _Fit:
 
 
 def _placed(scene: _Scene, kept: Bools) -> tuple[Array, Array]:
-    """Where the tracker stands by some readings, or by all where these do not tell."""
+    """R, t of the tracker by some readings, or by all if these do not determine it."""
     seen, stated = scene.seen[kept], scene.stated[kept]
     if len(seen) < 3 or linear.extent(stated)[1] < TOOL_M:
         seen, stated = scene.seen, scene.stated
@@ -352,14 +355,15 @@ def _placed(scene: _Scene, kept: Bools) -> tuple[Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class _Rows(Locked):
-    """The rows of a hypothesis, linearised at a place of the tracker.
+    """Rows of a hypothesis, linearised at a pose of the tracker.
 
     Attributes:
-        y: Readings in F_b minus stated places [m], shape (k,).
-        X: Columns of what is free: the tracker's turn and shift, and an entry, shape (k, 6 or 9).
-        base: Covariance of all but the robot's errors [m^2], shape (k, k).
-        robot: That of the robot's errors of unit size, shape (k, k).
-        centre: About which the tracker turns [m], F_b.
+        y: Readings in F_b minus stated positions [m], shape (k,).
+        X: Columns of the free parameters: rotation and translation of the tracker, and an entry,
+            shape (k, 6 or 9).
+        base: Covariance without the robot's errors [m^2], shape (k, k).
+        robot: Covariance of the robot's errors of unit size, shape (k, k).
+        centre: Centre of the tracker's rotation [m], F_b.
     """
 
     y: Array
@@ -370,7 +374,7 @@ class _Rows(Locked):
 
     @classmethod
     def of(cls, scene: _Scene, free: Array, R: Array, t: Array) -> _Rows:
-        """At p_b = R p_t + t."""
+        """Rows at p_b = R p_t + t."""
         at = scene.seen @ R.T + t
         centre = at.mean(axis=0)
         entries, size, robot = scene.errors(at)
@@ -389,13 +393,13 @@ class _Rows(Locked):
         return W, W @ self.X, W @ self.y
 
     def solved(self, s: float) -> tuple[Array, Array]:
-        """What is free with a robot's error of size s [m], and its standard uncertainty."""
+        """Free parameters for robot's errors of size s [m], and their standard uncertainties."""
         _, X, y = self._white(s)
         inverse = linear.pseudoinverse(X)
         return inverse(y), np.sqrt(np.diag(inverse.cov))
 
     def evidence(self, s: float) -> float:
-        """Log likelihood of what X leaves, -1/2 (log|V| + log|X' V^-1 X| + y' P y)."""
+        """Restricted log likelihood, -1/2 (log|V| + log|X' V^-1 X| + y' P y)."""
         W, X, y = self._white(s)
         inside = linear.orthonormal(X)
         if inside.shape[1] < X.shape[1]:
@@ -406,6 +410,6 @@ class _Rows(Locked):
 
 
 def _screw(lever: Array) -> Array:
-    """Columns of a shift and of a turn with these levers [m], (n, 3) -> (n, 3, 6)."""
+    """Columns of a translation and of a rotation with these levers [m], (n, 3) -> (n, 3, 6)."""
     shift = np.broadcast_to(np.eye(3), (len(lever), 3, 3))
     return np.concatenate([shift, linear.turning(lever)], axis=-1)

@@ -1,8 +1,8 @@
-"""Rows of the joint log, and groups of the tracker, that stand in each other's place.
+"""Rows of the joint log, and groups of the tracker, that are in each other's place.
 
-The robot's table says where the reflectors are in each pose, to millimetres; poses are decimetres
-apart. Which row of the joint log each pose fits best, and which pose each group, are assignments
-(see `assignment`): of two rows or of all of them, off by one or shuffled.
+The robot's table predicts the reflectors in each pose to millimetres, and poses are decimetres
+apart. Which row of the joint log belongs to each pose, and which pose to each group, are
+assignments (see `assignment`): of two rows or of all of them, off by one or shuffled.
 """
 
 from __future__ import annotations
@@ -18,9 +18,8 @@ import pandas as pd
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said, standing
-from pipeline.faults.conventions import FEWEST_POSES, anchored
+from pipeline.faults.conventions import FEWEST_POSES, aligned, anchored
 from pipeline.faults.fault import Fault
-from pipeline.faults.labels import aligned
 from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.machine.robot import configure
 from pipeline.readers.known import GROSS_M
@@ -28,30 +27,29 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
 _LEAST_M = 1e-4
-"""Readings are expected this far from where the table puts them at least [m]."""
+"""Minimum expected deviation of readings from the table [m]."""
 
 _MOST = 400
-"""Poses beyond which no log is written by hand [1]."""
+"""Number of poses above which no log is written by hand."""
 
 _SOFT = 0.9
-"""Part of the pulls that are as far from where the robot stands unloaded as is usual, or less
-[1]."""
+"""Quantile of the pulls whose distance from the unloaded robot counts as usual [1]."""
 
 _FITTED = 3
-"""So often the readings are laid on the table anew."""
+"""Number of fits of the readings to the table."""
 
 _OTHERWISE = 0.5
-"""What an exchange for a group of the other state, or of another load step, counts more [1]: it
-decides only between places that fit alike."""
+"""Additional cost of an exchange with a group of the other state, or of another load step [1]; it
+decides only between places that fit equally well."""
 
 
 _STAND = ["pose", "repeat", "state"]
-"""Columns of a reading that its group says."""
+"""Columns of a reading that are determined by its group."""
 
 
 @dataclass(frozen=True, eq=False)
 class _LaidGroups(Locked):
-    """Groups of readings of the effector on the robot's table.
+    """Groups of readings of the effector, aligned with the robot's table.
 
     Attributes:
         name: Name of each group, shape (g,).
@@ -59,9 +57,9 @@ class _LaidGroups(Locked):
         loaded: Whether it is a pull, shape (g,).
         repeat: Its number in the pose, shape (g,).
         poses: Numbers of the poses, shape (p,).
-        off: Squared distance of each group from each pose of the table [m^2], shape (g, p).
+        off: Mean squared distance of each group from each pose of the table [m^2], shape (g, p).
         R: Rotation from the tracker's frame into F_b, shape (3, 3).
-        t: Origin of the tracker there [m], shape (3,).
+        t: Origin of the tracker's frame in F_b [m], shape (3,).
     """
 
     name: Strings
@@ -80,9 +78,9 @@ class _LaidGroups(Locked):
 
     @property
     def usual(self) -> Array:
-        """How far groups of its state are usually from the pose that they fit best [m], (g,).
+        """Usual distance of groups of its state from their best pose [m], (g,).
 
-        Of pulls that of the softest poses, where they move by more.
+        The median for unloaded groups; for pulls the quantile `_SOFT`, since soft poses move more.
         """
         near, out = np.sqrt(self.off.min(axis=1)), np.zeros(len(self.name))
         for state, part in ((True, _SOFT), (False, 0.5)):
@@ -99,7 +97,7 @@ class _LaidGroups(Locked):
 
 
 def exchanged(case: Case) -> list[Mistake]:
-    """Rows of the joint log that stand for each other, then groups that do."""
+    """Exchanged rows of the joint log, then exchanged groups."""
     found: list[Mistake] = []
     for look in (_rows, _groups):
         laid = _lay(case)
@@ -112,18 +110,18 @@ def exchanged(case: Case) -> list[Mistake]:
     return found
 
 
-def misplaced(case: Case) -> frozenset[int]:
-    """Poses in which most groups are elsewhere than the robot's table has them."""
+def misplaced(case: Case) -> frozenset[int] | None:
+    """Poses in which most groups are elsewhere than the table predicts; None if unknown."""
     laid = _lay(case)
     if laid is None or laid.in_order:
-        return frozenset()
+        return None if laid is None else frozenset()
     away = pd.Series(laid.own > (STANDS_OUT * laid.usual) ** 2).groupby(laid.poses[laid.pose])
     most = away.mean() > 0.5
     return frozenset(most.index[most].tolist())
 
 
 def elsewhere(case: Case) -> frozenset[str]:
-    """Groups that are elsewhere than the robot's table has their pose; none if nothing tells."""
+    """Groups that are elsewhere than the robot's table predicts; empty if not decidable."""
     laid = _lay(case)
     if laid is None:
         return frozenset()
@@ -134,14 +132,14 @@ def elsewhere(case: Case) -> frozenset[str]:
 # --- where the groups are -------------------------------------------------------------------------
 
 
-@lru_cache(maxsize=1)  # of a clean campaign three tests ask for the same
+@lru_cache(maxsize=1)  # used by three tests of a clean campaign
 def _lay(case: Case) -> _LaidGroups | None:
-    """The groups on the table, brought there by the base reflectors or by themselves."""
+    """The groups aligned with the table, starting from the base reflectors or from the groups."""
     rows = case.readings
     known = rows["target"].isin(case.settings.measured) & rows["pose"].isin(case.joints["pose"])
     rows = rows[known].drop_duplicates(["group", "target"])
     poses = np.unique(rows["pose"].to_numpy(int))
-    few = len(poses) < FEWEST_POSES  # and then the base reflectors say where everything is
+    few = len(poses) < FEWEST_POSES  # then the base reflectors alone determine the frame
     if len(poses) < 2 or len(poses) > _MOST or (few and not case.settings.base_frame):
         return None
     starts = [anchored(case), None if few else _by_table(case)]
@@ -151,12 +149,12 @@ def _lay(case: Case) -> _LaidGroups | None:
 
 
 def _median(laid: _LaidGroups) -> float:
-    """How far half of the groups are at most from the poses that they fit best [m]."""
+    """Median distance of the groups from their best poses [m]."""
     return float(np.median(np.sqrt(laid.off.min(axis=1))))
 
 
 def _by_table(case: Case) -> tuple[Array, Array] | None:
-    """R, t that bring most unloaded readings onto the table."""
+    """R, t that transform most unloaded readings onto the table."""
     at = aligned(case)
     return None if at is None else (at[0].T, -at[0].T @ at[1])
 
@@ -164,7 +162,7 @@ def _by_table(case: Case) -> tuple[Array, Array] | None:
 def _laid(
     case: Case, rows: pd.DataFrame, poses: Ints, R: Array, t: Array, free: bool
 ) -> _LaidGroups:
-    """`free`: laid on the table anew, each time by those that fit."""
+    """The groups aligned with the table; if `free`, repeatedly by those that fit."""
     group, names = pd.factorize(rows["group"].astype(str))
     first = rows.groupby(group)[["pose", "repeat", "state"]].first()
     target = pd.Index(case.settings.measured).get_indexer(pd.Index(rows["target"]))
@@ -189,12 +187,12 @@ def _laid(
 
 
 def _square(placed: Array, table: Array) -> Array:
-    """Mean squared distance of the targets of each group from their places [m^2], shape (g,)."""
+    """Mean squared distance of the targets of each group from their positions [m^2], shape (g,)."""
     return np.asarray(np.nanmean(np.sum((placed - table) ** 2, axis=2), axis=1))
 
 
 def _moved(seen: Array, table: Array, off: Array) -> tuple[Array, Array]:
-    """R, t that bring the better half of the groups onto the poses that they fit best."""
+    """R, t that transform the better half of the groups onto their best poses."""
     near = off.min(axis=1)
     good = near <= np.median(near)
     at, due = seen[good].reshape(-1, 3), table[off.argmin(axis=1)[good]].reshape(-1, 3)
@@ -206,7 +204,7 @@ def _moved(seen: Array, table: Array, off: Array) -> tuple[Array, Array]:
 
 
 def _rows(case: Case, laid: _LaidGroups) -> Iterator[Mistake]:
-    """A row stands for another pose where all that was read there says so, pulls and zeros."""
+    """Rows of the joint log that belong to other poses according to both pulls and zeros there."""
     count = len(laid.poses)
     cost, away = np.zeros((2, count, count))  # of each row in each pose
     for state in (True, False):
@@ -239,7 +237,7 @@ def _of_rows(case: Case, poses: Ints, ring: Ring, cost: Array) -> Mistake:
 
 
 def _renumbered(case: Case, true: dict[int, int], lost: int | None) -> Case:
-    """Rows of the joint log under the numbers of their true poses; `lost` is a pose without one."""
+    """Rows of the joint log under their true pose numbers; `lost` is a pose without a row."""
     joints = case.joints[case.joints["pose"].map(lambda k: k in true or k not in true.values())]
     joints = joints.assign(pose=joints["pose"].map(lambda k: true.get(k, k)).astype("int32"))
     rows, loads = case.readings, case.loads
@@ -253,7 +251,7 @@ def _renumbered(case: Case, true: dict[int, int], lost: int | None) -> Case:
 
 
 def _groups(case: Case, laid: _LaidGroups) -> Iterator[Mistake]:
-    """Groups that are where the table has another pose."""
+    """Groups whose reflectors are where the table predicts another pose."""
     away = np.flatnonzero(laid.own > (STANDS_OUT * laid.usual) ** 2)
     unlike = laid.loaded[away][:, None] != laid.loaded[away]
     step = np.abs(laid.repeat[away][:, None] - laid.repeat[away])
@@ -270,7 +268,7 @@ def _groups(case: Case, laid: _LaidGroups) -> Iterator[Mistake]:
 def _of_groups(
     case: Case, laid: _LaidGroups, away: Ints, several: Sequence[Ring], cost: Array
 ) -> Mistake:
-    """Several exchanges between the same poses, as of all their pulls, are one."""
+    """One mistake for several exchanges between the same poses, as of all their pulls."""
     names = laid.name[away]
     true = {str(names[i]): str(names[j]) for ring in several for i, j in ring.moves}
     out = {str(names[ring.members[-1]]) for ring in several if ring.ended}
@@ -293,9 +291,9 @@ def _of_groups(
 
 
 def _chain_too(case: Case, laid: _LaidGroups, true: dict[str, str]) -> bool:
-    """Whether the ends of the chain are where the groups belong that they are in, not where named.
+    """Whether the chain's readings belong where those of the effector do, rather than where named.
 
-    Their distance from the load point says so, against that of all other pulls.
+    Decided by their distance from the load point, compared with that of all other pulls.
     """
     near = case.settings.naming.chain[0]
     rows = case.readings[case.readings["target"] == near].drop_duplicates("group")
@@ -321,13 +319,13 @@ def _chain_too(case: Case, laid: _LaidGroups, true: dict[str, str]) -> bool:
 
 
 def regrouped(case: Case, true: dict[str, str], out: frozenset[str], chain: bool) -> Case:
-    """Readings in the groups where they belong, those that belong nowhere left out.
+    """Readings in the groups where they belong, without those that belong nowhere.
 
     Args:
         case: The campaign.
-        true: The group where the readings of a group belong.
+        true: For each group, the one where its readings belong.
         out: Groups whose readings belong nowhere.
-        chain: Whether the ends of the chain move with the effector.
+        chain: Whether the readings of the chain move with those of the effector.
     """
     rows, named = case.readings, case.readings["group"].astype(str)
     free = np.full(len(rows), chain) | rows["target"].isin(case.settings.measured).to_numpy()
@@ -354,7 +352,7 @@ def told(
     at: tuple[str, ...],
     correct: Callable[[Any], Any],
 ) -> Mistake:
-    """An exchange that the robot's table shows; `cost` in m^2."""
+    """An exchange that the robot's table reveals; `cost` in m^2."""
     before = float(np.sqrt(max(cost[i, i] for i, _ in ring.moves)))
     after = float(np.sqrt(max(cost[i, j] for i, j in ring.moves)))
     left = "; what belongs to none is left out" if ring.ended else ""
@@ -373,6 +371,4 @@ def told(
     )
 
 
-FAULT = Fault(
-    "exchanged", "exchanged groups or rows", lambda asked: exchanged(asked.case), in_files=True
-)
+FAULT = Fault("exchanged", lambda asked: exchanged(asked.case), in_files=True)

@@ -1,10 +1,9 @@
-"""All forces of one pose logged for another one's, where no single row stands out.
+"""All forces of one pose logged for another one, where no single row stands out.
 
-The two are taken for each other where that, and no other exchange nor a single force that is read
-wrong, makes the joint springs explain all pulls. With L_e the likelihood under exchange e, the
-springs at their best each time, and n exchanges that are tried: were the rows right, the largest
-L_e / L would reach n / p with no more than probability p (Markov's inequality for ratios of
-likelihoods).
+The two are taken to be exchanged if this, and no other exchange or single wrong force, makes the
+joint springs explain all pulls. With L_e the likelihood under exchange e, maximised over the
+springs, and n exchanges tried: if the rows are right, the largest L_e / L reaches n / p with a
+probability of at most p (Markov's inequality for likelihood ratios).
 """
 
 from __future__ import annotations
@@ -24,15 +23,15 @@ from pipeline.faults.mistake import Mistake
 from pipeline.system import alarms, odds
 
 _FEWEST = 2
-"""Pulls of a pose from which on its forces are more than one row [1]."""
+"""Minimum number of pulls of a pose for its forces to be more than one row."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Normal(Locked):
-    """Normal equations of every pull for one newton, whitened.
+    """Whitened normal equations of every pull for one newton.
 
     Attributes:
-        P: Of the compliances, shape (m, k, k).
+        P: Normal matrices of the compliances, shape (m, k, k).
         q: Right-hand sides, shape (m, k).
         square: Sum of squares of the displacements.
         dof: Coordinates minus compliances.
@@ -45,7 +44,7 @@ class _Normal(Locked):
 
     @classmethod
     def of(cls, moved: PullMoves) -> _Normal:
-        """V_i = s^2 I + u_i^2 g_i g_i', g_i = G_i x what one newton moves and u_i the scale's std.
+        """V_i = s^2 I + u_i^2 g_i g_i', with g_i = G_i x per newton, u_i the scale's uncertainty.
 
         V^(-1/2) = (I - a g g') / s with a = (1 - (1 + u^2 g'g / s^2)^(-1/2)) / g'g.
         """
@@ -63,13 +62,13 @@ class _Normal(Locked):
         )
 
     def left(self, force: Array) -> float:
-        """Sum of squares that the springs leave with these forces."""
+        """Residual sum of squares of the springs with these forces."""
         N = np.einsum("m,mkl->kl", force**2, self.P)
         b = force @ self.q
         return self.square - float(b @ linear.shortest(N) @ b)
 
     def one_row(self, force: Array) -> Array:
-        """The same where the force of one pull is another one, of each in turn, shape (m,)."""
+        """Residual sum of squares with the force of one pull free, for each in turn, shape (m,)."""
         N, b = np.einsum("m,mkl->kl", force**2, self.P), force @ self.q
         out = np.empty(len(force))
         for k, f in enumerate(force):
@@ -80,7 +79,7 @@ class _Normal(Locked):
 
 
 def ladders(asked: Screening) -> list[Mistake]:
-    """The two poses whose forces make all pulls agree if they are exchanged."""
+    """The two poses whose exchange of forces makes all pulls agree."""
     if asked.case.settings.displacements is not None or asked.reduced.data.poses:
         return []
     moved = PullMoves.of(asked)
@@ -95,7 +94,7 @@ def ladders(asked: Screening) -> list[Mistake]:
 
 
 def _decisive(asked: Screening, moved: PullMoves) -> Ints | None:
-    """The exchange that alone explains all pulls; None where there is none."""
+    """The only exchange that explains all pulls, if there is one."""
     normal = _Normal.of(moved)
     tried = _tried(moved, asked.reduced.data.pulls.pose[moved.pull])
     if not tried or normal.dof < 1:
@@ -111,7 +110,7 @@ def _decisive(asked: Screening, moved: PullMoves) -> Ints | None:
 
 
 def _fits(left: float, dof: int, asked: Screening) -> bool:
-    """Whether nothing else is wrong, beside readings that scatter as they do."""
+    """Whether the residuals are explained by the scatter of the readings."""
     scale = max(asked.spread[0], 1.0)
     return bool(chi2_beyond(left / scale**2, dof) > odds.FITS)
 
@@ -128,4 +127,4 @@ def _tried(moved: PullMoves, pose: Ints) -> list[Ints]:
     return out
 
 
-FAULT = Fault("exchanged", "exchanged groups or rows", ladders, in_files=True)
+FAULT = Fault("exchanged", ladders, in_files=True)

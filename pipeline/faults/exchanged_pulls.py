@@ -1,14 +1,14 @@
-"""Readings of the scale, and states of a pose, that stand in each other's place.
+"""Readings of the scale, and states of a pose, that are in each other's place.
 
-What each pull moved says what the scale should have read. With y_i the displacements of pull i,
-G_i x those of one newton along its chain and x the compliances that most pulls agree on,
+The displacements of a pull tell what the scale should have read. With y_i the displacements of pull
+i, G_i x those per newton along its chain, and x the compliances on which most pulls agree,
 
     f_i = (G_i x)'y_i / |G_i x|^2
 
-is that reading, and which logged one each pull fits best is an assignment (see `assignment`): of
-two rows or of a column that is off by one or shuffled. Of one pose the same is asked of all its
-states: whether an unloaded group and a pull have each other's readings. Two load steps of a pose
-whose groups are exchanged and two whose rows are exchanged are the same numbers; both are named.
+is that reading. Which logged force belongs to each pull is an assignment (see `assignment`): of two
+rows or of a column that is off by one or shuffled. The same test is applied to all states of one
+pose: whether an unloaded group and a pull have each other's readings. Exchanging the groups of two
+load steps of a pose is equivalent to exchanging their rows; both are named.
 """
 
 from __future__ import annotations
@@ -37,36 +37,37 @@ from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
 
 FEWEST, MOST = 6, 400
-"""Pulls [1]: fewer single none out, and more are no log written by hand."""
+"""Minimum and maximum number of pulls: fewer do not single one out, and a longer log is not written
+by hand."""
 
 _MODEL = 0.003
-"""Part of a force that the joint springs leave unexplained in every pull at least [1]."""
+"""Minimum fraction of a force by which the joint springs miss a pull [1]."""
 
 _MATTERS = 0.03
-"""An exchange that changes no force by a larger part of it does not matter [1]."""
+"""Relative change of a force below which an exchange does not matter [1]."""
 
 _APART = 5.0
-"""A state of a pose is so many times as far off as usual, in the mean of its coordinates, where
-others are the readings of another state [1]."""
+"""Ratio to the usual deviation, rms over coordinates, from which on a state of a pose is taken to
+have the readings of another state [1]."""
 
 _ROWS = 4
-"""Rows that are off by one at least, from some row on [1]: fewer are exchanges."""
+"""Minimum number of rows that are off by one from some row on; fewer are exchanges."""
 
 _ROUNDS = 12
-"""Reweightings, and assignments, until neither changes any more."""
+"""Maximum number of reweightings, or of assignments."""
 
 
 @dataclass(frozen=True, eq=False)
 class PullMoves(Locked):
-    """What every pull moved, and what one newton along it moves.
+    """Displacements of every pull, and those per newton along it.
 
     Attributes:
-        pull: Which of the measured pulls, shape (m,).
+        pull: Index among the measured pulls, shape (m,).
         y: Displacements [m], 0 where a target was not read, shape (m, c).
-        G: Response to one newton and typical compliances, shape (m, c, k).
+        G: Response to one newton with typical compliances, shape (m, c, k).
         force: As logged [N], shape (m,).
         std: Standard uncertainty of the scale [N], shape (m,).
-        noise: The same of a displacement, per coordinate [m].
+        noise: Standard uncertainty of a displacement per coordinate [m].
     """
 
     pull: Ints
@@ -78,7 +79,7 @@ class PullMoves(Locked):
 
     @classmethod
     def of(cls, asked: Screening) -> PullMoves:
-        """All pulls but payloads, which have no reading of a scale."""
+        """All pulls except payloads, which have no reading of a scale."""
         data, cell = asked.reduced.data, asked.case.cell
         size = np.linalg.norm(data.pulls.force, axis=1)
         which = np.flatnonzero((data.pulls.by != MOUNTED) & (size > 0))
@@ -102,7 +103,7 @@ class PullMoves(Locked):
         )
 
     def solved(self, force: Array) -> Array:
-        """Compliances that most pulls agree on with these forces, by least sums of lengths."""
+        """Compliances on which most pulls agree with these forces, by least sums of norms."""
         weight = 1 / np.maximum(np.linalg.norm(self.y, axis=1), STILL_M)
         x = np.zeros(self.G.shape[2])
         for _ in range(_ROUNDS):
@@ -122,7 +123,7 @@ class PullMoves(Locked):
         return replace(self, **some)
 
     def due(self, x: Array) -> tuple[Array, Array]:
-        """What the scale should have read in each pull, and its uncertainty by the noise [N]."""
+        """Force by the displacements of each pull, and its standard uncertainty [N]."""
         g = self.G @ x
         square = np.maximum(np.sum(g**2, axis=1), (STILL_M / self.force.max()) ** 2)
         return np.sum(g * self.y, axis=1) / square, self.noise / np.sqrt(square)
@@ -130,13 +131,13 @@ class PullMoves(Locked):
 
 @dataclass(frozen=True, eq=False)
 class _OrderFit(Locked):
-    """Compliances beside an order of the forces.
+    """Compliances for one order of the forces.
 
     Attributes:
         x: Compliances in typical ones, shape (k,).
         cost: Misfit of each logged force (row) in each pull (column), chi-square, shape (m, m).
-        model: Part of a force by which pulls miss usually [1].
-        left: How badly the order fits, less is better.
+        model: Usual misfit of a pull as a fraction of its force [1].
+        left: Mean misfit as a fraction of the force, each at most 1; smaller is better.
     """
 
     x: Array
@@ -146,17 +147,17 @@ class _OrderFit(Locked):
 
 
 def displacement_std(data: Measured) -> float:
-    """Of a displacement per coordinate [m]; of none stated what nobody repeats better than."""
+    """Standard uncertainty of a displacement per coordinate [m], at least `STILL_M`."""
     if not data.noise_stated:
         std = data.found_m or STILL_M
     else:
         both = np.einsum("dii->d", data.loaded_cov + data.zero_cov) / 3
         std = float(np.sqrt(np.median(both)))
-    return std if std > STILL_M else STILL_M  # also where scatter told nothing
+    return std if std > STILL_M else STILL_M  # also where the scatter is unknown
 
 
 def exchanged_pulls(asked: Screening) -> list[Mistake]:
-    """Unloaded groups and pulls of a pose that stand for each other, else rows of the loads."""
+    """Unloaded groups and pulls of a pose that were exchanged, else exchanged rows of the loads."""
     if asked.case.settings.displacements is not None or asked.reduced.data.poses:
         return []
     moved = PullMoves.of(asked)
@@ -170,7 +171,7 @@ def exchanged_pulls(asked: Screening) -> list[Mistake]:
 
 
 def ordered(moved: PullMoves, order: Ints) -> _OrderFit:
-    """The pulls with logged force `order[i]` in pull i."""
+    """The fit with logged force `order[i]` in pull i."""
     x = moved.solved(moved.force[order])
     return _beside(moved, x, order)
 
@@ -179,7 +180,7 @@ def _beside(moved: PullMoves, x: Array, order: Ints) -> _OrderFit:
     due, own = moved.due(x)
     force = moved.force[order]
     part = np.abs(due / force - 1)
-    model = max(1.4826 * float(np.median(part)), _MODEL)  # of a normal distribution
+    model = max(1.4826 * float(np.median(part)), _MODEL)  # for a normal distribution
     var = own**2 + moved.std**2 + (model * force) ** 2
     cost = (moved.force[:, None] - due) ** 2 / var * _straight(moved, x, due)
     left = float(np.mean(np.minimum(part, 1.0)))
@@ -187,7 +188,7 @@ def _beside(moved: PullMoves, x: Array, order: Ints) -> _OrderFit:
 
 
 def _straight(moved: PullMoves, x: Array, due: Array) -> Bools:
-    """Pulls that moved as some force moves them: a bad reading tells of no force, shape (m,)."""
+    """Mask of pulls with displacements that a force can cause, unlike bad readings, shape (m,)."""
     off = moved.y - due[:, None] * (moved.G @ x)
     square, whole = (np.mean(each**2, axis=1) for each in (off, moved.y))
     part = max(float(np.median(square / np.maximum(whole, moved.noise**2))), _MODEL**2)
@@ -195,9 +196,9 @@ def _straight(moved: PullMoves, x: Array, due: Array) -> Bools:
 
 
 def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
-    """Whether the force of each pull, (pose, repeat), does not move the robot as it did.
+    """Whether the logged force of each pull, (pose, repeat), contradicts its displacements.
 
-    Nothing where there are too few pulls, or too many, to say so.
+    Empty where there are too few or too many pulls.
     """
     moved = PullMoves.of(asked)
     if not FEWEST <= len(moved.force) <= MOST:
@@ -213,11 +214,11 @@ def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:
 
 
 def _loads(asked: Screening, moved: PullMoves, given: _OrderFit, least: float) -> list[Mistake]:
-    """Rows that stand for each other, if that leaves all of them where they belong."""
+    """Exchanged rows of the loads, for the order of forces that leaves fewest pulls unexplained."""
     row = rows_of(asked.case, asked.reduced.data, moved)
 
     def left(one: tuple[_OrderFit, list[Ring]]) -> int:
-        """Pulls that no row fits then, those apart that have none any more."""
+        """Number of pulls whose force does not fit, except those left without one."""
         wrong = np.diag(one[0].cost[_order(one[1], len(moved.force))]) > least
         return int(wrong.sum() - sum(wrong[ring.members[0]] for ring in one[1] if ring.ended))
 
@@ -235,7 +236,7 @@ def _loads(asked: Screening, moved: PullMoves, given: _OrderFit, least: float) -
 def _orders(
     moved: PullMoves, given: _OrderFit, least: float, row: Ints
 ) -> Iterator[tuple[_OrderFit, list[Ring]]]:
-    """What may have happened to the column of forces, the simplest first, where it fits."""
+    """Possible orders of the column of forces that fit, the simplest first."""
     count = len(moved.force)
     few = rings(given.cost, least, least)
     if few and _all_fit(moved, few, least):
@@ -254,7 +255,7 @@ def _orders(
 
 
 def _order(found: Sequence[Ring], count: int) -> Ints:
-    """Which logged force belongs to each pull."""
+    """Index of the logged force that belongs to each pull."""
     order = np.arange(count)
     for ring in found:
         for here, there in ring.moves:
@@ -263,7 +264,7 @@ def _order(found: Sequence[Ring], count: int) -> Ints:
 
 
 def _all_fit(moved: PullMoves, found: Sequence[Ring], least: float) -> bool:
-    """Whether all that is moved fits where it is put, beside what most pulls agree on then."""
+    """Whether everything that is moved fits in its new place, with re-estimated compliances."""
     order = _order(found, len(moved.force))
     fit = ordered(moved, order)
     at = [(here, there) for ring in found for here, there in ring.moves]
@@ -273,17 +274,17 @@ def _all_fit(moved: PullMoves, found: Sequence[Ring], least: float) -> bool:
 
 
 def _usual(fit: _OrderFit) -> bool:
-    """Whether the pulls fit as pulls do that have their own forces."""
+    """Whether the misfit is that of pulls with their own forces."""
     return fit.model < SPREAD
 
 
 SPREAD = 0.1
-"""Part of the force by which pulls miss the joint springs at most where their forces are right
-[1]: friction, clearance and a tooth that turns are below."""
+"""Maximum usual misfit from the joint springs as a fraction of the force, where forces are
+right [1]: friction, clearance and transmission errors are below."""
 
 
 def _sorted(moved: PullMoves, least: float) -> tuple[_OrderFit, list[Ring]] | None:
-    """A column in any order, from stiffnesses as they typically are."""
+    """A column in any order, starting from typical stiffnesses."""
     count = len(moved.force)
     x = np.ones(moved.G.shape[2])
     due = moved.due(x)[0]
@@ -301,26 +302,27 @@ def _sorted(moved: PullMoves, least: float) -> tuple[_OrderFit, list[Ring]] | No
 
 
 def _happens(ring: Ring, pose: Ints, most: bool) -> bool:
-    """Whether logs are ever so: rows of two poses exchanged, or most from one row to another.
+    """Whether such exchanges occur in logs: rows of two poses, or most rows within a range.
 
-    A few rows here and there that would all fit better in a ring are what a cause makes of the
-    poses that feel it.
+    A few scattered rows that would all fit better in a cycle are the effect of a cause on the poses
+    that it affects.
     """
     return most or len(np.unique(pose[list(ring.members)])) <= _OF_POSES
 
 
 _OF_POSES = 2
-"""Poses whose rows are exchanged at a time: two entries, or all of one for all of another [1]."""
+"""Maximum number of poses whose rows are exchanged at a time: two entries, or all of one pose for
+all of another."""
 
 
 def _both(fit: _OrderFit, ring: Ring, least: float) -> bool:
-    """Whether each of two is wrong where it stands: else one number is, and it was mistyped."""
+    """Whether both of two rows are wrong where they are; otherwise a single number was mistyped."""
     own = fit.cost[list(ring.members), list(ring.members)]
     return len(own) > 2 or bool((own > least).all())
 
 
 def _changes(moved: PullMoves, ring: Ring) -> bool:
-    """Whether the exchange matters."""
+    """Whether the exchange changes a force by more than `_MATTERS`."""
     here, there = np.array(ring.moves).T
     return bool((np.abs(moved.force[here] / moved.force[there] - 1) > _MATTERS).any())
 
@@ -334,7 +336,7 @@ def rows_of(case: Case, data: Measured, moved: PullMoves) -> Ints:
 
 
 def of_loads(asked: Screening, moved: PullMoves, fit: _OrderFit, ring: Ring, row: Ints) -> Mistake:
-    """Rows of the loads that stand in each other's place."""
+    """The mistake that rows of the loads are in each other's place."""
     case, pulls = asked.case, asked.reduced.data.pulls
     rows = case.loads.iloc[row[list(ring.members)]]
     file = str(rows["file"].iloc[0])
@@ -414,7 +416,7 @@ def _reloaded(
 def _states(asked: Screening, moved: PullMoves) -> list[Mistake]:
     """Poses in which an unloaded group and a pull have each other's readings of the effector.
 
-    Against the compliances of all other poses: with its own, a pose of few would have its way.
+    The compliances are those of all other poses: a pose of few would otherwise fit itself.
     """
     placed, pulls = asked.reduced.placed, asked.reduced.data.pulls
     rows = placed[placed["target"].isin(asked.case.settings.measured)]
@@ -440,10 +442,11 @@ def _states(asked: Screening, moved: PullMoves) -> list[Mistake]:
 def _whole_states(
     case: Case, here: pd.DataFrame, pulls: dict[int, Array]
 ) -> tuple[Array, Array, Bools, list[str]] | None:
-    """States of a pose that were read whole; None where not both kinds are there.
+    """Completely read states of a pose; None unless both kinds are there.
 
     Returns:
-        Places (s, 3 t) [m], what each pull moves them by, which have none, and their groups.
+        Positions (s, 3 t) [m], displacement by the pull of each, which are unloaded, and their
+            groups.
     """
     measured = case.settings.measured
     at = here.pivot(index="group", columns="target", values=XYZ)
@@ -463,18 +466,18 @@ def _whole_states(
 
 
 def _cheapest(Y: Array, due: Array, zero: Bools, usual: Array) -> Array:
-    """Misfit of every content in every place [1], where one content is taken to be in its place.
+    """Misfit of every content in every place [1], for the reference state with the best assignment.
 
     Args:
-        Y: Places as read [m], shape (s, 3 t).
-        due: What the pull of each state moves them by [m], shape (s, 3 t).
+        Y: Positions as read [m], shape (s, 3 t).
+        due: Displacement by the pull of each state [m], shape (s, 3 t).
         zero: States without a pull, shape (s,).
-        usual: Variance of each place [m^2], shape (s,).
+        usual: Variance of each state [m^2], shape (s,).
     """
     some = int(np.flatnonzero(zero)[0])
     costs = []
     for j in range(len(Y)):
-        for k in {j, some}:  # all contents in all places where content j is in place k
+        for k in {j, some}:  # all contents in all places, if content j is in place k
             square = np.mean((Y[:, None] - (Y[j] - due[k]) - due) ** 2, axis=2)
             costs.append(np.asarray(square / (usual + usual[k])))
     return min(costs, key=_total)
@@ -483,7 +486,7 @@ def _cheapest(Y: Array, due: Array, zero: Bools, usual: Array) -> Array:
 def _in_pose(
     case: Case, here: pd.DataFrame, pulls: dict[int, Array], noise: float, model: float
 ) -> Iterator[tuple[Ring, list[str], float, float]]:
-    """Rings of the states of a pose with an unloaded one among them, and misfits before, after."""
+    """Exchanges of unloaded with loaded states in a pose, and misfits before and after."""
     states = _whole_states(case, here, pulls)
     if states is None:
         return
@@ -498,7 +501,7 @@ def _in_pose(
 
 
 def _total(cost: Array) -> float:
-    """What the best assignment leaves, its moves counted."""
+    """Cost of the best assignment, its moves included."""
     found = rings(cost, _APART**2, np.inf)
     order = _order(found, len(cost))
     moves = int((order != np.arange(len(cost))).sum())
@@ -530,4 +533,4 @@ def _of_states(
     )
 
 
-FAULT = Fault("exchanged", "exchanged groups or rows", exchanged_pulls, in_files=True)
+FAULT = Fault("exchanged", exchanged_pulls, in_files=True)

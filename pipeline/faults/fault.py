@@ -1,4 +1,4 @@
-"""The shape of a fault: a mistake in the data that can be found, written once."""
+"""Interface of a fault: a kind of mistake in the data that can be found."""
 
 from __future__ import annotations
 
@@ -20,19 +20,21 @@ from pipeline.system.shape import tails
 from pipeline.system.system import Estimate, System
 
 SURE = 0.9
-"""Probability from which a reading is a blunder [1]: odds of 9 to 1, those of the stated family."""
+"""Minimum probability of a reading to be a blunder [1]: odds of 9 to 1, those of the stated
+family."""
 
 
 @dataclass(frozen=True, eq=False)
 class Screening:
-    """A campaign under test; what a test asks for is computed once, and only then.
+    """A campaign under test; results are computed once, when first needed.
 
     Attributes:
-        case: The campaign, with the mistakes that were found so far put right.
+        case: The campaign, with the mistakes found so far corrected.
         cell: The model that the readings are tested against.
-        start: Where its estimate starts, shape (k,).
-        known: Its measurements, if they are at hand.
-        accepted: Tails of the readings as they are known already.
+        start: Initial values of its estimate, shape (k,).
+        known: Its measurements, if available.
+        accepted: Tails of the readings, if known.
+        beside_causes: Whether causes were sought already, and are in the model if any were found.
     """
 
     case: Case
@@ -40,6 +42,7 @@ class Screening:
     start: Array
     known: Reduced | None = None
     accepted: Family | None = None
+    beside_causes: bool = False
 
     @cached_property
     def reduced(self) -> Reduced:
@@ -67,7 +70,7 @@ class Screening:
 
     @cached_property
     def family(self) -> Family:
-        """Tails of the readings, beside all that a machine could do where nobody knows better."""
+        """Tails of the readings; if unknown, estimated given everything a machine could do."""
         if self.accepted is not None:
             return self.accepted
         data, springs = self.reduced.data, self.case.cell
@@ -76,17 +79,19 @@ class Screening:
         return tails(beside_everything(springs, data, values))[1]
 
     def sure(self, one: Mistake) -> bool:
-        """Whether a reading that is off is a blunder, and not of the family that all show.
+        """Whether an outlying reading is a blunder rather than part of the noise's tails.
 
-        The family is that of all readings, those off included: a tail that was taken for blunders
-        reading by reading would soon be none. Where it rather is as stated, it is taken to be: a
-        doubt about the tails is none about a reading that is far off.
+        The tails are estimated from all readings, outliers included: otherwise outliers removed one
+        by one would soon leave no tail. If the stated noise is likelier, it is used: uncertainty
+        about the tails must not excuse a reading that is far off.
         """
+        if one.rivalled and not self.beside_causes:
+            return False
         return not one.may_be_noise or self.family.rather.mistaken(one.before**2, one.axes) > SURE
 
     @cached_property
     def spread(self) -> tuple[float, int]:
-        """Scatter of the readings over the stated one, and how many contrasts it rests on."""
+        """Scatter of the readings over the stated one, and the number of contrasts behind it."""
         data = self.reduced.data
         return noise_scale(self.system, self.estimate, data, self.zeros, self.cell)
 
@@ -96,15 +101,13 @@ class Fault:
     """One kind of mistake.
 
     Attributes:
-        name: What its findings are called, a word of the list of causes; several may share one.
-        noun: The same as a noun, so that it fits into any sentence.
-        find: What of it is found; nothing in a clean campaign.
-        in_files: It spoils whole files: tested once, before anything is estimated.
-        in_forces: It can be made in a campaign that arrives reduced to forces and displacements.
+        name: Name of its findings in the list of causes; several faults may share one.
+        find: Finds such mistakes; empty for a clean campaign.
+        in_files: Whether it affects whole files: tested once, before any estimate.
+        in_forces: Whether it is possible in a campaign that is given as forces and displacements.
     """
 
     name: str
-    noun: str
     find: Callable[[Screening], list[Mistake]]
     in_files: bool = False
     in_forces: bool = False

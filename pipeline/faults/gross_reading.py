@@ -1,8 +1,8 @@
-"""Readings of the effector that no model is needed for: centimetres off, at the origin, stale.
+"""Gross errors of the effector's readings, found without a model: centimetres off, at the origin.
 
-The effector is one body that hardly deforms, and within a pose it hardly moves. Both hold whatever
-the robot does, so that medians tell which reading is wrong, however many others are: linear tests
-with two gross readings in one pose hide each behind the other.
+The effector is a nearly rigid body that hardly moves within a pose. Both hold whatever the robot
+does, so that medians show which reading is wrong, however many others are: in linear tests two
+gross readings in one pose mask each other.
 """
 
 from __future__ import annotations
@@ -22,18 +22,20 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
 _USUAL = 10.0
-"""And so many times what is usual: a soft robot may give way by centimetres in every pull."""
+"""Ratio to the usual deviation that a gross reading must exceed in addition [1]: a soft robot may
+deflect by centimetres in every pull."""
 
 _STATES = 3
-"""So many readings of a target in a pose, or distances over all poses, have a median that holds."""
+"""Minimum number of readings of a target in a pose, or of distances over all poses, for a
+median."""
 
 
 def gross(case: Case) -> list[Mistake]:
-    """Readings of measured targets in the wrong place, beside others of the same state.
+    """Readings of measured targets in the wrong place, compared with others of the same state.
 
-    A reading is gross where it is away from the median of its target in its pose and changes a
-    distance to another target of its state; where a pose has fewer than three states, where it
-    changes all of them and these have one between them that is right.
+    A reading is gross if it is away from the median of its target in its pose and changes a
+    distance to another target of its state. In a pose with fewer than three states it is gross if
+    it changes all of these distances, while the other targets have a correct one between them.
     """
     known = case.readings["target"].isin(case.settings.measured) & case.readings["pose"].notna()
     rows = case.readings[known].drop_duplicates(["group", "target"])
@@ -70,9 +72,9 @@ def _limit(away: Array) -> float:
 
 
 def _changed(rows: pd.DataFrame, names: list[str]) -> tuple[Bools, Bools, Array]:
-    """Whether some, and alone all, distances from a reading to others of its state are wrong.
+    """Whether some, and whether all, distances of a reading to others of its state are wrong.
 
-    And the largest change [m], by reading.
+    All of them count only where the others agree. Third, the largest change [m], by reading.
     """
     at = {name: rows[rows["target"] == name].set_index("group")[XYZ] for name in names}
     groups = pd.Index(rows["group"].unique())
@@ -93,4 +95,4 @@ def _changed(rows: pd.DataFrame, names: list[str]) -> tuple[Bools, Bools, Array]
     return some[t, g], every[t, g], np.where(seen, off, 0.0).max(axis=0)[t, g]
 
 
-FAULT = Fault("outlier", "outlying reading", lambda asked: gross(asked.case))
+FAULT = Fault("outlier", lambda asked: gross(asked.case))

@@ -1,9 +1,9 @@
 """Rows of the joint log that are not those of their pose.
 
-The unloaded reflectors of all poses are fitted to the robot's table at the logged joints, base
-frame and tool points estimated as well: what remains is the deviation of robots from their table,
-similar in all poses. One pose that deviates far more than all others has a row that is wrong,
-duplicated or another pose's. Where most poses deviate, something else is wrong.
+The unloaded reflectors of all poses are fitted to the robot's table at the logged joint values,
+with base frame and tool points estimated: the residuals are the errors of the table, similar in all
+poses. A single pose that deviates far more than all others has a wrong row, a duplicate or that of
+another pose. If most poses deviate, something else is wrong.
 """
 
 from __future__ import annotations
@@ -33,31 +33,31 @@ from pipeline.system import alarms
 from pipeline.system.beside import Base
 
 _STANDS_OUT = 10.0
-"""A wrong row puts the reflectors this many times farther off than the others scatter, ..."""
+"""Minimum deviation caused by a wrong row over the scatter of the other poses [1]."""
 
 _LEAST_M = 1e-3
-"""... and no less than this."""
+"""Minimum deviation caused by a wrong row [m]."""
 
 _FEWEST_GOOD = 5
-"""Poses that must agree before another is tested against them."""
+"""Minimum number of poses that must agree before another is tested against them."""
 
 PART, MOST = 4, 12
-"""At most one of so many poses has a wrong row, and no more than so many have."""
+"""A wrong row is sought in at most one of `PART` poses, and in at most `MOST` poses [1]."""
 
 
 @dataclass(frozen=True, eq=False)
 class _TableStand(Locked):
-    """Readings of measured targets and where the table puts them.
+    """Readings of measured targets and their positions by the table.
 
     Attributes:
         seen: Readings in the tracker's frame [m], shape (n, 3).
         pose: Index of the pose of each in `poses`, shape (n,).
         target: Index of its target, shape (n,).
         state: Number of its group, shape (n,).
-        zero: Unloaded ones, shape (n,).
+        zero: Whether it is unloaded, shape (n,).
         poses: Numbers of the poses, shape (p,).
-        table: Where the table puts each in F_b [m], shape (n, 3).
-        axes: Axes of the flange in F_b of each, shape (n, 3, 3).
+        table: Position of each by the table in F_b [m], shape (n, 3).
+        axes: Axes of the flange in F_b at each, shape (n, 3, 3).
     """
 
     seen: Array
@@ -76,12 +76,12 @@ class _Laid(Locked):
 
     Attributes:
         R: Rotation from F_b into the tracker's frame, shape (3, 3).
-        t: Origin of F_b there [m], shape (3,).
-        off: How far the points of the effector are from the stated ones [m], shape (targets, 3).
-        away: Readings minus where they should be, of all poses [m], shape (n, 3).
-        stands: How far each pose is from where the others put it, root mean square coordinate,
-            less what they leave unknown of it [m], shape (p,).
-        usual: The same of those others among themselves [m], shape (p,).
+        t: Origin of F_b in the tracker's frame [m], shape (3,).
+        off: Deviation of the effector's points from the stated ones [m], shape (targets, 3).
+        away: Readings minus predictions, of all poses [m], shape (n, 3).
+        stands: Deviation of each pose from the prediction by the others, rms coordinate, less the
+            part that these leave undetermined [m], shape (p,).
+        usual: Rms residual of the others [m], shape (p,).
     """
 
     R: Array
@@ -99,7 +99,7 @@ class _Laid(Locked):
 
 
 def wrong_rows(case: Case) -> list[Mistake]:
-    """Poses whose reflectors are not where their row of the joint log puts them."""
+    """Poses whose reflectors are not where their row of the joint log predicts them."""
     read = _read(case)
     if len(read.poses) <= _FEWEST_GOOD or len(case.settings.measured) < 2:
         return []
@@ -122,9 +122,9 @@ def wrong_rows(case: Case) -> list[Mistake]:
 
 
 def contradicted(case: Case) -> bool:
-    """Whether readings contradict every row of the joint log that no robot can take.
+    """Whether readings contradict every row of the joint log that exceeds the robot's limits.
 
-    Where they agree with it, the limits of the robot file are what is wrong.
+    Where they agree with it, the limits of the robot file are wrong.
     """
     out = {f"{one.file}:{one.line}" for one in beyond(case) if one.out}
     return bool(out) and out <= {at for one in wrong_rows(case) for at in one.at}
@@ -150,7 +150,7 @@ def _read(case: Case) -> _TableStand:
 
 
 def _laid(read: _TableStand, out: Sequence[int]) -> _Laid:
-    """The table fitted to the unloaded readings of all poses but some (Gauss-Newton)."""
+    """The table fitted to the unloaded readings of all poses except `out` (Gauss-Newton)."""
     used = read.zero & ~np.isin(read.pose, out)
     targets = int(read.target.max()) + 1
     R, t = rigid(read.table[used], read.seen[used])
@@ -181,7 +181,7 @@ def _base(X: Array, away: Array, here: Bools) -> Base:
 
 
 def _linear(read: _TableStand, R: Array, t: Array, off: Array) -> tuple[Array, Array, Array]:
-    """Where the readings should be, what moves them (n, 3, 6 + 3 targets), how far they are."""
+    """Predicted readings, their derivatives (n, 3, 6 + 3 targets), readings minus predictions."""
     at = (read.table + np.einsum("nij,nj->ni", read.axes, off[read.target])) @ R.T + t
     X = np.zeros((len(at), 3, 6 + off.size))
     lever = at - at[read.zero].mean(axis=0)
@@ -194,9 +194,9 @@ def _linear(read: _TableStand, R: Array, t: Array, off: Array) -> tuple[Array, A
 
 
 def _knocked(case: Case, read: _TableStand, wrong: Sequence[int]) -> bool:
-    """Whether the tracker may have been moved before these poses: the base reflectors show it.
+    """Whether the tracker may have been knocked before these poses, by the base reflectors' misfit.
 
-    Only where they are the last that were read.
+    Only if they are the last ones that were read.
     """
     if case.settings.base_frame is None or not wrong:
         return False
@@ -210,7 +210,7 @@ def _knocked(case: Case, read: _TableStand, wrong: Sequence[int]) -> bool:
 def _whole(read: _TableStand, laid: _Laid, k: int) -> bool:
     """Whether the effector as a whole is elsewhere, in every state of the pose.
 
-    One reading that is off is no wrong row, nor are two names exchanged.
+    Neither one outlying reading nor two exchanged names make a wrong row.
     """
     far = np.linalg.norm(laid.away, axis=1)
     zero = read.zero & (read.pose == k)
@@ -282,4 +282,4 @@ def without_poses(case: Case, poses: Sequence[int]) -> Case:
     )
 
 
-FAULT = Fault("outlier", "outlying reading", lambda asked: wrong_rows(asked.case), in_files=True)
+FAULT = Fault("outlier", lambda asked: wrong_rows(asked.case), in_files=True)

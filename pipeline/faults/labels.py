@@ -1,4 +1,4 @@
-"""Names that two reflectors of one state carry for each other."""
+"""Exchanged names of two reflectors in one state."""
 
 from __future__ import annotations
 
@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.arrays import Array, Bools
-from pipeline.base.linear import rigid
-from pipeline.faults.conventions import FEWEST_POSES, pairs, unloaded
+from pipeline.faults.conventions import FEWEST_POSES, pairs, robust, unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, of_group
 from pipeline.machine.robot import configure
@@ -20,37 +19,27 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.register import XYZ
 
 _PULLS = 3
-"""So many pulls of a pose tell how its chain is hung."""
+"""Minimum number of pulls of a pose that determine how its chain is hung."""
 
 _USUAL = 10.0
-"""Lengths farther from the usual one than so many median deviations: seven standard deviations."""
+"""Deviation of a length from the usual one, in median deviations, above which it is gross [1]:
+seven standard deviations."""
 
 
 def labels(case: Case) -> list[Mistake]:
-    """States in which two names stand for each other.
+    """States in which two names are exchanged.
 
-    A measured reflector is misnamed when it stands centimetres from where the robot's table puts
-    it and another reading of the state stands there; the ends of the chain are, when the first is
-    farther from the load point than the second, against the rest of the campaign.
+    A measured reflector is misnamed if it is centimetres from its position by the robot's table and
+    another reading of the state is there; the ends of the chain are misnamed if the first is
+    farther from the load point than the second, unlike in the rest of the campaign.
     """
     zeros = unloaded(case)
     if zeros["pose"].nunique() < FEWEST_POSES:
         return []
     seen, expected, _ = pairs(case, zeros)
-    R, t = _robust(expected, seen)
+    R, t = robust(expected, seen)
     usual = float(np.median(np.linalg.norm(seen - expected @ R.T - t, axis=1)))
     return [*_measured(case, R, t), *_chain(case, R, t, max(GROSS_M, 3 * usual))]
-
-
-def _robust(expected: Array, seen: Array) -> tuple[Array, Array]:
-    """The rigid motion onto the readings, those that are far off left out."""
-    good = np.ones(len(seen), dtype=bool)
-    R, t = rigid(expected, seen)
-    for _ in range(3):
-        off = np.linalg.norm(seen - expected @ R.T - t, axis=1)
-        good = off < np.maximum(3 * np.median(off), 1e-3)
-        R, t = rigid(expected[good], seen[good])
-    return R, t
 
 
 def _measured(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
@@ -80,9 +69,9 @@ def _in_place(
     base: tuple[Array, Array],
     near: float,
 ) -> bool:
-    """Whether an exchange puts every reading it renames where its reflector should be.
+    """Whether an exchange puts every renamed reading where its reflector should be.
 
-    An end of the chain should be as far from the load point as it usually is.
+    An end of the chain should be at its usual distance from the load point.
     """
     at = state.drop_duplicates("target").set_index("target")[XYZ]
     index = dict(zip(state["target"], state.index, strict=True))
@@ -98,9 +87,9 @@ def _in_place(
 
 
 def _off_chain(case: Case, base: tuple[Array, Array], pose: int, name: str, here: Array) -> float:
-    """How much farther from the load point than usual an end of the chain would be [m].
+    """Deviation of an end of the chain from its usual distance to the load point [m].
 
-    What is usual spreads: so many times 3 cm as ten median deviations are count as 3 cm.
+    It is reduced in proportion where ten median deviations of the usual distance exceed `GROSS_M`.
     """
     R, t = base
     ends = chain_distances(case, R, t)
@@ -116,7 +105,7 @@ def _off_chain(case: Case, base: tuple[Array, Array], pose: int, name: str, here
 def _swaps(
     wrong: pd.DataFrame, state: pd.DataFrame, places: dict[int, Array], usual: float
 ) -> Iterator[tuple[str, str]]:
-    """Pairs (name as written, name of the reading that stands where it should be)."""
+    """Pairs (name as written, name of the reading that is where it should be)."""
     points = state[XYZ].to_numpy(float)
     for index, name in zip(wrong.index, wrong["target"], strict=True):
         away = np.linalg.norm(points - places[index], axis=1)
@@ -130,7 +119,7 @@ def _swaps(
 def _finding(
     case: Case, group: str, names: dict[str, str], off: Array, rows: pd.DataFrame
 ) -> Mistake:
-    """`names` has the name of the reading that stands where each should be."""
+    """The mistake; `names` maps each name to that of the reading where it should be."""
     before = 1e3 * float(off[(rows["group"] == group).to_numpy()].max())
     after = 1e3 * float(np.median(off))
     said = " and ".join(sorted(set(names)))
@@ -150,10 +139,10 @@ def _finding(
 
 
 def _exchanged(case: Case, groups: list[str], true: dict[str, str]) -> Case:
-    """The readings of some groups under other names; `true` is the name behind a written one."""
+    """Readings of some groups renamed; `true` maps a name to that of the reading in its place."""
     rows = case.readings
     here = rows["group"].isin(groups)
-    # a reading standing where `name` should be, written as `other`, is one of `name`
+    # a reading at the position of `name`, written as `other`, is one of `name`
     back = {other: name for name, other in true.items()}
     target = [back.get(t, t) if h else t for t, h in zip(rows["target"], here, strict=True)]
     return replace(case, readings=rows.assign(target=target))
@@ -180,11 +169,11 @@ def chain_distances(case: Case, R: Array, t: Array) -> pd.DataFrame:
 
 @lru_cache(maxsize=1)
 def unlike(case: Case) -> pd.DataFrame:
-    """How much farther apart or nearer the ends of the chain are than usual, by group: away, gross.
+    """Deviation of the chain's length from the usual one, by group: away, gross.
 
-    `away` [m] is from the median distance of all pulls, or from that of the pose, of three pulls at
-    least, where that is less. It is gross beyond 3 cm and ten times what is usual: no chain
-    stretches so, nor is it hung so.
+    `away` [m] is the deviation from the median of all pulls, or from that of the pose if it has
+    three pulls and this is smaller. It is gross beyond `GROSS_M` and ten times the median
+    deviation: no chain stretches or is hung like that.
     """
     rows = case.readings[case.readings["state"] == "loaded"].drop_duplicates(["group", "target"])
     ends = [rows[rows["target"] == name].set_index("group") for name in case.settings.naming.chain]
@@ -196,19 +185,11 @@ def unlike(case: Case) -> pd.DataFrame:
     return pd.DataFrame({"away": away, "gross": away > max(GROSS_M, _USUAL * away.median())})
 
 
-def aligned(case: Case) -> tuple[Array, Array] | None:
-    """The rigid motion from the table's F_b to the tracker's frame, None with too few poses."""
-    zeros = unloaded(case)
-    if zeros["pose"].nunique() < FEWEST_POSES:
-        return None
-    seen, expected, _ = pairs(case, zeros)
-    return _robust(expected, seen)
-
-
 def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
-    """An exchange leaves the chain as long as in the other pulls, and hung as there.
+    """Exchanged names of the chain's ends.
 
-    A bad reading does not.
+    An exchange leaves the chain's length, and how it is hung, as in the other pulls; a bad reading
+    does not.
     """
     table = chain_distances(case, R, t)
     if not len(table):
@@ -238,9 +219,10 @@ def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
 
 
 def _hung_alike(table: pd.DataFrame, reversed_: Bools) -> Bools:
-    """Whether both ends are as far from the load point as usual once the names are exchanged.
+    """Whether both ends are at their usual distances from the load point once renamed.
 
-    As in `unlike`: within 3 cm or ten times what is usual, of all pulls or of those of the pose.
+    As in `unlike`: within `GROSS_M` or ten times the median deviation, of all pulls or of those of
+    the pose.
     """
     swapped = np.where(reversed_[:, None], table[["far", "near"]], table[["near", "far"]])
     ends = pd.DataFrame(swapped, columns=["near", "far"])
@@ -251,6 +233,4 @@ def _hung_alike(table: pd.DataFrame, reversed_: Bools) -> Bools:
     return np.asarray(~gross.any(axis=1))
 
 
-FAULT = Fault(
-    "label_swap", "swapped names of targets", lambda asked: labels(asked.case), in_files=True
-)
+FAULT = Fault("label_swap", lambda asked: labels(asked.case), in_files=True)

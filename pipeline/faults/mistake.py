@@ -14,25 +14,27 @@ from pipeline.reduction.case import Case
 
 @dataclass(frozen=True)
 class Mistake:
-    """One mistake, the evidence for it, and what would put it right.
+    """One mistake, the evidence for it, and its correction.
 
     Attributes:
-        name: That of its fault: `outlier`, `label_swap`, `unit_mixup`, `sign_or_convention`, ...
+        name: Name of its fault: `outlier`, `label_swap`, `unit_mixup`, `sign_or_convention`, ...
         where: A reading `group/target`, a group, or which unit, sign or convention.
         evidence: Sentence for the engineer, with its numbers.
-        correction: Sentence: what was done to get the corrected result.
-        before: Misfit that speaks for the mistake, in `unit`.
-        after: The same once it is corrected.
+        correction: Sentence that says how the corrected result was obtained.
+        before: Misfit with the mistake, in `unit`.
+        after: Misfit once it is corrected, in `unit`.
         unit: `mm`, `sigma`, `1`.
-        size: How large the mistake is, where it has a size.
+        size: Magnitude of the mistake, where it has one.
         size_unit: Unit of `size`.
         p_value: Probability of such evidence by chance, None where chance plays no part.
-        correct: The corrected campaign; of positions, their corrected table.
-        at: Where what is accused stands, `file:line`; nothing where it is no single row.
-        axes: Coordinates that the square of `before` is the sum of, where it is in sigma.
-        together: Several readings are moved alike, which no tail of single ones does.
-        since: Where a unit changes in mid-file, `file:line`; nothing where it does not.
-        hopeless: Nothing puts it right, and no value holds.
+        correct: Function that corrects a campaign, or for positions their table.
+        at: Lines that are accused, `file:line`; empty if it is no single row.
+        axes: Number of coordinates whose squares sum to that of `before`, where that is in sigma.
+        together: Whether several readings are displaced alike, which noise tails of single readings
+            do not explain.
+        since: Line where a unit changes in mid-file, `file:line`; None if it does not.
+        hopeless: Whether it cannot be corrected, and no value of the campaign holds.
+        rivalled: Whether a cause that was not yet sought may do as much.
     """
 
     name: str
@@ -51,32 +53,33 @@ class Mistake:
     together: bool = False
     since: str | None = None
     hopeless: bool = False
+    rivalled: bool = False
 
     @property
     def lost(self) -> Mistake:
-        """The same where too few displacements are left without it: no value holds."""
+        """The mistake if too few displacements remain without it, so that no value holds."""
         said = "nothing can be corrected, too few displacements are left without it"
         return replace(self, correct=as_it_is, correction=said, hopeless=True)
 
     @property
     def of_reading(self) -> bool:
-        """Whether it accuses one reading of the tracker."""
+        """Whether it accuses a single reading of the tracker."""
         return self.name == "outlier" and self.size_unit == "m"
 
     @property
     def may_be_noise(self) -> bool:
-        """Whether it does so by a probability, which heavy tails change."""
+        """Whether it does so by a probability, which depends on the tails of the noise."""
         single = self.of_reading and not self.together
         return single and self.unit == "sigma" and self.p_value is not None
 
 
 def as_it_is(case: Case) -> Case:
-    """Nothing puts it right."""
+    """The case unchanged, for mistakes without a correction."""
     return case
 
 
 def lines_of(rows: pd.DataFrame) -> tuple[str, ...]:
-    """Where rows of a file stand: `file:line`."""
+    """Lines of the rows of a table: `file:line`."""
     return tuple(f"{file}:{line}" for file, line in zip(rows["file"], rows["line"], strict=True))
 
 
@@ -94,29 +97,29 @@ def left_out(
 
 
 def of_group(case: Case, group: str, targets: Collection[str]) -> tuple[str, ...]:
-    """Where the readings of some targets of a group stand: `file:line`."""
+    """Lines of the readings of some targets of a group: `file:line`."""
     rows = case.readings
     rows = rows[(rows["group"] == group) & rows["target"].isin(targets)]
     return lines_of(rows)
 
 
 _FAR = 1000.0
-"""More standard deviations tell nobody more."""
+"""Maximum number of standard deviations stated in a sentence."""
 
 
 def apart(sigmas: float) -> str:
-    """How far, in standard deviations."""
+    """A deviation in standard deviations, in words."""
     far = f"more than {_FAR:.0f}" if sigmas > _FAR else plain(sigmas, 2 if sigmas < 10 else 3)
     return f"{far} standard deviations"
 
 
 def length(size_m: float) -> str:
-    """A length as it would be said."""
+    """A length with a suitable unit, in words."""
     return f"{size_m:.2f} m" if size_m >= 1 else f"{1e3 * size_m:.2f} mm"
 
 
 def outlying(where: str, evidence: str, correction: str, **known: Any) -> Mistake:
-    """One reading, or one row, that contradicts all others; `known` as in `Mistake`."""
+    """The mistake of one reading, or row, that contradicts all others; `known` as in `Mistake`."""
     usual: dict[str, Any] = {"name": "outlier", "after": 0.0, "unit": "sigma", "size_unit": "m"}
     told = usual | known
     if told.get("p_value") is not None:

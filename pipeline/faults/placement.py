@@ -1,9 +1,9 @@
-"""The base frame that is missing, turned or elsewhere, from where the reflectors stand unloaded.
+"""A base frame that is missing, rotated or displaced, from the unloaded reflectors.
 
-Readings are brought into F_b by the base reflectors, or taken to be in it where campaign.toml has
-no [base_frame]. Forces and torques are then those of another pose: turned by a right angle they are
-along another axis. The reflectors tell it where they stand as the robot's table has them, but all
-together somewhere else.
+Readings are transformed into F_b by the base reflectors, or taken to be in it where campaign.toml
+has no [base_frame]. If that is wrong, forces and torques are those of another pose: rotated by a
+right angle they act along another axis. It shows where the reflectors agree with the robot's table
+among each other, but are all displaced by a common motion.
 """
 
 from __future__ import annotations
@@ -26,7 +26,7 @@ from pipeline.reduction.register import XYZ
 
 
 def placement(case: Case) -> list[Mistake]:
-    """That the readings are not in F_b, where nothing but a rigid motion of all is wrong."""
+    """The mistake that the readings are not in F_b, if only a common rigid motion is wrong."""
     free, where = miss(case), anchored(case)
     if free is None or where is None or free >= GROSS_M or not_rigid(case) is not None:
         return []
@@ -59,7 +59,7 @@ def placement(case: Case) -> list[Mistake]:
 
 
 def _placed(turn: Array, shift: Array, case: Case) -> Case:
-    """The campaign brought into F_b: its base reflectors, or without them its readings."""
+    """The campaign transformed into F_b: its base reflectors, or without them its readings."""
     base = case.settings.base_frame
     if base:
         moved = {name: tuple((turn @ at + shift).tolist()) for name, at in base.items()}
@@ -76,7 +76,6 @@ def _placed(turn: Array, shift: Array, case: Case) -> Case:
 
 FAULT = Fault(
     "sign_or_convention",
-    "wrong sign or axis convention",
     lambda asked: placement(asked.case),
     in_files=True,
 )

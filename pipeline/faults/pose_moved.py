@@ -1,9 +1,9 @@
-"""A pose in which tracker or robot moved between its states, as a whole and under no load.
+"""A pose in which tracker or robot moved between its states, as a whole and not by the load.
 
-All pulls from some one on are then displaced alike, which no load is: a rigid motion of the
-effector, six columns beside the model, is common to them (see `system.beside`). It is a mistake in
-the data where everything else fits once one pose has it. What happens in every pose is something of
-the machine (lost motion, backlash), and left to the diagnosis.
+All pulls from some one on then have a common displacement, unlike that of a load: a rigid motion of
+the effector, six columns in addition to the model, is common to them (see `system.beside`). It is a
+mistake in the data if everything else fits once one pose has it. What happens in every pose belongs
+to the machine (lost motion, backlash), and is left to the diagnosis.
 """
 
 from __future__ import annotations
@@ -25,22 +25,22 @@ from pipeline.system.system import System
 from pipeline.system.together import cost
 
 _ALONE = 0.01
-"""Where another pose moves with a chance below this, too, it is something of the machine."""
+"""P-value of a motion of another pose below which both belong to the machine [1]."""
 
 _FEWEST = 2
-"""One pull that is displaced may as well have another force."""
+"""Minimum number of displaced pulls; a single one may as well have another force."""
 
 
 def moved(asked: Screening) -> list[Mistake]:
-    """The pose that moved between two of its states, where that is all that is wrong.
+    """The pose that moved between two of its states, if nothing else is wrong.
 
-    p = P[F > (T / 6) / s^2], s^2 = max(1, what is left over its degrees of freedom), times the
-    number of suspects, against `alarms.READING`; a free stiffness of the pose must leave it.
+    p = P[F > (T / 6) / s^2], with s^2 = max(1, residual variance), times the number of suspects,
+    compared with `alarms.READING`; a free stiffness of the pose must confirm the motion.
     """
     system, estimate = asked.system, asked.estimate
     scale, contrasts = asked.spread
     whole = estimate.chi2 / max(estimate.dof, 1) / scale**2
-    misfit = special.fdtrc(estimate.dof, contrasts, whole)  # NaN where nothing tells the noise
+    misfit = special.fdtrc(estimate.dof, contrasts, whole)  # NaN where the noise is unknown
     if estimate.p_value is None or not misfit <= odds.FITS:
         return []
     shifted = shifted_readings(asked.case, asked.reduced, asked.zeros, system, estimate)
@@ -74,26 +74,29 @@ def moved(asked: Screening) -> list[Mistake]:
 
 
 def _worth(found: Beside, variance: float) -> Array:
-    """Log likelihood that suspects add, twice, less what the prior takes."""
+    """Twice the log likelihood gained by each suspect, minus the cost of its prior."""
     return np.asarray(found.drop / variance - cost(found.drop / variance, found.rank))
 
 
 def _one_reading(shifted: Shifted, system: System, pose: int, variance: float) -> float:
-    """What the best single reading of a pose adds: across the targets' plane a shift is a turn."""
+    """Gain by the best single reading of a pose, which may look like a rotation of the effector."""
     found = shifted.beside(shifted.springs(system))
     return float(_worth(found, variance)[shifted.readings.pose == pose].max(initial=-np.inf))
 
 
 def _of(shifted: Shifted, pose: int) -> Array:
-    """Which rows are of a pose, shape (R, 1)."""
+    """Mask of the rows of a pose, shape (R, 1)."""
     return (shifted.stack.pose == pose)[:, None].astype(float)
 
 
 def _columns(shifted: Shifted) -> tuple[Array, int, list[Array]]:
     """Six motions common to all pulls of a pose from its n-th on.
 
-    Whitened by pose, (p, s, n, 6); n; and as they are, one (R, 6) for each n. None where fewer than
-    `_FEWEST` pulls follow, nor after the first where the zero was read again.
+    They are zero where fewer than `_FEWEST` pulls follow, and for n > 0 where the zero was read
+    again.
+
+    Returns:
+        Whitened by pose, (p, s, n, 6); n; and not whitened, one (R, 6) for each n.
     """
     stack, white = shifted.stack, shifted.white
     loaded = stack.pull >= 0
@@ -113,7 +116,7 @@ def _columns(shifted: Shifted) -> tuple[Array, int, list[Array]]:
 
 
 def _order(pose: Ints, pull: Ints) -> Ints:
-    """Place of the pull of each row among those of its pose, from 0; -1 for zeros."""
+    """Index of each row's pull among those of its pose, from 0; -1 for zeros."""
     out = np.full(len(pose), -1, dtype=np.int64)
     for one in np.unique(pose):
         mine = (pose == one) & (pull >= 0)
@@ -134,7 +137,7 @@ def _flat(found: Beside) -> Beside:
 def _finding(
     case: Case, pose: int, repeats: Ints, first: int, size: Array, drop: float, p: float
 ) -> Mistake:
-    """`repeats` are those of the pulls in use, of which the `first`, from 0, is displaced."""
+    """The mistake; `repeats` are those of the pulls in use, from index `first` on displaced."""
     rows = case.readings[case.readings["pose"] == pose]
     loaded = rows[rows["state"] == "loaded"]
     zeros = rows[rows["state"] == "unloaded"]
@@ -162,4 +165,4 @@ def _finding(
     )
 
 
-FAULT = Fault("outlier", "outlying reading", moved)
+FAULT = Fault("outlier", moved)

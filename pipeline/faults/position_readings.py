@@ -1,4 +1,4 @@
-"""Readings of positions that are off, and rows that only the identified robot tells apart."""
+"""Outliers among readings of positions, and exchanged rows that the identified robot reveals."""
 
 from __future__ import annotations
 
@@ -14,17 +14,20 @@ from pipeline.geometry.mistaken import TableMistake
 from pipeline.geometry.study import BadReading, Study
 
 USUAL = 1e-3
-"""Part of all readings that an unattended instrument loses [1]: fewer are left out and listed, and
-accuse nobody. Of 1000 rows of a published stationary series of an absolute tracker 13 are failed
-locks; in `system.family.MISTAKES` it is the second smallest part."""
+"""Fraction of readings that an unattended instrument loses [1]; up to it, outliers are left out and
+listed without accusing the campaign. In a published stationary series of an absolute tracker, 13 of
+1000 rows are failed locks; it is the second smallest fraction in `system.family.MISTAKES`."""
 
 
 def exchanged_beside(sheet: PositionSheet, found: Study) -> tuple[list[Mistake], PositionSheet]:
-    """Rows in each other's place that stand too near each other for a table as delivered.
+    """Exchanged rows whose poses are too close to each other for a table as delivered.
 
     Args:
-        sheet: The table of positions that the study is of.
-        found: The robot as identified.
+        sheet: The table of positions of the study.
+        found: Result of the study.
+
+    Returns:
+        The mistakes, and the table without them.
     """
     every = found.every
     if every is None or not found.bad or len(every.readings) != len(sheet.readings):
@@ -42,17 +45,17 @@ def outliers(found: Study, rows: Rows) -> list[Mistake]:
 
 
 def accused(off: list[Mistake], found: Study) -> list[Mistake]:
-    """Those that are a mistake of the campaign: all, where they are more than `USUAL`."""
+    """Outliers that count as mistakes of the campaign: all, if they exceed the fraction `USUAL`."""
     count = 0 if found.every is None else int(np.isfinite(found.every.readings.at[..., 0]).sum())
     return off if len(off) > USUAL * count else []
 
 
 def _row(one: BadReading, rows: Rows) -> int:
-    """Where the row of a reading stands in the table: its pose's first row, or one behind it."""
+    """Index of a reading's row in the table: its pose's first row, or a later one."""
     mine = rows["file"] == one.file
     first = rows.loc[mine & (rows["line"] == one.line), "series"]
     mine &= (rows["pose"] == one.pose) & (rows["target"] == one.target)
-    mine &= rows["series"].isin(first)  # as it is called in the file
+    mine &= rows["series"].isin(first)  # by its name in the file
     return int(np.argmax((mine & (rows["line"] >= one.line)).to_numpy()))
 
 
@@ -78,7 +81,7 @@ def _without(rows: pd.DataFrame, row: int) -> pd.DataFrame:
 
 
 def wrong_entries(found: Study) -> list[Mistake]:
-    """Entries of the robot file that are wrong by a step."""
+    """Gross errors of the robot file."""
     return [_entry(one) for one in found.mistakes]
 
 
@@ -103,5 +106,5 @@ def _entry(one: TableMistake) -> Mistake:
 
 
 def _as_it_is(rows: Rows) -> Rows:
-    """The table of positions is right; the robot file is not."""
+    """The table of positions unchanged; the mistake is in the robot file."""
     return rows

@@ -1,9 +1,9 @@
-"""Mistakes in tables of positions: units, columns and names, and rows in each other's place.
+"""Mistakes in tables of positions: units, columns, names, and exchanged rows.
 
-The robot says where joint values put every target, to millimetres with its table as delivered;
-poses are decimetres apart, and wrong units metres. Each series is laid on the robot as a rigid body
-by what most of its rows say (`geometry.begin`), so that up to half of them may be wrong; where more
-are, the order in which most fall into place is sought first.
+The robot predicts every target from the joint values, to millimetres with its table as delivered;
+poses are decimetres apart, and wrong units metres. Each series is aligned with the robot as a rigid
+body by most of its rows (`geometry.begin`), so that up to half of them may be wrong; if more are,
+the order in which most of them fit is sought first.
 """
 
 from __future__ import annotations
@@ -36,33 +36,33 @@ Rows = pd.DataFrame
 Correct = Callable[[Rows], Rows]
 
 _LEAST_M = 1e-4
-"""Targets are expected this far from where the robot puts them at least [m]."""
+"""Minimum expected deviation of targets from their predictions [m]."""
 
 _MOST = 1500
-"""Units of rows of which an assignment is sought: two millions of costs [1]."""
+"""Maximum number of units of rows of which an assignment is sought: two million costs."""
 
 _SHUFFLED = 400
-"""The same where the frame of the instrument is sought with them [1]."""
+"""Maximum number of units if the frame of the instrument is sought as well."""
 
 _FEW = 60
-"""So many units at most tell whether a whole column is wrong [1]."""
+"""Maximum number of units used to test whether a whole column is wrong."""
 
 _TRIMMED = 12
-"""Fits to the better half; each but the last finds another half [1]."""
+"""Maximum number of fits to the better half."""
 
 _ROUNDS = 40
-"""Assignments and frames by turns, from one first guess [1]."""
+"""Maximum number of alternations between assignment and frame, from one initial guess."""
 
 _RARE = 0.05
-"""Part of the poses below which a target's name may be another one mistyped [1]."""
+"""Fraction of the poses below which a target's name may be a mistyped one [1]."""
 
 
 @dataclass(frozen=True, eq=False)
 class PositionSheet:
-    """A table of positions with what it is held against.
+    """A table of positions with the robot and settings that it is tested against.
 
     Attributes:
-        robot: Its table as delivered.
+        robot: Robot as delivered.
         settings: campaign.toml.
         rows: Table POSITIONS, one row for each reading.
     """
@@ -73,13 +73,13 @@ class PositionSheet:
 
     @cached_property
     def unit(self) -> Ints:
-        """Which rows of a pose have the same joint values, in the order of the file, (n,)."""
+        """Unit of each row, (n,): rows of a pose with the same joint values, in file order."""
         keys = ["file", "series", "pose", *(joint.name for joint in self.robot.joints)]
         return np.asarray(self.rows.groupby(keys, sort=False, dropna=False).ngroup(), np.int64)
 
     @cached_property
     def readings(self) -> PositionReadings:
-        """Each unit as a pose."""
+        """The readings, each unit as a pose."""
         return by_pose(self.rows.assign(pose=self.unit), self.robot, self.settings)
 
     @property
@@ -88,9 +88,9 @@ class PositionSheet:
         return {name: np.array(at) for name, at in self.settings.tool.items()}
 
     def begun(self, order: Ints | None = None) -> Mechanism:
-        """The robot with tool and frames that fit most units, their joint values in some order.
+        """The robot with tool and frames fitted to most units, their joint values in `order`.
 
-        Where half of them do not fit, to those that do best, again and again (least trimmed
+        If half of them do not fit, the fit is repeated with those that fit best (least trimmed
         squares by concentration; Rousseeuw and Van Driessen, Technometrics 41, 1999).
         """
         readings = self.readings
@@ -107,39 +107,39 @@ class PositionSheet:
         return found
 
     def laid(self, mechanism: Mechanism | None = None, order: Ints | None = None) -> Laid:
-        """The units on a robot, on the one as delivered when not given; in some order."""
+        """The units aligned with a robot, by default the one as delivered, and in `order`."""
         weights = weights_of(self.settings, self.readings)
         return replace(laid(self.readings, mechanism or self.begun(), weights), order=order)
 
     def of(self, correct: Correct) -> PositionSheet:
-        """The same with rows put right."""
+        """The table after a correction."""
         return PositionSheet(self.robot, self.settings, correct(self.rows))
 
     def without(self, mistakes: Sequence[Mistake]) -> PositionSheet:
-        """The same with several mistakes put right, by the labels that its rows have had so far."""
+        """The table after several corrections, applied to rows labelled as in this one."""
         out = self
         for one in mistakes:
             out = out.of(one.correct)
         return out.of(lambda rows: rows.reset_index(drop=True))
 
     def at(self, units: Sequence[int] | Ints) -> tuple[str, ...]:
-        """Where the rows of some units stand: `file:line`."""
+        """Lines of the rows of some units: `file:line`."""
         return lines_of(self.rows[np.isin(self.unit, units)])
 
     def called(self, unit: int) -> str:
-        """`pose07`, with as many digits as the largest number of all poses has."""
+        """`pose07`, with as many digits as the largest pose number."""
         pose = self.rows["pose"].to_numpy(int)
         return f"pose{pose[int(np.argmax(self.unit == unit))]:0{max(len(str(pose.max())), 2)}d}"
 
 
 @dataclass(frozen=True, eq=False)
 class Laid(Locked):
-    """Where targets are expected and where they were seen.
+    """Predicted and measured positions of targets.
 
     Attributes:
-        expected: By the joint values of each unit [m], F_b, shape (u, t, 3).
-        at: As the instrument has them [m], F_b, NaN where not read, shape (u, t, 3).
-        order: Units whose joint values are expected here, where that is not their own, (u,).
+        expected: Prediction by the joint values of each unit [m], F_b, shape (u, t, 3).
+        at: Readings of the instrument [m], F_b, NaN where not read, shape (u, t, 3).
+        order: Unit whose joint values belong here, where that is not its own, (u,).
     """
 
     expected: Array
@@ -148,24 +148,24 @@ class Laid(Locked):
 
     @cached_property
     def off(self) -> Array:
-        """How far each reading is from where it is expected [m], shape (u, t)."""
+        """Distance of each reading from its prediction [m], shape (u, t)."""
         return np.asarray(np.linalg.norm(self.expected - self.at, axis=2))
 
     @cached_property
     def own(self) -> Array:
-        """Mean squared distance of each unit from where it is expected [m^2], shape (u,)."""
+        """Mean squared distance of each unit from its prediction [m^2], shape (u,)."""
         return np.asarray(np.nanmean(self.off**2, axis=1))
 
     @property
     def miss(self) -> float:
-        """How far half of the units, in their order, are at most from where they are expected."""
+        """Median rms distance of the units, in their order, from their predictions [m]."""
         expected = self.expected if self.order is None else self.expected[self.order]
         off = np.sum((expected - self.at) ** 2, axis=2)
         return float(np.sqrt(np.median(np.nanmean(off, axis=1))))
 
     @property
     def limit(self) -> float:
-        """Squared distance from which a unit is elsewhere [m^2]."""
+        """Squared distance above which a unit is elsewhere [m^2]."""
         return (STANDS_OUT * max(self.miss, _LEAST_M)) ** 2
 
     @property
@@ -174,7 +174,7 @@ class Laid(Locked):
         return np.asarray(self.own > self.limit)
 
     def cost(self, units: Ints) -> Array:
-        """Mean squared distance of where each of some units is expected from each that was seen."""
+        """Mean squared distance [m^2] of predictions (rows) from readings (columns), some units."""
         expected, at = self.expected[units], self.at[units]
         total, count = np.zeros((2, len(units), len(units)))
         for k in range(at.shape[1]):
@@ -186,20 +186,20 @@ class Laid(Locked):
 
 
 def _better_half(own: Array, series: Ints) -> Ints:
-    """The units of each series that are off by its median or less."""
+    """The units of each series with at most its median misfit."""
     limit = np.array([np.median(own[series == k]) for k in range(int(series.max()) + 1)])
     return np.flatnonzero(own <= limit[series])
 
 
 def laid(readings: PositionReadings, mechanism: Mechanism, weights: ArmWeights) -> Laid:
-    """Readings on a robot."""
+    """Readings aligned with a robot."""
     return Laid(*placed(readings, mechanism, weights))
 
 
 def position_rows(sheet: PositionSheet) -> tuple[list[Mistake], PositionSheet]:
-    """What is wrong with columns, rows and names of a table of positions, and the table without.
+    """Mistakes in columns, rows and names of a table of positions, and the table without them.
 
-    Nothing where the targets are where the robot puts them. What no single mistake explains stays.
+    None if the targets are where the robot predicts them. What no single mistake explains is left.
     """
     found: list[Mistake] = []
     for look in (_units, _order, _names, _since):
@@ -214,7 +214,7 @@ def position_rows(sheet: PositionSheet) -> tuple[list[Mistake], PositionSheet]:
 
 @dataclass(frozen=True)
 class _Guess:
-    """A column, or a name, that may be wrong throughout: as in `faults.conventions.Hypothesis`."""
+    """A column or name that may be wrong throughout, as `faults.conventions.SupposedMistake`."""
 
     name: str
     where: str
@@ -233,7 +233,7 @@ def _units(sheet: PositionSheet) -> Iterator[Mistake]:
 
 
 def _plainly(sheet: PositionSheet) -> float:
-    """What half of some units are off at most where no more than half can be wrong [m]."""
+    """Median rms distance of some units from their predictions, if at most half are wrong [m]."""
     some = sheet.readings.part(np.arange(0, len(sheet.readings), 1 + len(sheet.readings) // _FEW))
     weights = weights_of(sheet.settings, some)
     return laid(some, begin(sheet.robot, some, sheet.points), weights).miss
@@ -257,11 +257,11 @@ def _guesses(sheet: PositionSheet) -> Iterator[_Guess]:
 
 
 _MOST_NAMES = 4
-"""Targets of which every order of names is tried [1]."""
+"""Maximum number of targets of which every permutation of names is tried."""
 
 
 def _coordinates() -> Iterator[_Guess]:
-    """Units of all coordinates or of one, and one that counts the other way."""
+    """Wrong units of all coordinates or of one, and a left-handed frame."""
     for factor, (unit, says) in UNITS.items():
         yield _Guess("unit_mixup", unit, says, partial(_scaled, names=AXES, factor=factor))
         for axis in AXES:
@@ -272,7 +272,7 @@ def _coordinates() -> Iterator[_Guess]:
 
 
 def _joints(robot: Robot) -> Iterator[_Guess]:
-    """Units of all joints or of one, as the joints of the robot file or the controller's axes."""
+    """Wrong units of all joints or of one, in terms of the controller's axes."""
     for ending, unit, factor, says in LOGGED:
         slides = ending == "_m"
         mine = tuple(j.name for j in robot.joints if j.prismatic == slides)
@@ -314,9 +314,9 @@ def _renamed(rows: Rows, true: dict[str, str]) -> Rows:
 
 
 def _logged(robot: Robot, names: Sequence[str], factor: float, rows: Rows) -> Rows:
-    """Joint values times a factor, each by the axes of the controller where it has its own zeros.
+    """Joint values multiplied by a factor, as axes of the controller where it has its own zeros.
 
-    q = M a + q0: a unit is one of the number in the file, from which the zero is apart.
+    q = M a + q0: a unit applies to the number a in the file, without the zero.
     """
     every = [joint.name for joint in robot.joints]
     q = rows[every].to_numpy(float)
@@ -342,7 +342,7 @@ def in_order(sheet: PositionSheet, seen: Laid) -> Iterator[Mistake]:
 
     Args:
         sheet: The table.
-        seen: Its units on the robot.
+        seen: Its units aligned with the robot.
     """
     away = np.flatnonzero(seen.away)
     if not 2 <= len(away) <= _MOST:
@@ -370,7 +370,7 @@ def _of_ring(sheet: PositionSheet, away: Ints, ring: Ring, cost: Array) -> Mista
 
 
 def _moved(rows: Rows, robot: Robot, own: Sequence[pd.Index], ended: bool) -> Rows:
-    """Joint values of each unit of a ring in the one that follows; the first has none if ended."""
+    """Joint values of each unit moved to the next in the ring; if ended, the first is dropped."""
     every = [joint.name for joint in robot.joints]
     out = rows.copy()
     first = [rows.loc[mine[0], every].to_numpy(float) for mine in own]
@@ -380,7 +380,7 @@ def _moved(rows: Rows, robot: Robot, own: Sequence[pd.Index], ended: bool) -> Ro
 
 
 def _by_most(sheet: PositionSheet) -> Laid:
-    """The units on the robot where most of their joint values, in some order, put them."""
+    """The units aligned with the robot by most of their joint values, in some order."""
     given = sheet.laid()
     if given.miss < GROSS_M:
         return given
@@ -392,10 +392,10 @@ def _by_most(sheet: PositionSheet) -> Laid:
 
 
 def _sought(sheet: PositionSheet) -> Laid | None:
-    """The units on the robot in whatever order their joint values fit; None where none does.
+    """The units aligned with the robot, in any order of their joint values; None if none fits.
 
-    Frame and order by turns: the assignment of least sum for a frame, and the frame that fits it,
-    from every turn that lays the axes of inertia of both clouds of points on each other.
+    Frame and order are alternated: the assignment of least sum for a frame, and the frame that fits
+    it, starting from every rotation that aligns the principal axes of both point clouds.
     """
     readings = sheet.readings
     if len(readings) > _SHUFFLED or len(readings.names) > 1:
@@ -412,7 +412,7 @@ def _sought(sheet: PositionSheet) -> Laid | None:
 
 
 def _turns(a: Array, b: Array) -> Iterator[Array]:
-    """Rotations that lay the axes of inertia of a (m, 3) on those of b (k, 3), likeliest first."""
+    """Rotations that align the principal axes of a (m, 3) with those of b (k, 3)."""
     (_, own), (_, other) = (linear.directions(np.cov((p - p.mean(axis=0)).T)) for p in (a, b))
     for order in permutations(range(3)):
         for signs in np.stack(np.meshgrid([1, -1], [1, -1], [1, -1]), -1).reshape(-1, 3):
@@ -422,7 +422,7 @@ def _turns(a: Array, b: Array) -> Iterator[Array]:
 
 
 def _matched(cloud: Array, axes: Array, at: Array, seen: Ints, R: Array) -> Ints:
-    """Order in which joint values fit the readings of a target, from a first rotation, (u,)."""
+    """Order in which joint values fit the readings of a target, from an initial rotation, (u,)."""
     order, point = np.arange(len(cloud)), np.zeros(3)
     t = at[seen].mean(axis=0) - R @ cloud.mean(axis=0)
     for _ in range(_ROUNDS):
@@ -441,7 +441,7 @@ def _matched(cloud: Array, axes: Array, at: Array, seen: Ints, R: Array) -> Ints
 
 
 def _refitted(origin: Array, axes: Array, at: Array, point: Array) -> tuple[Array, Array, Array]:
-    """Frame and tool point that fit an order, a few times by turns."""
+    """Frame and tool point that fit an order, by alternation."""
     R, t = np.eye(3), np.zeros(3)
     for _ in range(10):
         R, t = linear.rigid(origin + axes @ point, at)
@@ -454,7 +454,7 @@ def _refitted(origin: Array, axes: Array, at: Array, point: Array) -> tuple[Arra
 
 
 def _names(sheet: PositionSheet) -> Iterator[Mistake]:
-    """Readings that carry the name of another target of their pose, mistyped or exchanged."""
+    """Readings with the name of another target of their pose, mistyped or exchanged."""
     seen = sheet.laid()
     if seen.miss >= GROSS_M:
         return
@@ -479,7 +479,7 @@ def _names(sheet: PositionSheet) -> Iterator[Mistake]:
 def _in_pose(
     sheet: PositionSheet, mine: Ints, named: Ints, doubted: Bools, cost: Array, limit: float
 ) -> Iterator[Mistake]:
-    """Readings of one pose that fit another target, each of its own."""
+    """Readings of one pose that fit another target, each a different one."""
     names, best = sheet.readings.targets, np.argmin(cost, axis=1)
     near = cost[np.arange(len(mine)), best] <= limit
     moved = doubted & near & (best != named)
@@ -507,7 +507,7 @@ def _in_pose(
 
 
 def _off(named_m: float, other_m: float) -> str:
-    """How far a target is from where the robot places it, by its name and by the other one."""
+    """Distance of a target from its prediction, by its name and by the other one, in words."""
     if not np.isfinite(named_m):
         return f"[tool] has no target of that name; by the other it is {length(other_m)} off"
     return (
@@ -526,7 +526,7 @@ def _called_right(rows: Rows, true: dict[int, str]) -> Rows:
 
 
 def _since(sheet: PositionSheet) -> Iterator[Mistake]:
-    """A unit that is another in some rows: from one on, or here and there."""
+    """A unit that is wrong in some rows: from one on, or in single ones."""
     mechanism = sheet.begun()
     seen = sheet.laid(mechanism)
     away = seen.away
@@ -550,7 +550,7 @@ def _since(sheet: PositionSheet) -> Iterator[Mistake]:
 
 
 def _some(rows: Rows, correct: Correct, only: Bools) -> Rows:
-    """A correction of some rows."""
+    """A correction applied to some rows only."""
     out = rows.copy()
     out.loc[only] = correct(rows).loc[only]
     return out

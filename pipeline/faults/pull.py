@@ -1,4 +1,4 @@
-"""Mistakes in all forces of a campaign: the pull reversed, the scale's unit."""
+"""Mistakes in all forces of a campaign: a reversed pull, a wrong unit of the scale."""
 
 from __future__ import annotations
 
@@ -10,8 +10,9 @@ import pyarrow as pa
 
 from pipeline.base.arrays import Array
 from pipeline.base.quantities import plain
+from pipeline.faults.conventions import aligned
 from pipeline.faults.fault import Fault
-from pipeline.faults.labels import aligned, chain_distances
+from pipeline.faults.labels import chain_distances
 from pipeline.faults.mistake import Mistake
 from pipeline.readers.logs import FORCE
 from pipeline.reduction.case import Case
@@ -19,17 +20,17 @@ from pipeline.system.specimen import SURE, Common, common, told
 from pipeline.system.system import Estimate
 
 _CLEAR = 4.0
-"""Standard uncertainties from zero at which the sign of a compliance is clear."""
+"""Minimum size of a compliance in standard uncertainties for its sign to be clear [1]."""
 
 _FEWEST = 3
-"""Fewer joints tell no unit from what single joints have of their own."""
+"""Minimum number of joints to distinguish a wrong unit from deviations of single joints."""
 
 
 def reversed_pull(case: Case, estimate: Estimate) -> list[Mistake]:
-    """The chain's ends are named the wrong way round in the whole campaign.
+    """The mistake that the chain's ends are exchanged in the whole campaign.
 
-    Every spring then yields against the force: the work done on the robot is negative, which no
-    passive structure can be.
+    Every spring then deflects against the force: the work done on the robot is negative, which is
+    impossible for a passive structure.
     """
     known = np.isfinite(estimate.std) & (np.abs(estimate.value) > _CLEAR * estimate.std)
     weight = (estimate.value[known] / estimate.std[known]) ** 2
@@ -65,12 +66,12 @@ def reversed_pull(case: Case, estimate: Estimate) -> list[Mistake]:
 
 
 def _hangs(case: Case) -> bool:
-    """Whether weights and payloads are all that loads the robot, and no chain."""
+    """Whether the robot is loaded by weights and payloads only, without a chain."""
     return len(case.loads) > 0 and bool(case.loads["force_n"].isna().all())
 
 
 def _farther(case: Case) -> float | None:
-    """Share of the pulls whose first chain reflector is the farther one from the load point."""
+    """Fraction of pulls whose first chain reflector is the farther one from the load point."""
     at = aligned(case)
     if at is None:
         return None
@@ -79,28 +80,29 @@ def _farther(case: Case) -> float | None:
 
 
 def _turned_round(case: Case) -> Case:
-    """All forces the other way."""
+    """The campaign with all forces reversed."""
     if case.forces is not None:
         return replace(case, forces=_times(case.forces, -1.0))
     if _hangs(case):
         x, y, z = case.settings.gravity.direction
         up = case.settings.gravity.model_copy(update={"direction": (-x, -y, -z)})
-        return replace(case, settings=case.settings.model_copy(update={"gravity": up}))
+        settings = case.settings.model_copy(update={"gravity": up})
+        return replace(case, settings=settings, robot=case.robot.under(up.vector))
     chain = case.settings.naming.chain
     naming = case.settings.naming.model_copy(update={"chain": chain[::-1]})
     return replace(case, settings=case.settings.model_copy(update={"naming": naming}))
 
 
 _OTHERWISE = [(sign, unit) for unit in FORCE if unit != "n" for sign in (1, -1)]
-"""Numbers in another unit read as N, and the other way round."""
+"""Numbers in another unit that were read as N, and the reverse."""
 
 
 def force_unit(case: Case, estimate: Estimate) -> list[Mistake]:
-    """The scale's numbers are in another unit: all stiffnesses are off by its factor.
+    """The mistake that the scale's numbers are in another unit, which scales all stiffnesses.
 
-    Only a robot of known stiffnesses can tell. What all joints are off by in common (see
-    `system.specimen`) must be more than specimens of one type differ by as the numbers stand, and
-    no more in one other unit alone, each with a probability of `SURE`.
+    This shows only on a robot of known stiffnesses. The common factor of all joints (see
+    `system.specimen`) must exceed the differences between specimens of a type as the numbers stand,
+    and not in one other unit only, each with a probability of `SURE`.
     """
     joints, k = case.robot.joints, len(case.robot.joints)
     x, std = estimate.value[:k], estimate.std[:k]
@@ -144,7 +146,7 @@ def force_unit(case: Case, estimate: Estimate) -> list[Mistake]:
 
 
 def times(factor: float) -> Callable[[Case], Case]:
-    """All forces times a factor."""
+    """Correction that multiplies all forces by a factor."""
 
     def correct(case: Case) -> Case:
         loads = case.loads.assign(force_n=case.loads["force_n"] * factor)
@@ -164,14 +166,12 @@ def _times(forces: pa.Table, factor: float) -> pa.Table:
 
 REVERSED = Fault(
     "sign_or_convention",
-    "wrong sign or axis convention",
     lambda asked: reversed_pull(asked.case, asked.estimate),
     in_forces=True,
 )
 
 UNIT = Fault(
     "unit_mixup",
-    "mixed-up unit",
     lambda asked: force_unit(asked.case, asked.estimate),
     in_forces=True,
 )

@@ -1,12 +1,12 @@
 """Single readings that contradict all others: Baarda's w-test, reading by reading.
 
-A reading is shifted by an unknown vector [m] in F_b: a suspect of three columns beside the model
-(see `system.beside`; Baarda, A Testing Procedure for Use in Geodetic Networks, 1968, for three
-coordinates). A pose that is read as one has six, and is one reading of its state. A p-value is
-multiplied by the number of readings (Bonferroni). Where the model fits, the residuals say how much
-readings scatter, no less than stated. The model is that of the joint springs; where these do not
-fit either way, a free stiffness of every pose, so that whatever the robot does in proportion to the
-pull does not pass for a bad reading.
+A reading is shifted by an unknown vector [m] in F_b: a suspect of three columns in addition to the
+model (see `system.beside`; Baarda, A Testing Procedure for Use in Geodetic Networks, 1968, for
+three coordinates). A pose that is read as one has six, and is one reading of its state. A p-value
+is multiplied by the number of readings (Bonferroni). Where the model fits, the scatter is estimated
+from the residuals, at least as stated. The model is that of the joint springs; where these do not
+fit even without the outliers, a free stiffness of every pose, so that nothing the robot does in
+proportion to the pull passes for a bad reading.
 """
 
 from __future__ import annotations
@@ -39,19 +39,21 @@ from pipeline.system.together import Held, Suspects, cost, sizes, together
 from pipeline.system.whiten import Whitener, whitener
 
 _SMALLEST_M = 8e-5
-"""A reading off by less than this is not reported."""
+"""Minimum error of a reading that is reported [m]."""
 
 _NOTHING = 1e-30
-"""A variance that is rounding [1]."""
+"""Lower limit of a variance, below which it is rounding [1]."""
 
 _TOO_FEW = 16.0
-"""A sum of squares below this confirms nothing and refutes nothing."""
+"""Minimum expected sum of squares that can confirm or refute a shift [1]."""
 
 _CONFIRMS = 0.25
-"""Part of the expected sum of squares that must be found; chance leaves less in 1 of 100."""
+"""Minimum fraction of the expected sum of squares that must be found [1]; chance leaves less in 1
+of 100."""
 
 _PAPER_TAIL = 4.9
-"""Eq. (18) scatters along one direction: a shift counts in radii, whatever its direction."""
+"""Minimum shift in standard deviations with the noise of Eq. (18) [1], which scatters along one
+direction: a shift counts by its length, whatever its direction."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,10 +62,10 @@ class TargetReadings(Locked):
 
     Attributes:
         pose: Pose of each reading, shape (n,).
-        target: Index of its target, 0 of a pose, shape (n,).
+        target: Index of its target, 0 for a pose, shape (n,).
         pull: Index of its pull; -1 for zeros, shape (n,).
-        nth: Number of the zero in its pose, by time; 0 for loaded readings, shape (n,).
-        of: Zeros of its target in its pose, shape (n,).
+        nth: Index of the zero in its pose, by time; 0 for loaded readings, shape (n,).
+        of: Number of zeros of its target in its pose, shape (n,).
     """
 
     pose: Ints
@@ -75,14 +77,14 @@ class TargetReadings(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Shifted(Locked):
-    """A campaign's readings, and what a shift of each does to the rows.
+    """A campaign's readings, and the effect of a shift of each on the rows.
 
     Attributes:
         stack: Rows of c, and repeated zeros.
         white: Its whitener.
         readings: Every reading.
         blocks: Readings by pose.
-        D: Whitened columns of each reading [1/m], shape (poses, rows, readings, 3), 6 of a pose.
+        D: Whitened columns of each reading [1/m], shape (poses, rows, readings, 3), 6 for a pose.
     """
 
     stack: Stack
@@ -92,23 +94,23 @@ class Shifted(Locked):
     D: Array
 
     def beside(self, base: Base) -> Beside:
-        """The best shift of every reading [m], beside a base."""
+        """The best shift of every reading [m], given a base."""
         return base.beside(self.D).rows(self.blocks)
 
     def springs(self, system: System, more: Array | None = None) -> Base:
-        """Springs, causes and common errors, and further columns (R, k) [1]."""
+        """Base with springs, causes and common errors, and further columns (R, k) [1]."""
         B = np.zeros((len(self.stack.c), system.B.shape[1]))
         B[: len(system.B)] = system.B * system.typical
         return self.white.base(B if more is None else np.hstack([B, more]), self.stack.c)
 
     def poses_free(self, data: Measured) -> Base:
-        """Six rigid motions of each pose in proportion to the pull."""
+        """Base with six rigid motions of each pose in proportion to the pull."""
         size = np.linalg.norm(data.pulls.force, axis=1)
         share = np.where(self.stack.pull < 0, 0.0, size[self.stack.pull] / size.max())
         return self.white.own_base(self.stack.modes * share[:, None], self.stack.c)
 
     def pulls_free(self) -> Base:
-        """Any rigid motion of the effector in each pull."""
+        """Base with any rigid motion of the effector in each pull."""
         pulls = Blocks.of(self.stack.pose * (self.stack.pull.max() + 2) + self.stack.pull)
         order = Blocks.of(self.stack.pose[np.unique(pulls.index, return_index=True)[1]]).place
         one = np.eye(order.max() + 1)[order[pulls.index]] * (self.stack.pull >= 0)[:, None]
@@ -118,15 +120,15 @@ class Shifted(Locked):
     def told(
         self, held: Held, suspects: Suspects, free: tuple[Base, Base], seen: bool
     ) -> list[bool]:
-        """Whether each reading that is held is no sign of a weak model.
+        """Whether each reading in `held` is more than a sign of a weak model.
 
-        Beside free poses and free pulls its shift must be found again.
+        With free poses and with free pulls its shift must be found again.
 
         Args:
             held: Readings that are off together.
             suspects: All readings.
-            free: A free stiffness of each pose, and free motions of each pull.
-            seen: Free pulls have to see it.
+            free: Bases with a free stiffness of each pose, and with free motions of each pull.
+            seen: Whether the base with free pulls must be able to see it.
         """
         out = []
         for place, k in enumerate(held.which.tolist()):
@@ -138,12 +140,12 @@ class Shifted(Locked):
         return out
 
     def held(self, base: Base, suspects: Suspects, least: float) -> Held:
-        """Readings that are off together, beside the motion of every state that moved as a whole.
+        """Readings that are off together, given the motion of every state that moved as a whole.
 
-        What is held of one pull, or of one zero, may be that the effector moved there as one: this
-        motion then is no reading's, and what is off is asked anew beside it. Sizes are those that
-        the model alone tells, as the motion may be a part of the shift. A pose that is read as one
-        is such a motion itself.
+        Outliers of one pull, or of one zero, may be a motion of the effector as one body; the
+        readings are then tested again with this motion in the base. Sizes are those with the model
+        alone, as the motion may be part of the shift. A pose that is read as one is such a motion
+        itself.
         """
         first, held = base, together(base, suspects, least)
         if self.D.shape[3] > 3:
@@ -157,7 +159,7 @@ class Shifted(Locked):
         return replace(held, size=sizes(first, suspects, held.which))
 
     def _moved_as_a_whole(self, held: Held, base: Base, suspects: Suspects) -> set[int]:
-        """A reading of each pull, or zero, in which the whole effector rather moved."""
+        """A reading of each pull, or zero, in which a motion of the whole effector is likelier."""
         pose, out = self.readings.pose, set[int]()
         for one in np.unique(pose[held.which]):
             mine = held.which[pose[held.which] == one]
@@ -189,16 +191,16 @@ class Shifted(Locked):
 
 
 def _as_one(every: Beside, rigid: Ints, own: Ints, variance: float) -> float:
-    """How much likelier a motion of the effector in one state is than readings off.
+    """Advantage of a motion of the effector in one state over outlying readings.
 
-    By minus twice the log likelihood with its priors, against all readings of the pose that are
-    held; of these, those that stand out beside the motion, the farthest first, stay.
+    By twice the log likelihood with its priors, compared with all held readings of the pose as
+    outliers; those that stand out in addition to the motion, the farthest first, remain outliers.
 
     Args:
         every: Motions of the states of a pose and its held readings, as one suspect.
         rigid: Columns of the motion, shape (6,).
         own: Columns of the readings, shape (n, 3).
-        variance: Of the rows.
+        variance: Variance of the rows.
     """
     alone = float(every.parts(own.reshape(1, -1)).drop[0])
     each = float(cost(alone / len(own) / variance, 3))
@@ -216,10 +218,10 @@ def _as_one(every: Beside, rigid: Ints, own: Ints, variance: float) -> float:
 def outliers(asked: Screening) -> list[Mistake]:
     """All readings that contradict the others, if chance does not explain them.
 
-    Beside the model where it fits without them, else beside a free stiffness of every pose. How
-    much readings scatter is the median of what they leave there, never less than stated: a
-    certificate may be modest, chance no outlier. Where one in another pose would do as well, too
-    few readings were taken to say of any that it is off.
+    They are tested with the model if that fits without them, else with a free stiffness of every
+    pose. The scatter is the median of the residuals there, at least as stated: a certificate may be
+    conservative, but chance must not create outliers. If a reading of another pose would explain as
+    much, there are too few readings to accuse any of them.
     """
     case, reduced, system = asked.case, asked.reduced, asked.system
     shifted = shifted_readings(case, reduced, asked.zeros, system, asked.estimate)
@@ -250,7 +252,7 @@ def outliers(asked: Screening) -> list[Mistake]:
 
 
 def _fits(held: Held, pulls: Base, least: float) -> bool:
-    """Whether a model leaves no more than readings scatter that no motion of a pull explains."""
+    """Whether a model leaves no more than the scatter that no motion of a pull explains."""
     if pulls.dof < 1 or held.base.dof < 1:
         return True
     scatter = max(pulls.rest / pulls.dof, least)
@@ -268,7 +270,7 @@ def shifted_readings(
         reduced: Its measurements.
         zeros: Its repeated zeros.
         system: Its linear system.
-        estimate: The solution of the model that readings are tested beside.
+        estimate: Solution of the model that readings are tested with.
     """
     stack = stacked(system, estimate.residual, reduced.data, zeros, case.cell)
     white = whitener(stack.errors, stack.pose)
@@ -279,17 +281,17 @@ def shifted_readings(
 
 
 def confirmed(freer: Beside, k: int, shift: Array, variance: float, seen: bool = False) -> bool:
-    """Whether a freer model leaves of the shift what it would leave of a true one.
+    """Whether a freer model finds as much of the shift as it would of a true one.
 
-    A weak fault of the model can look like a bad reading; beside free poses or pulls it vanishes.
-    A true shift v drops T = v' N v there, N of the freer model; `_CONFIRMS` of it must be found.
+    A weakness of the model can look like a bad reading; with free poses or pulls it vanishes. A
+    true shift v drops T = v' N v there, N of the freer model; `_CONFIRMS` of it must be found.
 
     Args:
-        freer: Every reading's shift beside the freer model.
-        k: Which reading.
+        freer: Every reading's shift with the freer model.
+        k: Index of the reading.
         shift: Its shift [m].
         variance: Variance of the readings over the stated one.
-        seen: The freer model has to see it; where it cannot, nothing is confirmed.
+        seen: Whether the freer model must be able to see it; if it cannot, nothing is confirmed.
     """
     expected = float(shift @ freer.N[k] @ shift) / variance
     if expected < _TOO_FEW:
@@ -298,7 +300,7 @@ def confirmed(freer: Beside, k: int, shift: Array, variance: float, seen: bool =
 
 
 def smallest(readings: pd.DataFrame, scale: float) -> float:
-    """The smallest shift that is worth being named [m]."""
+    """The smallest shift that is reported [m]."""
     paper = (readings["covariance_from"] == "paper").any()
     return _PAPER_TAIL * instrument.PAPER_SIGMA_M * scale if paper else _SMALLEST_M
 
@@ -325,11 +327,11 @@ def _readings(stack: Stack, counts: dict[tuple[int, int], int], six: bool) -> Ta
 def _columns(
     stack: Stack, white: Whitener, readings: TargetReadings, blocks: Blocks, six: bool
 ) -> Array:
-    """What a unit shift of each reading does to the rows of its pose, whitened.
+    """Effect of a unit shift of each reading on the rows of its pose, whitened.
 
     A loaded reading moves its own row by one; zero n of N moves every loaded row of its target by
-    -1/N, its own difference to the mean of those before by one, and those after it by -1/k, k
-    their number.
+    -1/N, its own difference to the mean of those before by one, and those after it by -1/k, with k
+    their index.
     """
     target, axis = (
         (0 * stack.target, 3 * stack.target + stack.axis) if six else (stack.target, stack.axis)
@@ -357,16 +359,16 @@ def bad_reading(
     p: float | None = None,
     rivals: Sequence[pd.Series] = (),
 ) -> Mistake:
-    """The finding of a single reading that contradicts others.
+    """The mistake of a single reading that contradicts others.
 
     Args:
         row: The reading.
         others: What it contradicts, for the sentence.
-        size: How far it is off [m].
+        size: Its error [m].
         sigmas: The same in standard deviations.
-        p: That chance puts any reading so far off; a sum, which may exceed 1. None where chance
-            plays no part.
-        rivals: Readings that may be it instead.
+        p: Probability by chance that any reading is off as far; a sum, which may exceed 1. None
+            where chance plays no part.
+        rivals: Readings that may be wrong instead.
     """
     rows = pd.DataFrame([row, *rivals])
     names = (rows["group"].astype(str) + "/" + rows["target"].astype(str)).tolist()
@@ -394,7 +396,7 @@ def _bad_pose(
     p: float,
     rivals: Sequence[pd.Series],
 ) -> Mistake:
-    """The finding of a pose that was read as one, of size s and L w [m], as of `bad_reading`."""
+    """The mistake of a pose that was read as one, of size s and L w [m], as of `bad_reading`."""
     groups = [str(one["group"]) for one in (row, *rivals)]
     at = tuple(
         dict.fromkeys(line for g in groups for line in of_group(case, g, case.settings.measured))
@@ -417,7 +419,7 @@ def _bad_pose(
 
 
 def lock_lost(found: Mistake, case: Case) -> Mistake:
-    """The same, saying so where what was recorded is (0, 0, 0), as by a tracker without a lock."""
+    """The mistake, with a note if (0, 0, 0) was recorded, as by a tracker without a lock."""
     if not found.of_reading:
         return found
     rows, (group, _, target) = case.readings, found.where.rpartition("/")
@@ -441,4 +443,4 @@ def _row(case: Case, reduced: Reduced, readings: TargetReadings, best: int) -> p
     return rows.iloc[readings.nth[best]]
 
 
-FAULT = Fault("outlier", "outlying reading", outliers)
+FAULT = Fault("outlier", outliers)

@@ -1,12 +1,13 @@
 """Readings of the scale that contradict all others: a digit too many, two lines exchanged.
 
-A pull's reading is set free beside the model and beside all other pulls; how far it then is from
-the log, in standard deviations, is the test: the suspect of pull i is the whitened column dc/df_i,
-u(f_i) = N_i^-1/2 [N]. The pull of the largest drop is flagged, and tested again at the reading that
-fits best: a reading of ten times the force spoils the estimate, and with it every column and every
-standard deviation. Where another pull then stands out as far, both are set free together, and so
-on: two wrong readings hide each other while one of them stays (Hadi and Simonoff, Procedures for
-the identification of multiple outliers in linear models, J. Am. Stat. Assoc. 88, 1993).
+A pull's reading is freed in addition to the model and given all other pulls; its difference from
+the log, in standard deviations, is the test statistic: the suspect of pull i is the whitened column
+dc/df_i, u(f_i) = N_i^-1/2 [N]. The pull of the largest drop is flagged, and tested again at the
+reading that fits best, because a reading of ten times the force spoils the estimate, and with it
+every column and every standard deviation. If another pull then stands out as much, both are freed
+together, and so on: two wrong readings mask each other while one of them stays (Hadi and Simonoff,
+Procedures for the identification of multiple outliers in linear models, J. Am. Stat. Assoc. 88,
+1993).
 """
 
 from __future__ import annotations
@@ -27,7 +28,7 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.forces import reading_std
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Scale
-from pipeline.system import alarms
+from pipeline.system import alarms, odds
 from pipeline.system.assemble import assemble, by_force
 from pipeline.system.beside import Base, Beside
 from pipeline.system.estimate import identify, least_squares
@@ -35,45 +36,48 @@ from pipeline.system.system import Estimate, System
 from pipeline.system.whiten import Whitener, whitener
 
 _MATTERS = 0.03
-"""A reading off by a smaller part of the force was not mistyped."""
+"""Minimum error of a mistyped reading as a fraction of the force [1]."""
 
 _STATED = 6.0
-"""Nor is one off by less than this many stated standard uncertainties of the scale."""
+"""Minimum error of a mistyped reading in stated standard uncertainties of the scale [1]."""
 
 FEWEST, MOST = 8, 1000
-"""Fewer pulls do not single one out; more are no campaign by hand, and each is a column."""
+"""Minimum and maximum number of pulls: fewer do not single one out; more are not measured by hand,
+and each adds a column."""
 
 PART, TOGETHER = 4, 12
-"""At most one of so many pulls has a wrong reading, and no more than so many have."""
+"""At most one reading in `PART`, and `TOGETHER` in all, are taken to be wrong."""
 
 _DOMINATES = 4.0
-"""Mistyped readings stand out this much more than any other once they are right: what a force law
-or a joint does, it does in many pulls."""
+"""Minimum ratio of the deviation of mistyped readings to that of any other reading after
+correction [1]: a force law or a joint affects many pulls."""
 
 _LEFT = 0.1
-"""Part of what its pull contradicted that may be left there: other faults leave more."""
+"""Maximum fraction of a pull's contradiction that may remain after correction [1]; other faults
+leave more."""
 
 _SOFT = 2.0
-"""No pose is softer or stiffer than expected by more, whatever the machine has."""
+"""Maximum ratio of a pose's stiffness to the expected one, or its inverse, that a machine can
+cause [1]."""
 
 _ALIKE = 1e-3
-"""Factors that differ by less than chance may make them differ are one."""
+"""P-value above which the pulls of a pose are taken to be off by one common factor [1]."""
 
 _ROUNDS = 8
-"""Iterations to the reading that fits best."""
+"""Maximum number of iterations to the reading that fits best."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Righted(Locked):
-    """The campaign with some readings of the scale at what fits best.
+    """The campaign with some readings of the scale replaced by those that fit best.
 
     Attributes:
-        pulls: Which ones, shape (m,).
-        fits: What the scale should have read in each [N], shape (m,).
-        off: How far the log is from that [N], shape (m,).
+        pulls: Indices of the pulls, shape (m,).
+        fits: Best fitting reading of the scale in each [N], shape (m,).
+        off: Difference of the log from it [N], shape (m,).
         system: The linear system with these readings.
         base: The model's columns.
-        freed: Every pull's reading set free beside them, one at a time.
+        freed: Every pull's reading freed in addition, one at a time.
     """
 
     pulls: Ints
@@ -90,7 +94,7 @@ class _Righted(Locked):
 
     @property
     def drop(self) -> Array:
-        """By how much the reading as logged is worse, shape (m,)."""
+        """Increase of the sum of squares with the reading as logged, shape (m,)."""
         return np.asarray(self.off**2 * self.normal)
 
     @property
@@ -106,8 +110,14 @@ class _Righted(Locked):
 
     @property
     def alone(self) -> bool:
-        """Whether no other pull stands out nearly as far as any of these."""
+        """Whether no other pull stands out nearly as much as any of these."""
         return bool(self.drop.min() > _DOMINATES**2 * self._others.max())
+
+    @property
+    def clear(self) -> bool:
+        """Whether no other pull stands out beyond chance, nor could be one of these instead."""
+        chance = _chance(self.freed, self.system)[self.next] >= odds.FITS
+        return bool(chance and self.drop.min() > self._others.max() + odds.DECIDES)
 
     @property
     def explained(self) -> bool:
@@ -117,13 +127,14 @@ class _Righted(Locked):
             rows = np.zeros((len(self.system.rows), len(mine)))
             rows[mine, np.arange(len(mine))] = 1.0  # the pull left out: each of its rows is free
             white = whitener(self.system.errors, self.system.rows.pose)
-            if self.base.beside_all(white(rows)).drop >= _LEFT * drop:
+            left = self.base.beside_all(white(rows))
+            if left.drop >= _LEFT * drop and _chance(left, self.system) < odds.FITS:
                 return False
         return True
 
     @property
     def p(self) -> Array:
-        """Probability of each reading as logged, beside a model that it has not spoilt, (m,)."""
+        """P-value of each reading as logged, with the model from the corrected readings, (m,)."""
         found = []
         for pull, off, drop in zip(self.pulls, self.off, self.drop, strict=True):
             g = self.freed.N[..., 0] * off
@@ -137,9 +148,12 @@ def scale_outliers(
 ) -> list[Mistake]:
     """The readings of the scale that contradict all other pulls, if they are few.
 
+    Those that dominate no other, though none stands out beyond chance, are `rivalled`: a cause that
+    is not yet in the model does as much in the pull that feels it most.
+
     Args:
         case: The campaign.
-        cell: The model beside which readings are judged.
+        cell: The model that readings are tested with.
         data: The measurements.
         system: Their linear system.
         estimate: Its solution.
@@ -158,20 +172,21 @@ def scale_outliers(
         righted = _righted(cell, data, system, estimate.value, np.array(which), scale)
         if righted is None or not _matters(righted, scale):
             return []
-        if righted.alone:
-            return _findings(case, data, righted) if _sure(data, righted) else []
+        if righted.alone or righted.clear:
+            found = _findings(case, data, righted) if _sure(data, righted) else []
+            return [replace(one, rivalled=not righted.alone) for one in found]
         which.append(righted.next)
     return []
 
 
 def _sure(data: Measured, righted: _Righted) -> bool:
-    """Whether chance does not explain them, nor a pose, and they explain what is left."""
+    """Whether they explain their pulls' misfit, and neither chance nor a pose explains them."""
     unlikely = bool((righted.p <= alarms.SCALE).all())
     return unlikely and righted.explained and not _by_pose(data, righted)
 
 
 def _matters(righted: _Righted, scale: Scale) -> bool:
-    """Whether each reading is off by more than a scale is, and than nobody would care for."""
+    """Whether each reading's error exceeds the scale's uncertainty and a relevant size by far."""
     fits, off = righted.fits, righted.off
     given = np.minimum(fits + off, np.abs(fits - off))
     least = np.maximum(_MATTERS * np.minimum(fits, given), _STATED * reading_std(scale, fits))
@@ -179,11 +194,11 @@ def _matters(righted: _Righted, scale: Scale) -> bool:
 
 
 def _by_pose(data: Measured, righted: _Righted) -> bool:
-    """Whether all pulls of a pose are off by one factor: something of the machine there.
+    """Whether all pulls of a pose are off by one factor, hence by a property of the machine there.
 
-    f_i = k r_i with readings r_i and f_i that fit best, of uncertainties u_i: chi2 of the best k on
-    one degree of freedom less than pulls. A factor beyond `_SOFT` is no machine's, and two pulls
-    have one too easily.
+    f_i = k r_i with readings r_i and best fits f_i of uncertainties u_i: chi2 of the best k, with
+    one degree of freedom less than pulls. A factor beyond `_SOFT` is not the machine's, and two
+    pulls share one too easily.
     """
     pose, read = data.pulls.pose, np.linalg.norm(data.pulls.force, axis=1)
     for one in np.unique(pose[righted.pulls]).tolist():
@@ -215,7 +230,7 @@ def _righted(
 def _freed(
     cell: Cell, data: Measured, system: System, estimate: Estimate, white: Whitener
 ) -> tuple[Base, Beside]:
-    """The model's columns, and beside them every pull's reading set free, one at a time [1/N]."""
+    """The base of the model's columns, and every pull's reading freed in addition [1/N]."""
     columns = np.zeros((len(system.rows), len(data.pulls)))
     columns[np.arange(len(columns)), system.rows.pull] = by_force(cell, data, estimate.value)
     typical = system.typical
@@ -224,17 +239,17 @@ def _freed(
 
 
 def _chance(freed: Beside, system: System) -> Array:
-    """Probability of each drop, times their number; where a noise is stated, s is 1 at least."""
+    """P-value of each drop times their number; with a stated noise, the scatter is at least 1."""
     variance = freed.variance(1.0) if system.noise_stated else freed.variance()
-    return np.asarray(len(freed.drop) * freed.p(variance))
+    return np.asarray(freed.drop.size * freed.p(variance))
 
 
 def _fitting(cell: Cell, data: Measured, values: Array, pulls: Ints, scale: Scale) -> Array | None:
-    """What the scale should have read in some pulls, all others as they are [N], shape (m,).
+    """Best fitting readings of the scale in some pulls, all others unchanged [N], shape (m,).
 
-    None if nothing fits. Gauss-Newton: the forces f of the pulls and the parameters x by
-    c = B x + (dc/df) df, weighted. Steps downwards are taken in 1/force: where ten times the force
-    has made the springs ten times too stiff, what the pull moved is linear in that.
+    None if nothing fits. Gauss-Newton: the forces f of the pulls and the parameters x by c = B
+    x + (dc/df) df, weighted. Downward steps are taken in 1/force: where ten times the force has
+    made the springs ten times too stiff, the displacements of the pull are linear in that.
     """
     force = np.linalg.norm(data.pulls.force[pulls], axis=1)
     for _ in range(_ROUNDS):
@@ -257,7 +272,7 @@ def _fitting(cell: Cell, data: Measured, values: Array, pulls: Ints, scale: Scal
 
 
 def _reading(data: Measured, pulls: Ints, force: Array, scale: Scale) -> Measured:
-    """The same with other readings of the scale in some pulls [N]."""
+    """The measurements with other readings of the scale in some pulls [N]."""
     forces, std = data.pulls.force.copy(), data.reading_std.copy()
     forces[pulls] *= (force / np.linalg.norm(forces[pulls], axis=1))[:, None]
     std[pulls] = reading_std(scale, force)
@@ -311,7 +326,6 @@ def _meant(given: float, fits: float, std: float, unit: str) -> str:
 
 FAULT = Fault(
     "outlier",
-    "outlying reading",
     lambda asked: scale_outliers(
         asked.case, asked.cell, asked.reduced.data, asked.system, asked.estimate
     ),

@@ -1,4 +1,4 @@
-"""Stage 5b. Bad data found and named, and the campaign without them."""
+"""Mistakes in the data found and named, and the campaign without them."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from pipeline.reduction.case import Case
 from pipeline.system.family import Family
 
 _MOST = 40
-"""Rounds of screening, each of which puts one kind of mistake right; more is no campaign."""
+"""Maximum number of rounds of screening, each of which corrects one kind of mistake."""
 
 
 @dataclass(frozen=True, eq=False)
 class Screened:
-    """What is wrong with the data.
+    """Mistakes in the data.
 
     Attributes:
-        findings: Every mistake, in the order in which they were put right.
-        case: The campaign with all of them put right; the given one when there are none.
-        doubted: Readings so far off that chance does not explain it, and that stay: tails of the
-            noise may, which beside everything that a machine could do are hardly seen.
+        findings: Every mistake, in the order of their correction.
+        case: The campaign with all of them corrected; the given one if there are none.
+        doubted: Significant outliers that stay in use, since tails of the noise may explain them,
+            which are hardly visible in a model of everything that a machine could do.
     """
 
     findings: tuple[Mistake, ...]
@@ -36,14 +36,14 @@ class Screened:
 
     @property
     def key(self) -> tuple[tuple[str, str], ...]:
-        """What was found, whatever the order."""
+        """What was found, independent of the order."""
         return tuple(sorted((one.name, one.where) for one in self.findings))
 
     def without_doubt(self, files: Screened) -> Case:
         """The campaign without its mistakes, but with all readings that noise may have moved.
 
         Args:
-            files: It with its files put right; what is wrong with these is found first.
+            files: The campaign with its files corrected; mistakes in these are found first.
         """
         single = self.findings[len(files.findings) :]
         return put_right(files.case, [one for one in single if not one.may_be_noise])
@@ -51,13 +51,13 @@ class Screened:
 
 @dataclass(frozen=True, eq=False)
 class ScreeningBase:
-    """What single readings and pulls are tested beside.
+    """Model with which single readings and pulls are tested.
 
     Attributes:
         cell: The model.
-        start: Where its estimate starts, shape (k,).
-        family: Tails of the readings as seen beside that model; beside all that a machine could do
-            when not given.
+        start: Initial values of its estimate, shape (k,).
+        family: Tails of the readings as estimated with that model; by default they are estimated
+            given everything that a machine could do.
     """
 
     cell: Cell
@@ -66,7 +66,7 @@ class ScreeningBase:
 
 
 def files_of(case: Case, reduced: Reduced) -> Screened:
-    """Mistakes that spoil whole files, put right one after the other.
+    """Mistakes that affect whole files, corrected one after the other.
 
     Args:
         case: The campaign as given.
@@ -82,7 +82,7 @@ def files_of(case: Case, reduced: Reduced) -> Screened:
 
 
 def screen(case: Case, reduced: Reduced, beside: ScreeningBase | None = None) -> Screened:
-    """Name mistakes, from those that spoil everything to those that spoil one reading.
+    """Find mistakes, from those of whole files to those of single readings.
 
     Args:
         case: The campaign as given.
@@ -96,16 +96,17 @@ def screen(case: Case, reduced: Reduced, beside: ScreeningBase | None = None) ->
 def singles_of(
     given: Screened, reduced: Reduced | None, beside: ScreeningBase | None = None
 ) -> Screened:
-    """Name what is wrong with single readings and pulls, those that spoil most first.
+    """Find mistakes in single readings and pulls, those with the largest effect first.
 
     Args:
-        given: The campaign with its files put right.
-        reduced: Its measurements, if they are at hand.
-        beside: What they are tested beside; the joint springs when not given.
+        given: The campaign with its files corrected.
+        reduced: Its measurements, if available.
+        beside: Model of the tests; by default the joint springs.
     """
     case, findings = given.case, list(given.findings)
+    sought = beside is not None
     beside = beside or ScreeningBase(case.cell, case.robot.nominal_compliance)
-    asked = Screening(case, beside.cell, beside.start, reduced, beside.family)
+    asked = Screening(case, beside.cell, beside.start, reduced, beside.family, sought)
     family, tests, doubted = beside.family, _asked(case, in_files=False), list[Mistake]()
     for _ in range(_MOST):
         found, doubted = _first(tests, asked)
@@ -117,12 +118,12 @@ def singles_of(
             break
         if any(one.may_be_noise for one in found):
             family = asked.family
-        asked = Screening(case, beside.cell, beside.start, accepted=family)
+        asked = Screening(case, beside.cell, beside.start, None, family, sought)
     return Screened(tuple(findings), case, tuple(doubted))
 
 
 def _righted(case: Case, found: list[Mistake]) -> tuple[list[Mistake], Case]:
-    """The same and the campaign without it, or as it is where nothing would be left of that."""
+    """The mistakes and the campaign without them, or unchanged if too little would be left."""
     right = put_right(case, found)
     if not found or tells(right):
         return found, right
@@ -130,12 +131,12 @@ def _righted(case: Case, found: list[Mistake]) -> tuple[list[Mistake], Case]:
 
 
 def tells(case: Case) -> bool:
-    """Whether a campaign has displacements enough to say anything of its robot."""
+    """Whether a campaign has enough displacements to determine anything about its robot."""
     return bring(case).data.enough(case.robot.n)
 
 
 def put_right(case: Case, findings: Sequence[Mistake]) -> Case:
-    """The campaign without some mistakes."""
+    """The campaign with some mistakes corrected."""
     for finding in findings:
         case = finding.correct(case)
     return case
@@ -147,10 +148,10 @@ def _asked(case: Case, in_files: bool) -> list[Fault]:
 
 
 def _first(tests: Sequence[Fault], asked: Screening) -> tuple[list[Mistake], list[Mistake]]:
-    """What the first test finds that finds anything beyond what such noise may do by itself.
+    """Findings of the first test that has any beyond what the tails of the noise explain.
 
     Returns:
-        That, and what the tests that were asked found and such noise may do.
+        These findings, and those of the tests run so far that the tails of the noise may explain.
     """
     doubted: list[Mistake] = []
     for fault in tests:

@@ -1,11 +1,11 @@
-"""Readings that repeat another one to the last digit: they were not measured again.
+"""Readings that repeat another one to the last digit, hence were not measured again.
 
 An end of a chain that repeats the other end leaves a pull without direction, left out as read.
 Another target that repeats the one before it is in the wrong place: the tests of readings name it.
-A target that repeats its own reading of another state is in a likely place, and no test of places
-would find it; equal digits do, where the noise makes them as good as impossible. Of two pulls the
-one whose force does not move the robot so is the copy, of two poses the one that stands elsewhere
-than the robot's table has it, else the later one.
+A target that repeats its own reading of another state is in a plausible place, where no test of
+positions would find it; equal digits do, if the noise makes them practically impossible. Of two
+pulls the copy is the one whose force contradicts the displacements; of two poses it is the one that
+is elsewhere than the robot's table predicts; otherwise the later one.
 """
 
 from __future__ import annotations
@@ -30,12 +30,12 @@ from pipeline.reduction.register import XYZ
 from pipeline.system import alarms
 
 _SCATTERS = 0.5
-"""Where more readings than this part of those taken twice under equal conditions are equal, the
-data have no noise, and equal digits say nothing."""
+"""Fraction of equal readings among those repeated under equal conditions above which the data have
+no noise [1], so that equal digits mean nothing."""
 
 
 def stale(case: Case) -> list[Mistake]:
-    """Stale readings that left their pull out."""
+    """Stale readings because of which their pull was left out."""
     if not case.stale:
         return []
     used = set(zip(case.readings["file"], case.readings["line"], strict=True))
@@ -58,11 +58,11 @@ def stale(case: Case) -> list[Mistake]:
 def repeated(asked: Screening) -> list[Mistake]:
     """Readings of a target that repeat its reading in another state.
 
-    Or of a base reflector in another round. Two readings with noise s agree in all digits of
-    width h along an axis with chance h / (sqrt(4 pi) s) at most, which is multiplied over axes and
-    over all targets that repeat the same group. That is said where it is below `alarms.READING`
-    after counting all pairs of groups of a pose, or of two poses. What stands still while the
-    robot moves, as an anchor, is as likely to be read alike then.
+    Or of a base reflector in another round. Two readings with noise s agree in all digits of width
+    h along an axis with a probability of at most h / (sqrt(4 pi) s), which is multiplied over axes
+    and over all targets that repeat the same group. A repetition is reported if this is below
+    `alarms.READING` after counting all pairs of groups of a pose, or of two poses. Targets that
+    stand still while the robot moves, such as an anchor, are as likely to be read alike then.
     """
     case = asked.case
     rows = case.readings
@@ -96,7 +96,7 @@ def repeated(asked: Screening) -> list[Mistake]:
 
 
 def _twice(rows: pd.DataFrame) -> Iterator[tuple[tuple[str, str], tuple[list[int], list[int]]]]:
-    """Groups that share readings with an earlier one, the first that has them, and their rows."""
+    """Pairs of groups that share readings, the earlier first, and their rows."""
     shared: dict[tuple[str, str], tuple[list[int], list[int]]] = {}
     for _, here in rows.groupby(["target", *XYZ], observed=True, sort=False):
         (one, k), *others = zip(here["group"].astype(str), here.index, strict=True)
@@ -108,7 +108,7 @@ def _twice(rows: pd.DataFrame) -> Iterator[tuple[tuple[str, str], tuple[list[int
 
 
 def _stand_alike(case: Case, here: tuple[pd.Series, pd.Series]) -> bool:
-    """Whether two poses are one by the joint log."""
+    """Whether two poses have the same joint values in the log."""
     log = case.joints.set_index("pose")[case.joint_columns]
     poses = [int(one["pose"]) for one in here]
     return all(pose in log.index for pose in poses) and bool(
@@ -131,7 +131,7 @@ class _Copy:
         return odd_forces(self.asked)
 
     def of(self, names: tuple[str, str], here: tuple[pd.Series, pd.Series]) -> int:
-        """0 or 1; 1, the later one, where nothing tells."""
+        """0 or 1; by default 1, the later one."""
         if here[0]["at"] != here[1]["at"]:
             return 0 if [name in self._away for name in names] == [True, False] else 1
         if any(one["state"] != "loaded" for one in here):
@@ -141,7 +141,7 @@ class _Copy:
 
 
 def _without_noise(rows: pd.DataFrame) -> bool:
-    """Whether zeros and base reflectors that were read again are mostly equal."""
+    """Whether repeated zeros and base readings are mostly equal."""
     still = rows[(rows["state"] == "unloaded") | rows["pose"].isna()]
     groups = still.groupby(["at", "target"], observed=True)
     more = int((groups.size() - 1).sum())
@@ -150,7 +150,7 @@ def _without_noise(rows: pd.DataFrame) -> bool:
 
 
 def _known(std: Array, rows: pd.DataFrame) -> Array:
-    """Standard uncertainties of readings per axis [m], of zeros read again where none is stated."""
+    """Standard uncertainties of readings per axis [m], from repeated zeros where none is stated."""
     if np.isfinite(std).all():
         return std
     still = rows[(rows["state"] == "unloaded") | rows["pose"].isna()]
@@ -178,7 +178,6 @@ def _repeats(row: pd.Series, of: str, copy: str, p: float) -> Mistake:
 
 FAULT = Fault(
     "outlier",
-    "outlying reading",
     lambda asked: [*stale(asked.case), *repeated(asked)],
     in_files=True,
 )

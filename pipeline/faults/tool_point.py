@@ -1,4 +1,4 @@
-"""A target that [tool] has in the wrong place; left as it is, its lever would be wrong."""
+"""A target with a wrong position in [tool]; uncorrected, its lever would be wrong."""
 
 from __future__ import annotations
 
@@ -14,11 +14,12 @@ from pipeline.faults.mistake import Mistake
 from pipeline.reduction.case import Case
 
 BEYOND = 5.0
-"""A point is so many times its standard uncertainty off: less is carried, and told as a finding."""
+"""Minimum error of a point in standard uncertainties to be corrected [1]; a smaller one is kept and
+reported as a finding."""
 
 
 def tool_point(case: Case) -> list[Mistake]:
-    """The one target that the unloaded reflectors contradict, put where they place it."""
+    """The one target that the unloaded reflectors contradict, moved to where they place it."""
     if len(case.settings.measured) < 3 or unloaded(case)["pose"].nunique() < FEWEST_POSES:
         return []
     found = wrong_entries(case)
@@ -53,4 +54,4 @@ def _moved(case: Case, name: str, place: Array) -> Case:
     return replace(case, settings=case.settings.model_copy(update={"tool": tool}))
 
 
-FAULT = Fault("tool_point", "wrong tool point", lambda asked: tool_point(asked.case), in_files=True)
+FAULT = Fault("tool_point", lambda asked: tool_point(asked.case), in_files=True)

@@ -1,4 +1,4 @@
-"""The number that was meant where a wrong one was typed: the slips of hand and key."""
+"""The number that was meant where a wrong one was typed: typing errors."""
 
 from __future__ import annotations
 
@@ -6,19 +6,19 @@ from collections.abc import Iterator
 from itertools import pairwise
 
 _TENS = (10.0, 0.1, 100.0, 0.01, 1000.0, 0.001)
-"""Factors of a decimal point that is lost or in the wrong place [1]."""
+"""Factors of a missing or misplaced decimal point [1]."""
 
 _WITHIN = 3.0
-"""Standard uncertainties within which a number is what the pulls say [1]."""
+"""Standard uncertainties within which a number agrees with the pulls [1]."""
 
 
 def intended(given: float, fits: float, std: float) -> tuple[float, str] | None:
-    """The number that fits, one slip away from the given one, and the slip; None if there is none.
+    """The number that fits, one typing error away from the given one, and the error, if any does.
 
     Args:
-        given: As logged.
-        fits: What all else says.
-        std: Standard uncertainty of that.
+        given: Number as logged.
+        fits: Number according to all other data.
+        std: Its standard uncertainty.
     """
     for slip, numbers in (
         ("two digits exchanged", _exchanged(given)),

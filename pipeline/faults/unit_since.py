@@ -1,9 +1,9 @@
 """A unit that changes in mid-file: from some row on the numbers are in another one.
 
-Of forces the pulls tell it: with factors c_i of the readings and relative weights w_i = 1 / |y_i|
-the squares that the joint springs leave are quadratic in them, so that every row and every unit can
-be tried. Of the joint log the robot's table tells it; an export of the tracker that changes its
-unit is refused where it is read.
+For forces the pulls show it: with factors c_i of the readings and relative weights w_i = 1 / |y_i|,
+the residual sum of squares of the joint springs is quadratic in the factors, so that every row and
+every unit can be tried. For the joint log the robot's table shows it; a tracker export that changes
+its unit is rejected when it is read.
 """
 
 from __future__ import annotations
@@ -30,11 +30,11 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.measured import STILL_M
 
 _ROWS = 2
-"""Rows in each unit at least: a single one is a reading that is wrong."""
+"""Minimum number of rows in each unit; a single one is a wrong reading."""
 
 
 def unit_since(asked: Screening) -> list[Mistake]:
-    """The row from which on the joint log or the scale are in another unit."""
+    """The row from which on the joint log or the scale is in another unit."""
     case = asked.case
     if case.settings.displacements is not None:
         return []
@@ -63,7 +63,7 @@ def _forces(asked: Screening) -> list[Mistake]:
 
 
 def _split(moved: PullMoves, at: Ints) -> tuple[int, str, int] | None:
-    """First pull in another unit, that unit, and 1 where its numbers were read as N."""
+    """First pull in another unit, that unit, and 1 where its numbers were read as N, else -1."""
     N, b, square = _normal(moved, at)
     whole = np.sqrt(_left(N.sum(axis=0), b.sum(axis=0), square))
     tried = {}
@@ -82,7 +82,7 @@ def _split(moved: PullMoves, at: Ints) -> tuple[int, str, int] | None:
 
 
 def _normal(moved: PullMoves, at: Ints) -> tuple[Array, Array, float]:
-    """Normal equations of each pull in the order of the file, and its squares, all relative."""
+    """Relative normal equations of each pull in the order of the file, and the sum of squares."""
     w = 1 / np.maximum(np.linalg.norm(moved.y, axis=1), STILL_M)
     A, y = (w * moved.force)[:, None, None] * moved.G, w[:, None] * moved.y
     N, b = np.einsum("mci,mcj->mij", A, A), np.einsum("mci,mc->mi", A, y)
@@ -90,7 +90,7 @@ def _normal(moved: PullMoves, at: Ints) -> tuple[Array, Array, float]:
 
 
 def _left(N: Array, b: Array, square: float) -> float:
-    """Mean square that is left of each pull, as a part of it."""
+    """Mean residual square of the pulls, relative to their displacements."""
     size = np.sqrt(np.maximum(np.diag(N), 1e-300))
     x = linear.inverse(N / size / size[:, None]) @ (b / size)
     return max(1 - float(x @ (b / size)) / square, 0.0)
@@ -99,7 +99,7 @@ def _left(N: Array, b: Array, square: float) -> float:
 def _likelier(
     moved: PullMoves, at: Ints, best: tuple[int, str, int]
 ) -> tuple[int, str, int] | None:
-    """The same, unless what came before is rather what is in another unit: stiffnesses tell."""
+    """The result as given; both outcomes of the comparison with typical stiffnesses return it."""
     first, unit, sign = best
     factor = np.ones(len(at))
     factor[at[first:]] = FORCE[unit] ** sign
@@ -139,7 +139,7 @@ def _times(case: Case, keys: frozenset[tuple[int, int]], factor: float) -> Case:
 
 
 def _from(wrong: Bools, right: Bools) -> int | None:
-    """The first of those that are wrong to the end, all before being right."""
+    """Index from which on all are wrong, if all before are right and both parts are long enough."""
     if not wrong.any():
         return None
     first = int(np.argmax(wrong))
@@ -148,8 +148,8 @@ def _from(wrong: Bools, right: Bools) -> int | None:
 
 
 def _joints(case: Case) -> Iterator[Mistake]:
-    """Rows from which on the robot is elsewhere, and where it was read with another unit."""
-    before = misplaced(case)
+    """Rows of the joint log from which on another unit explains the robot's position."""
+    before = misplaced(case) or frozenset()
     log = case.joints.sort_values(["file", "line"])
     wrong = log["pose"].isin(before).to_numpy(bool)
     first = _from(wrong, ~wrong)
@@ -159,7 +159,7 @@ def _joints(case: Case) -> Iterator[Mistake]:
     for ending, unit, factor, says in LOGGED:
         columns = [name for name in case.joint_columns if name.endswith(ending)]
         correct = partial(_relogged, columns=columns, poses=poses, factor=factor)
-        if columns and not misplaced(correct(case)):
+        if columns and misplaced(correct(case)) == frozenset():
             at = lines_of(log.iloc[first:])
             yield _finding(
                 where=unit,
@@ -195,4 +195,4 @@ def _finding(
     )
 
 
-FAULT = Fault("unit_mixup", "mixed-up unit", unit_since, in_files=True)
+FAULT = Fault("unit_mixup", unit_since, in_files=True)

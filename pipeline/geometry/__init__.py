@@ -1,1 +1,1 @@
-"""Where the robot stands: absolute positions, its table, springs under its own weight, and laws."""
+"""Absolute positions: kinematic parameters, compliances under the arm's own weight, joint laws."""

@@ -1,4 +1,4 @@
-"""First guess of tool and frames: where the nominal robot and the readings fit best."""
+"""Initial estimate of tool points and frames by fitting the nominal robot to the readings."""
 
 from __future__ import annotations
 
@@ -13,23 +13,23 @@ from pipeline.machine.robot.letters import letters
 from pipeline.machine.robot.weight import link_moments
 
 _ROUNDS = 30
-"""Of weighing anew, until what is far off counts nothing."""
+"""Number of reweighting iterations, enough for the weights of outliers to become negligible."""
 
 _FAR = 3.0
-"""Residuals beyond so many medians count less (Huber)."""
+"""Multiple of the median residual above which residuals are down-weighted [1] (Huber)."""
 
 _ENOUGH = 400
-"""Poses of a series that are enough for a first guess."""
+"""Maximum number of poses of a series used for the initial estimate."""
 
 
 def begin(robot: Robot, readings: PositionReadings, tool: dict[str, Array]) -> Mechanism:
-    """The table as it is, with frames and tool points that fit it.
+    """The robot with its nominal parameters, with frames and tool points fitted to the readings.
 
-    p = R (o_i + F_i l) + t is linear in R l, R and t for one series; which rotation R is nearest
-    follows by Procrustes. Points of the tool are estimated where they are not given.
+    p = R (o_i + F_i l) + t holds for the poses i of one series; R and t follow by Procrustes. Tool
+    points are estimated where they are not given.
 
     Args:
-        robot: With its table as delivered.
+        robot: Robot with its DH parameters as delivered.
         readings: All series.
         tool: Nominal points of targets in the flange frame [m], as far as they are known.
     """
@@ -66,7 +66,7 @@ def begin(robot: Robot, readings: PositionReadings, tool: dict[str, Array]) -> M
 def _placed(
     readings: PositionReadings, here: Configuration, mine: Ints, points: Array
 ) -> tuple[Array, Array, Array]:
-    """Rotation, origin and tool points that fit one series."""
+    """Rotation R, origin t [m] and tool points [m] that fit one series, by robust Procrustes."""
     mine = mine[:: max(1, len(mine) // _ENOUGH)]
     at = readings.at[mine]
     if np.isnan(points).any():
@@ -83,7 +83,7 @@ def _placed(
 
 
 def _rigid(a: Array, b: Array, weight: Array) -> tuple[Array, Array]:
-    """`linear.rigid` of weighted points."""
+    """Rotation and translation as of `linear.rigid`, for weighted points."""
     w = weight / weight.sum()
     middle, other = w @ a, w @ b
     root = np.sqrt(w)[:, None]
@@ -95,11 +95,7 @@ def _rigid(a: Array, b: Array, weight: Array) -> tuple[Array, Array]:
 
 
 def _points(readings: PositionReadings, here: Configuration, mine: Ints, points: Array) -> Array:
-    """Tool points from one series, by least squares over affine frames: p = A o + B F l + t.
-
-    With R free to be any matrix, o and the nine numbers F_i taken as columns make the problem
-    linear: vec p_i = [o_i' x 1, F_i-columns, 1] (R, R l e_k, t). Only R l is needed of each column.
-    """
+    """Tool points [m], the unknown (NaN) ones estimated one by one from the poses `mine`."""
     out = points.copy()
     for k in np.flatnonzero(np.isnan(points).any(axis=1)):
         at = readings.at[mine, k]
@@ -109,7 +105,7 @@ def _points(readings: PositionReadings, here: Configuration, mine: Ints, points:
 
 
 def _point(here: Configuration, mine: Ints, at: Array) -> Array:
-    """One tool point: alternately the frame for a point, and the point for a frame."""
+    """One tool point [m] in the flange frame, alternately estimating the frame and the point."""
     o, F = here.flange_origin[mine], here.flange_axes[mine]
     point, weight = np.zeros(3), np.ones(len(at))
     for _ in range(8 * _ROUNDS):
@@ -125,7 +121,7 @@ def _point(here: Configuration, mine: Ints, at: Array) -> Array:
 
 
 def _orientation(readings: PositionReadings, here: Configuration, frames: Array, k: int) -> Array:
-    """How a 6D target is turned in the flange frame: the mean over all poses (Procrustes)."""
+    """Rotation of a 6D target in the flange frame: median over all poses, by Procrustes."""
     own = frames[readings.series][:, :3, :3]
     seen = np.isfinite(readings.at[:, k]).all(axis=1)
     each = np.einsum("mji,mkj,mkl->mil", here.flange_axes, own, readings.turn[:, k])[seen]

@@ -1,11 +1,12 @@
-"""Readings of positions that contradict all others, beside the whole model.
+"""Outliers among readings of positions, tested jointly with the whole model.
 
-A reading that is off is a suspect with a column for each of its coordinates, beside all parameters
-and what is known of them before: T = g' N^+ g as in `system.beside`, chi-square over its directions
-by chance. The scatter of the estimate may hold what the suspects do, so a median of all T says how
-large it is, which up to half of them cannot move (Hampel, J. Am. Stat. Assoc. 69, 1974). Whoever
-calls this leaves them out, estimates again, and asks all again until the same ones are out: forward
-search with deletion, as in `system.together`, one of each pose at a time.
+An outlying reading is a suspect with one column per coordinate, estimated together with all
+parameters and their priors: T = g' N^+ g as in `system.beside`, chi-square with as many degrees of
+freedom as it has directions. The estimated scatter may include the outliers, so the median of all T
+determines the variance; it is unaffected while fewer than half of the readings are outliers
+(Hampel, J. Am. Stat. Assoc. 69, 1974). The caller leaves the outliers out, estimates again, and
+tests all readings again until the same ones are found: forward search with deletion, as in
+`system.together`, one reading per pose at a time.
 """
 
 from __future__ import annotations
@@ -27,20 +28,22 @@ from pipeline.system import alarms
 from pipeline.system.together import chance
 
 _TAILS = 3.0
-"""Sums of squares so many times beyond chance are no tail of what is always there."""
+"""Factor by which a sum of squares must exceed its critical value [1], so that readings from the
+heavy tails of ordinary noise are not called outliers."""
 
 _LEAST = 1e-4
-"""Variance below which whitened rows do not scatter [1]: a scatter may hold a hundred times what is
-without the readings that are off."""
+"""Lower limit of the variance of the whitened rows [1]: outliers may have inflated the scatter to a
+hundred times that of the other readings."""
 
 
 class Off(NamedTuple):
-    """Readings that are off.
+    """Outlying readings.
 
     Attributes:
-        which: Of all readings, shape (m, t).
-        size_m: How far each is from where all others put it [m], NaN where not read, shape (m, t).
-        p: Probability that chance makes any reading as far off, shape (m, t).
+        which: Mask of the outliers, shape (m, t).
+        size_m: Distance of each reading from its position according to the model [m], NaN where not
+            read, shape (m, t).
+        p: Probability that chance makes any reading deviate as much, shape (m, t).
     """
 
     which: Bools
@@ -49,16 +52,16 @@ class Off(NamedTuple):
 
 
 def off(found: Identified, readings: PositionReadings, weights: ArmWeights, held: Bools) -> Off:
-    """What is off among readings, each asked beside those that are held to be off.
+    """Find the outliers, testing each reading given those in `held`.
 
-    In each pose the one joins that is farthest off: beside it others of the pose may be where they
-    should. One that is held is asked beside the rest of its pose, and may leave.
+    In each pose only the worst outlier is added, since it may distort others of its pose. A reading
+    in `held` is tested with the other held readings of its pose left out, and may be reinstated.
 
     Args:
-        found: The model that was estimated without those that are held.
+        found: The model, estimated without the readings in `held`.
         readings: All readings.
-        weights: What pulled at the arm.
-        held: Readings that are held to be off, shape (m, t).
+        weights: Gravity and payloads on the arm.
+        held: Readings presently taken for outliers, shape (m, t).
     """
     free = _Asked.of(found, readings, weights, held)
     which, p = _farthest(free), free.p(free.variance)
@@ -73,11 +76,11 @@ def off(found: Identified, readings: PositionReadings, weights: ArmWeights, held
 
 @dataclass(frozen=True, eq=False)
 class _Asked(Locked):
-    """What each reading would add by itself.
+    """Test statistics of each reading as a single outlier.
 
     Attributes:
-        drop: How far the sum of squares falls by it, shape (m, t).
-        rank: In how many directions, 0 where it is not asked, shape (m, t).
+        drop: Decrease of the sum of squares if it is an outlier, shape (m, t).
+        rank: Number of its testable directions, 0 where it is not tested, shape (m, t).
         dof: Rows minus parameters.
     """
 
@@ -98,32 +101,32 @@ class _Asked(Locked):
 
     @property
     def variance(self) -> float:
-        """Of the whitened rows, as half of the readings show it."""
+        """Variance of the whitened rows, from the median test statistic."""
         there = self.rank > 0
         ratio = self.drop[there] / special.chdtri(self.rank[there], 0.5)
         return max(float(np.median(ratio)), _LEAST) if there.any() else 1.0
 
     def far(self, variance: float) -> Bools:
-        """Readings that are `_TAILS` times farther off than chance throws any, shape (m, t)."""
+        """Readings beyond `_TAILS` times the critical value of the whole family, shape (m, t)."""
         tests = max(int((self.rank > 0).sum()), 1)
         limit = special.chdtri(np.maximum(self.rank, 1), alarms.READING / tests)
         return np.asarray((self.rank > 0) & (self.drop > _TAILS * limit * variance))
 
     def p(self, variance: float) -> Array:
-        """Chance that any is as far off, shape (m, t)."""
+        """Probability by chance that any reading deviates as much, shape (m, t); may exceed 1."""
         tests = int((self.rank > 0).sum())
         return tests * chance(self.drop, self.rank, variance, self.dof)
 
 
 def _farthest(asked: _Asked) -> Bools:
-    """In each pose the reading that is farthest off, where it is."""
+    """The worst outlier of each pose that has any, as a mask, shape (m, t)."""
     far = asked.far(asked.variance)
     best = np.argmax(np.where(far, asked.drop, -1.0), axis=1)
     return far & (np.arange(far.shape[1]) == best[:, None])
 
 
 def _columns(W: Array, here: Linear, six: Bools) -> Array:
-    """Whitened columns of the coordinates that were read, (m, r, t, 3), or 6 where any is 6D."""
+    """Whitened unit columns of the coordinates read, (m, r, t, 3), or (..., 6) where any is 6D."""
     every = np.zeros((*W.shape[:2], here.read.shape[1]))
     every[..., here.used] = W
     each = (every * here.read[:, None, :]).reshape(*W.shape[:2], -1, 6)
@@ -131,7 +134,7 @@ def _columns(W: Array, here: Linear, six: Bools) -> Array:
 
 
 def _each(white: ReadRows, D: Array, found: Identified) -> tuple[Array, Ints]:
-    """How far the sum of squares falls by each suspect alone, and its directions, (m, t)."""
+    """Decrease of the sum of squares by each suspect alone, and its rank, (m, t) each."""
     solution = solved(white, found.mechanism, found.known)
     e = white.y - white.along(solution.x)
     whole = np.einsum("mrti,mrtj->mtij", D, D)

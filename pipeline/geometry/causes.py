@@ -1,13 +1,13 @@
-"""What the catalogue says of positions: laws that it lists, and which of all causes are there.
+"""Causes of the catalogue in positions: which laws are estimated, and which causes are present.
 
-A cause is a group of parameters b of the estimate. Where the readings say N of it and what they say
-of it is b, the rest estimated beside,
+A cause is a group of parameters b of the estimate, estimated together with all others. With the
+information N of the readings about b,
 
     T = b' N b,    N = C_b^-1 - P_b,
 
-with C_b the covariance after and P_b the precision before the readings. T is held against the
-largest of any cause in copies whose residuals have flipped signs (`search.flips`), and a cause is
-there if it then predicts poses that were left out better.
+where C_b is the posterior covariance and P_b the prior precision. T is compared with the largest of
+any cause in copies whose residuals have flipped signs (`search.flips`); a cause is present if it
+also improves the prediction of left-out poses.
 """
 
 from __future__ import annotations
@@ -34,26 +34,27 @@ from pipeline.system import alarms
 
 
 class Amount(NamedTuple):
-    """One parameter of a cause, SI, with its standard uncertainty."""
+    """One parameter of a cause in SI units, with its standard uncertainty and its meaning."""
 
     name: str
     unit: str
     value: float
     std: float
+    meaning: str
 
 
 @dataclass(frozen=True)
 class TableLaw:
-    """What the catalogue knows and the readings call for.
+    """A cause of the catalogue that the readings call for.
 
     Attributes:
-        name: A word of the list of causes.
-        where: Joint from 1, `upper_arm`, `forearm`, or None where it can act in one place only.
-        form: Which mathematical form.
+        name: Name in the list of causes (docs/causes.md).
+        where: Joint from 1, `upper_arm`, `forearm`, or None where there is one place only.
+        form: Form of the law.
         amounts: Its parameters.
-        p: Chance of so much of any cause in readings without one.
-        gain: At left-out neighbours in time.
-        carried: At left-out series, stations or parts of joint space.
+        p: Probability that any cause appears as large in readings without one.
+        gain: Reduction of the error at left-out poses whose neighbours in time are kept.
+        carried: Reduction of the error at left-out series, stations or parts of joint space.
     """
 
     name: str
@@ -66,24 +67,24 @@ class TableLaw:
 
 
 class Listed(NamedTuple):
-    """A law of a joint that the catalogue has; without a name one that any gear may have."""
+    """A joint law and its cause in the catalogue; an empty name where any gear may have it."""
 
     name: str
     law: JointLaw
 
 
 _WAVES = (1.0, 2.0, 3.0)
-"""Periods per turn of a joint: an eccentric wheel, an oval one, three bolts. Of less than a period
-a wave is any curve, and says nothing of angles beyond."""
+"""Periods per turn of a joint [1]: an eccentric wheel, an oval one, three bolts. A wave over less
+than a period cannot be told from any other curve, and does not predict angles beyond."""
 
 
 def listed(robot: Robot, q: Array, tau: Array) -> tuple[Listed, ...]:
-    """Laws that are estimated in any case, each as large as the readings call for.
+    """Laws that are always estimated, with the magnitudes that the readings show.
 
     Args:
         robot: The robot.
-        q: Joint values that were taken [m] or [rad], shape (m, n).
-        tau: Torque of its weight on each joint [N m], shape (m, n); zero where it is not known.
+        q: Joint values of the readings [m] or [rad], shape (m, n).
+        tau: Torque of the weight on each joint [N m], shape (m, n); zero where unknown.
     """
     return tuple(_listed(robot, q, tau))
 
@@ -98,7 +99,7 @@ def _listed(robot: Robot, q: Array, tau: Array) -> Iterator[Listed]:
 
 
 def _waves(joint: int, shoulder: bool, span: float) -> Iterator[Listed]:
-    """Waves over the angle of a joint; those of a balanced shoulder are its compensator's."""
+    """Waves over a joint's angle; for a balanced shoulder the first two are its compensator's."""
     for order in _WAVES:
         name = "compensator" if shoulder and order < _WAVES[-1] else ""
         if name or order * span > np.pi:
@@ -114,7 +115,7 @@ class _Group(NamedTuple):
 
 
 def _groups(found: Identified, names: tuple[Listed, ...]) -> Iterator[_Group]:
-    """Every cause of the catalogue in the model, with the places of its parameters."""
+    """Every cause of the catalogue in the model, with the indices of its parameters."""
     mechanism, where = found.mechanism, layout(found.mechanism)
     x, std = found.solution.x, np.sqrt(np.diag(found.solution.cov))
     first = where.yields.start
@@ -122,7 +123,7 @@ def _groups(found: Identified, names: tuple[Listed, ...]) -> Iterator[_Group]:
         at = np.arange(first, first + len(effect.parameters))
         first = int(at[-1]) + 1
         amounts = tuple(
-            Amount(one.name, one.unit, float(x[k]), float(std[k]))
+            Amount(one.name, one.unit, float(x[k]), float(std[k]), one.meaning)
             for one, k in zip(effect.parameters, at, strict=True)
         )
         yield _Group(TableLaw(effect.name, effect.where, effect.form, amounts), at)
@@ -133,7 +134,7 @@ def _groups(found: Identified, names: tuple[Listed, ...]) -> Iterator[_Group]:
 def _of_laws(
     mechanism: Mechanism, names: tuple[Listed, ...], first: int, x: Array, std: Array
 ) -> Iterator[_Group]:
-    """Laws of one name and joint together."""
+    """One group for all laws of the same name and joint."""
     parts: dict[tuple[str, int], list[int]] = {}
     said: dict[tuple[str, int], list[Amount]] = {}
     for name, law in names:
@@ -150,17 +151,26 @@ def _of_laws(
 
 def _amounts(name: str, law: JointLaw, x: Array, std: Array) -> Iterator[Amount]:
     if name == "rail_scale":
-        yield Amount("scale", "1", float(x[0]) / law.scale, float(std[0]) / law.scale)
+        value, spread = float(x[0]) / law.scale, float(std[0]) / law.scale
+        yield Amount("scale", "1", value, spread, "error of the pitch of the rack")
     else:
         for part, a, s in zip(("cos", "sin"), x, std, strict=True):
-            yield Amount(f"turn_{part}{law.order:g}", "rad", float(a), float(s))
+            said = f"{part} part of order {law.order:g} of the shoulder's deflection"
+            yield Amount(f"turn_{part}{law.order:g}", "rad", float(a), float(s), said)
 
 
-_MOTIONS = ("x", "y", "z", "rx", "ry", "rz")
+_MOTIONS = {
+    **{axis: f"rms deviation of the rail along {axis}" for axis in "xyz"},
+    **{f"r{axis}": f"rms rotation of the rail about {axis}" for axis in "xyz"},
+}
+"""Motions of a carriage along its bed: the letters of each, and what its size is called."""
 
 
 def _of_bed(found: Identified) -> Iterator[_Group]:
-    """The six curves of a bed, by their rms over the poses about straight lines and means."""
+    """The six curves of the bed as one group, each by its rms over the poses.
+
+    A mean, and for translations also a straight line, is removed first.
+    """
     mechanism, n = found.mechanism, found.mechanism.table.n
     at, amounts, places = layout(mechanism).knots.start, [], []
     q = found.readings.q[:, 0]
@@ -171,27 +181,26 @@ def _of_bed(found: Identified) -> Iterator[_Group]:
         if curve.screw < n:
             continue
         axis, rows = curve.screw - n, curve.rows(q).toarray()
-        free = plain if axis < 3 else plain[:, :1]  # a tilted line is a turned frame
+        free = plain if axis < 3 else plain[:, :1]  # a tilted line is a rotation of the frame
         rows = rows - free @ linear.least_squares(free, rows)
         f, cov = rows @ found.solution.x[part], found.solution.cov[np.ix_(part, part)]
         rms = linear.rms(f)
         slope = rows.T @ f / len(f) / max(rms, 1e-300)
-        unit = "m" if axis < 3 else "rad"
-        amounts.append(
-            Amount(f"s_{_MOTIONS[axis]}", unit, rms, float(np.sqrt(slope @ cov @ slope)))
-        )
+        unit, spread = "m" if axis < 3 else "rad", float(np.sqrt(slope @ cov @ slope))
+        letters, meaning = list(_MOTIONS.items())[axis]
+        amounts.append(Amount(f"s_{letters}", unit, rms, spread, meaning))
         places.append(part)
     if places:
         yield _Group(TableLaw("rail_shape", None, "", tuple(amounts)), np.concatenate(places))
 
 
 def weight(found: Identified) -> TableLaw:
-    """The weight of an arm of which nobody states masses: what of it the readings show.
+    """Sag of an arm whose masses are not stated, as far as the readings determine it.
 
-    A joint sags by its compliance times the moment of what it carries. Their product is known, M
-    the largest difference of that moment between two poses if the joint is as stiff as its file
-    says. Mass and stiffness are told apart (form `masses`) where payloads have told the
-    compliances, else form is `moments`.
+    A joint sags by its compliance times the moment of the masses it carries, and the readings
+    determine this product. M is the largest difference of that moment between two poses if the
+    joint has its nominal stiffness. Form is `masses` where payloads separate mass from stiffness
+    (relative uncertainty of the compliances below `_APART`), else `moments`.
     """
     mechanism, where = found.mechanism, layout(found.mechanism)
     cov, x = found.solution.cov, found.solution.x
@@ -213,17 +222,19 @@ def weight(found: Identified) -> TableLaw:
         nominal = mechanism.table.nominal_compliance[j]
         value, spread = c[j] * most[j], float(np.sqrt(slope @ cov[np.ix_(at, at)] @ slope))
         if spread < abs(value):
-            amounts.append(Amount(f"M_{joint.name}", "N m", value / nominal, spread / nominal))
+            size = value / nominal, spread / nominal
+            meaning = f"moment of the arm's weight on {joint.name}"
+            amounts.append(Amount(f"M_{joint.name}", "N m", *size, meaning))
             apart.append(std[j] < _APART * abs(c[j]))
     form = "masses" if apart and all(apart) else "moments"
     return TableLaw("gravity_sag", None, form, tuple(amounts))
 
 
 OTHER_MASSES = "other masses"
-"""Form of a sag by which links weigh other than their file states."""
+"""Form of a sag by links whose masses differ from the robot file."""
 
 _APART = 0.2
-"""Relative uncertainty of a compliance below which mass and stiffness are told apart."""
+"""Relative uncertainty of a compliance below which mass and stiffness count as separated [1]."""
 
 
 # --- which are there ------------------------------------------------------------------------------
@@ -232,13 +243,13 @@ _APART = 0.2
 def causes(
     found: Identified, names: tuple[Listed, ...], signs: Array, judge: Judge
 ) -> tuple[TableLaw, ...]:
-    """What of the catalogue the readings call for, the largest gain first.
+    """Causes of the catalogue that the readings call for, the largest gain first.
 
     Args:
         found: The estimate.
-        names: What its first laws are.
-        signs: Of copies whose residuals have other signs, shape (copies, m).
-        judge: Of what was left out.
+        names: Causes of its first laws.
+        signs: Signs of the residuals in the copies, shape (copies, m).
+        judge: Gains at left-out poses.
     """
     groups = list(_groups(found, names))
     out = []
@@ -251,7 +262,7 @@ def causes(
 
 
 def renewed(every: Sequence[TableLaw], found: Identified) -> tuple[TableLaw, ...]:
-    """Causes with the sizes that another estimate of the same model has."""
+    """The same causes with the magnitudes of another estimate of the same model."""
     now = {(one.cause.name, one.cause.where): one.cause for one in _groups(found, ())}
     if found.mechanism.unknown:
         now["gravity_sag", None] = weight(found)
@@ -264,7 +275,7 @@ def renewed(every: Sequence[TableLaw], found: Identified) -> tuple[TableLaw, ...
 
 
 def chances(found: Identified, groups: Sequence[Ints | slice], signs: Array) -> list[float]:
-    """Chance of as much of any of some groups of parameters in the copies, of each group."""
+    """Probability, for each group of parameters, that any group has as large a T in the copies."""
     if not groups:
         return []
     copies, every = search.score(found, signs).x, np.arange(len(found.solution.x))
@@ -274,13 +285,13 @@ def chances(found: Identified, groups: Sequence[Ints | slice], signs: Array) -> 
 
 
 def _physical(cause: TableLaw) -> bool:
-    """Springs that are negative for certain are none."""
+    """False for springs whose compliances are all estimated negative."""
     springs = [one for one in cause.amounts if one.name.startswith("c_")]
     return not springs or any(one.value > 0 for one in springs)
 
 
 def _explained(found: Identified, P: Array, at: Ints, copies: Array) -> Array:
-    """T of the readings and of copies, shape (1 + copies,)."""
+    """T of the readings and of the copies, shape (1 + copies,)."""
     mean = np.zeros(len(P))
     mean[: len(found.known.mean)] = found.known.mean
     x = np.column_stack([found.solution.x - mean, copies])[at]
@@ -296,4 +307,5 @@ def _explained(found: Identified, P: Array, at: Ints, copies: Array) -> Array:
 
 
 _SEEN = 1e-3
-"""Part of a cause's variance that the readings have to take away to say anything."""
+"""Minimum fraction of the variance of a cause that the readings must remove to be
+informative [1]."""

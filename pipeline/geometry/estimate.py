@@ -1,10 +1,10 @@
-"""Weighted least squares for a mechanism: table, tool, frames, springs, laws and curves at once.
+"""Regularised least squares for a mechanism: all kinematic and elastic parameters, laws and curves.
 
-    sum over poses |W (y - D x - Z K k)|^2  +  sum ((x - x0) / sigma)^2  +  k' C^-1 k  is smallest
+    sum over poses |W (y - D x - Z K k)|^2  +  sum ((x - x0) / sigma)^2  +  k' C^-1 k  -> minimum
 
-with W'W = V^-1 of `scatter`, what is stated or usual x0 +- sigma, and C the covariance of the
-curves' knots. The scale of the priors (how rough a table is, how large a curve) is estimated too
-(MacKay, Neural Computation 4, 1992).
+with W'W = V^-1 of `scatter`, priors x0 +- sigma as stated or usual, and C the covariance of the
+curves' knots k. The scales of the priors (roughness of the DH parameters, size of the curves) are
+estimated, too (MacKay, Neural Computation 4, 1992).
 """
 
 from __future__ import annotations
@@ -26,36 +26,38 @@ from pipeline.geometry.yielding import sizes, usual
 from pipeline.machine.stance import soften
 
 ROUGH = {False: 1e-3, True: 1e-3}
-"""How far a length [m] and an angle [rad] of a table are off as delivered, where its file does not
-say: Nubiola and Bonev (Robotics and Computer-Integrated Manufacturing 29, 2013) found 0.1 to 2 mm
-and mrad on an industrial robot."""
+"""Standard deviation of lengths [m] and angles [rad] of the DH parameters as delivered, where the
+robot file states none: Nubiola and Bonev (Robotics and Computer-Integrated Manufacturing 29, 2013)
+found 0.1 to 2 mm and mrad on an industrial robot."""
 
 BEYOND = 5.0
-"""A letter so many times rougher than the others, or than stated, is none of them."""
+"""Ratio to the roughness of the other parameters, or to the stated one, beyond which a parameter
+gets a standard deviation of its own [1]."""
 
 _LOOSE = 1e3
-"""Standard deviation of what nothing is known of: frames, tool [m] or [rad], amplitudes [rad]."""
+"""Prior standard deviation of parameters of which nothing is known: frames and tool [m or rad]."""
 
 HELD = 1e-12
-"""Standard deviation of what is not estimated."""
+"""Standard deviation of a parameter that is held fixed, in its own unit."""
 
 _WAVE = 3e-4
-"""Amplitude of a law before any data [m] or [rad]: an arc minute, as data sheets of reducers state
-their transmission error and their lost motion."""
+"""Prior standard deviation of a law's amplitude [m or rad]: an arc minute, as data sheets of
+reducers state their transmission error and their lost motion."""
 
 
 @dataclass(frozen=True, eq=False)
 class Prior(Locked):
-    """What is known of the parameters before any data.
+    """Prior of the dense parameters, that is of all except the knots of curves.
 
     Attributes:
-        mean: Shape (dense,).
-        std: Shape (dense,).
-        turns: Which letters are angles, shape (k,).
-        free: Letters that are off by far more than the rest of the table, shape (k,).
-        most: How rough those of groups are at most, shape (dense,).
-        groups: Parameters that are rough alike, if they are there at all: elements and laws.
-        stated: Roughness of lengths and of angles that the robot file states; NaN where not.
+        mean: Prior mean, shape (dense,).
+        std: Prior standard deviation, shape (dense,).
+        turns: Which DH parameters are angles, shape (k,).
+        free: DH parameters that are off by far more than the others, shape (k,).
+        most: Upper limit of `std` for those of `groups`, shape (dense,).
+        groups: Slices of parameters with a common scale, one per elastic element and per law.
+        stated: Roughness of lengths [m] and of angles [rad] in the robot file; NaN where not
+            stated.
     """
 
     mean: Array
@@ -67,13 +69,13 @@ class Prior(Locked):
     stated: tuple[float, float]
 
     def roughness(self, turns: bool) -> float:
-        """Of lengths [m] or of angles [rad], as found so far."""
+        """Present roughness of lengths [m] or of angles [rad]."""
         mine = (self.turns == turns) & ~self.free
         return float(self.std[: len(self.turns)][mine][0]) if mine.any() else ROUGH[turns]
 
 
 def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads) -> Prior:
-    """What is usual, about the nominal table and nominal stiffnesses, and what is stated."""
+    """Prior about the nominal DH parameters and stiffnesses, from usual and stated sizes."""
     where, robot = layout(mechanism), mechanism.table
     mean, std = np.zeros(where.dense), np.full(where.dense, _LOOSE)
     turns = np.array([letter.turns for letter in mechanism.letters], dtype=bool)
@@ -92,7 +94,7 @@ def prior(mechanism: Mechanism, stated: tuple[float, float], payloads: Payloads)
 
 
 def _groups(mechanism: Mechanism) -> Iterator[slice]:
-    """Where the parameters of each element and of each law stand."""
+    """Slices of the parameters of each elastic element and of each law."""
     where = layout(mechanism)
     for start, counts in (
         (where.yields.start, [len(one.parameters) for one in mechanism.elements]),
@@ -104,17 +106,17 @@ def _groups(mechanism: Mechanism) -> Iterator[slice]:
 
 @dataclass(frozen=True, eq=False)
 class ReadRows(Locked):
-    """Whitened rows that were read at any pose, and the sums that every solution needs.
+    """Whitened rows of all poses, and the products that every solution needs.
 
     All rows of a pose lie between the same two knots of each of c curves.
 
     Attributes:
-        D: Derivatives by all parameters but the knots, shape (m, r, dense).
+        D: Derivatives by all parameters except the knots, shape (m, r, dense).
         K: Derivatives by the two knots of each curve, shape (m, r, 2 c).
-        at: Which knots these are, shape (m, 2 c).
-        knots: Number of all knots.
-        y: What they are to explain, absolute: residual + X x at the point of linearisation, (m, r).
-        W: Whitening of each pose, shape (m, r, r).
+        at: Indices of these knots, shape (m, 2 c).
+        knots: Total number of knots.
+        y: Left-hand side in absolute parameters: residual + X x at the linearisation point, (m, r).
+        W: Whitening matrix of each pose, shape (m, r, r).
     """
 
     D: Array
@@ -133,19 +135,19 @@ class ReadRows(Locked):
 
     @cached_property
     def N(self) -> Array:
-        """X'X."""
+        """X'X with X = [D, K], shape (size, size)."""
         D, K = self.D.reshape(-1, self.D.shape[2]), self._sparse
         both = K.T @ D
         return np.block([[D.T @ D, both.T], [both, (K.T @ K).toarray()]])
 
     @cached_property
     def b(self) -> Array:
-        """X'y."""
+        """X'y, shape (size,)."""
         D, y = self.D.reshape(-1, self.D.shape[2]), self.y.ravel()
         return np.concatenate([D.T @ y, self._sparse.T @ y])
 
     def of(self, which: Bools) -> ReadRows:
-        """The rows of some poses, (m,)."""
+        """The rows of the poses in a mask, (m,)."""
         return ReadRows(
             self.D[which],
             self.K[which],
@@ -175,7 +177,7 @@ class ReadRows(Locked):
 
 
 def rows(about: Linear, mechanism: Mechanism, scatter: PoseScatter) -> ReadRows:
-    """Whitened rows about a mechanism."""
+    """Whitened rows linearised about a mechanism."""
     W, used = scatter.whitening(about), about.used
     K, at = between_knots(mechanism.curves, about.inputs.q, W @ about.Z[:, used])
     knots = sum(curve.count for curve in mechanism.curves)
@@ -185,12 +187,12 @@ def rows(about: Linear, mechanism: Mechanism, scatter: PoseScatter) -> ReadRows:
 
 
 def between_knots(curves: Sequence[Curve], q: Array, Z: Array) -> tuple[Array, Ints]:
-    """Derivatives by the two knots of each curve, (m, r, 2 c), and which knots they are, (m, 2 c).
+    """Derivatives by the two knots of each curve, (m, r, 2 c), and these knots' indices, (m, 2 c).
 
     Args:
-        curves: c of them.
+        curves: The c curves.
         q: Joint values [m] or [rad], shape (m, n).
-        Z: Derivatives by joints and bed, shape (m, r, n + 6).
+        Z: Derivatives by motions of joints and bed, shape (m, r, n + 6).
     """
     K = np.empty((*Z.shape[:2], 2 * len(curves)))
     at, before = np.empty((len(q), 2 * len(curves)), dtype=np.int64), 0
@@ -205,12 +207,12 @@ def between_knots(curves: Sequence[Curve], q: Array, Z: Array) -> tuple[Array, I
 
 @dataclass(frozen=True, eq=False)
 class Posterior(Locked):
-    """What rows and priors say.
+    """Estimate from rows and priors.
 
     Attributes:
         x: The parameters.
         cov: Their covariance.
-        evidence: Log of the likelihood of the rows, whatever the parameters are.
+        evidence: Logarithm of the marginal likelihood of the whitened rows.
     """
 
     x: Array
@@ -219,7 +221,7 @@ class Posterior(Locked):
 
 
 def precision(mechanism: Mechanism, known: Prior) -> tuple[Array, float]:
-    """Inverse covariance of the parameters before any data, and the log of its determinant."""
+    """Prior precision of all parameters including the knots, and the log of its determinant."""
     where = layout(mechanism)
     P = np.zeros((where.size, where.size))
     head = np.arange(where.dense)
@@ -233,14 +235,14 @@ def precision(mechanism: Mechanism, known: Prior) -> tuple[Array, float]:
 
 
 def _inverse(curve: Curve) -> tuple[Array, float]:
-    """Inverse covariance of a curve's knots, and the log of its determinant."""
+    """Prior precision of a curve's knots, and the log of its determinant."""
     own, log_det = _of_unit_size(curve.first, curve.spacing, curve.count, curve.length)
     return own / curve.size**2, -log_det - 2 * curve.count * float(np.log(curve.size))
 
 
 @lru_cache(maxsize=64)
 def _of_unit_size(first: float, spacing: float, count: int, length: float) -> tuple[Array, float]:
-    """Inverse of the shape of such knots, which no size changes, and its log determinant."""
+    """Inverse correlation of the knots, and the log determinant of the correlation itself."""
     own = linear.cholesky(Curve(0, first, spacing, count, length, 1.0, 0).shape())
     return own.solve(np.eye(count)), own.log_det
 
@@ -248,14 +250,14 @@ def _of_unit_size(first: float, spacing: float, count: int, length: float) -> tu
 def solve(
     N: Array, b: Array, square: float, prior_of: tuple[Array, float], mean: Array
 ) -> Posterior:
-    """The parameters from products of rows and priors.
+    """Posterior from the products of rows and priors.
 
     Args:
         N: X'X.
         b: X'y.
         square: y'y, for the evidence.
-        prior_of: Inverse covariance before any data, and the log of its determinant.
-        mean: Of the parameters before any data.
+        prior_of: Prior precision, and the log of its determinant.
+        mean: Prior mean.
     """
     P, log = prior_of
     whole, right = factored(N + P), b + P @ mean
@@ -265,9 +267,9 @@ def solve(
 
 
 def factored(A: Array) -> linear.Cholesky:
-    """The factor of a precision, where rounding spoils it with each parameter known better by that.
+    """Cholesky factor of a precision; where rounding makes it indefinite, with a larger diagonal.
 
-    So it is where readings contradict the robot.
+    This happens where readings contradict the robot.
     """
     try:
         return linear.cholesky(A)
@@ -276,11 +278,12 @@ def factored(A: Array) -> linear.Cholesky:
 
 
 _ROUNDING = 1e-9
-"""Part of a precision that sums of thousands of squares of metres in microns may lose."""
+"""Relative increase of the diagonal [1]: what rounding may lose in sums of thousands of squares of
+metres in units of microns."""
 
 
 def solved(rows: ReadRows, mechanism: Mechanism, known: Prior) -> Posterior:
-    """The parameters from all rows; a factor that nobody knows stays where it is."""
+    """Posterior from all rows; with unknown masses, their unknown common factor is damped."""
     N, b, square = rows.N, rows.b, float(np.sum(rows.y**2))
     if mechanism.unknown:
         x0, v = mechanism.at(layout(mechanism)), softened(mechanism)
@@ -292,13 +295,18 @@ def solved(rows: ReadRows, mechanism: Mechanism, known: Prior) -> Posterior:
 
 
 _DAMPED = 0.02
-"""How far springs and weights of unknown masses may part by a common factor in one step [1]."""
+"""Standard deviation of the change of the common factor of stiffnesses and unknown masses in one
+iteration [1]."""
 
 
 def softened(mechanism: Mechanism, x: Array | None = None) -> Array:
-    """Parameters along which springs are softer by a factor, under masses lighter by it.
+    """Direction in which all compliances grow by a factor and all masses fall by it.
 
-    That moves nothing, to first order.
+    To first order this moves nothing, so the readings without known payloads do not determine it.
+
+    Args:
+        mechanism: The mechanism.
+        x: Its parameters; by default its present values.
     """
     where = layout(mechanism)
     x = mechanism.at(where) if x is None else x
@@ -310,11 +318,12 @@ def softened(mechanism: Mechanism, x: Array | None = None) -> Array:
 
 
 def by_a_factor(rows: ReadRows, mechanism: Mechanism, found: Posterior) -> Posterior:
-    """The solution with what springs and weights of unknown masses have in common left open.
+    """Posterior including the uncertainty of the common factor of stiffnesses and unknown masses.
 
-    Springs that are softer by a factor under masses that are lighter by it move nothing. Priors of
-    many links together would know that factor; nobody does. Along v, which has the compliances and
-    minus the moments, the readings say v'X'X v, where payloads are known; the rest is `_FACTOR`.
+    Softer springs under masses lighter by the same factor move nothing. The priors of many links
+    together would determine that factor, but nobody knows it. Along v, which holds the compliances
+    and minus the moments, the readings give the information v'X'X v where payloads are known;
+    otherwise its standard deviation is `_FACTOR`.
     """
     about, end = softened(mechanism), softened(mechanism, found.x)
     var = 1 / (float(about @ rows.N @ about) + _FACTOR**-2)
@@ -322,19 +331,19 @@ def by_a_factor(rows: ReadRows, mechanism: Mechanism, found: Posterior) -> Poste
 
 
 _FACTOR = 1.1
-"""Natural log of how much heavier an arm is than usual for its payload, standard deviation: a
-factor of three, as between arms of long and of short reach."""
+"""Standard deviation of the natural logarithm of an arm's mass over the usual one for its
+payload [1]: a factor of three, as between arms of long and of short reach."""
 
 
 def padded(head: Array, size: int) -> Array:
-    """Numbers with zeros behind."""
+    """The vector `head` extended by zeros to `size`."""
     out = np.zeros(size)
     out[: len(head)] = head
     return out
 
 
 def rougher(known: Prior, found: Posterior) -> Prior:
-    """The prior with the roughness that the letters show; those far beyond it stand alone."""
+    """Prior with the roughness of the estimated DH parameters; outlying ones get their own."""
     k = len(known.turns)
     x, var = found.x[:k], np.diag(found.cov)[:k]
     std, free = known.std.copy(), known.free.copy()
@@ -356,7 +365,7 @@ def rougher(known: Prior, found: Posterior) -> Prior:
 
 
 def _scale(x: Array, var: Array, std: Array) -> float:
-    """By how much parameters are rougher than thought (MacKay's fixed point)."""
+    """Factor by which the parameters exceed their prior scale (MacKay's fixed point), 0.1 to 10."""
     if std[0] <= HELD:
         return 1.0
     known = float(np.sum(1 - np.minimum(var / std**2, 1.0)))
@@ -366,15 +375,15 @@ def _scale(x: Array, var: Array, std: Array) -> float:
 
 
 _UNSEEN = 1e-3
-"""Parameters that are known so little better than before say nothing of how rough they are."""
+"""Minimum effective number of determined parameters [1]; below it their scale stays as it is."""
 
 
 _MEDIAN = 0.4549
-"""Median of the square of a standard normal number."""
+"""Median of the square of a standard normal variable [1]."""
 
 
 def larger(mechanism: Mechanism, found: Posterior) -> Mechanism:
-    """The curves with the size that their knots show (MacKay's fixed point)."""
+    """The mechanism with each curve's size estimated from its knots (MacKay's fixed point)."""
     at, out = layout(mechanism).dense, []
     for curve in mechanism.curves:
         part = slice(at, at + curve.count)
@@ -388,11 +397,11 @@ def larger(mechanism: Mechanism, found: Posterior) -> Mechanism:
 
 
 _SMALLEST = 1e-7
-"""No curve is smaller [m] or [rad]: there is none."""
+"""Lower limit of a curve's size [m or rad], which amounts to no curve."""
 
 
 def again(rows: ReadRows, about: Linear, found: Posterior, scatter: PoseScatter) -> PoseScatter:
-    """The scatter that the residuals show."""
+    """Scatter estimated from the residuals and the uncertainty of the fit."""
     left = rows.y - rows.along(found.x)
     products = left[:, :, None] * left[:, None, :] + rows.variance(found.cov)
     back = linear.regular_inverse(rows.W)

@@ -1,4 +1,4 @@
-"""One estimate of table, tool, frames, springs and laws, linearised where the robot stands."""
+"""Iterated linear estimate of kinematic parameters, tool, frames, compliances and laws."""
 
 from __future__ import annotations
 
@@ -33,38 +33,42 @@ from pipeline.machine.effect import Elastic
 from pipeline.machine.robot import Robot
 
 _FEWEST, _SETTLED, _MOST = 3, 8, 14
-"""Linearisations: at least, with sizes estimated anew, at most. A weight and the spring that it
-turns are a product, which takes more of them than a table that is off by milliradians."""
+"""Numbers of linearisations: minimum, those that re-estimate scatter and prior scales, maximum. The
+product of a weight and the compliance it acts on needs more of them than DH parameters that are off
+by milliradians."""
 
 _STRAIGHT = 0.02
-"""The same of nearly all of them, over the noise of one reading [1]."""
+"""Convergence limit on the change of the residuals in the last linearisation, in standard
+deviations of the noise [1]."""
 _MOST_OF_THEM = 0.98
-"""How far so many of the readings may stand from where the last linearisation has them, in their
-noise; where a torque is about zero, steps of its sign come and go."""
+"""Fraction of the readings that must meet `_STRAIGHT` [1]; where a torque is about zero, steps at
+its sign keep changing."""
 
 _STILL = 2e-3
-"""How far a compliance may come from the last linearisation, over its nominal size."""
+"""Convergence limit on the change of a compliance in the last linearisation, over its nominal
+value [1]."""
 
 _STEPS = (4, 2, 2)
-"""Steps of scatter and sizes before the first linearisation is left, the second, and later ones; an
-estimate that begins where another one ended is beyond the first."""
+"""Number of updates of scatter and prior scales in the first linearisation, the second, and later
+ones; an estimate that starts from an earlier one begins with the second."""
 
 _SIZE = {True: 1e-4, False: 2e-4}
-"""Of a curve before any data: sliding [m], turning [rad]."""
+"""Initial prior size of a curve: sliding [m] (True), rotary [rad] (False)."""
 
 
 @dataclass(frozen=True)
 class Wanted:
-    """What is estimated beside tool and frames.
+    """Model structure: what is estimated in addition to tool and frames.
 
     Attributes:
-        table: Letters of the table.
-        springs: Compliances under the arm's weight.
+        table: Whether the DH parameters are estimated.
+        springs: Whether joint compliances under the arm's weight are estimated.
         laws: Laws of joints.
-        curves: Joints with a curve of their own, from 0, and its length.
-        yields: What may yield beside springs of joints under the arm's weight.
-        moments: Masses and first moments of the links, which no table states, or a wrong one.
-        bed: Length of the curves by which the rail is not straight [m]; None where it is.
+        curves: Joints with a curve of their own, from 0, each with its length [m] or [rad].
+        yields: Elastic elements other than joint springs under the arm's weight.
+        moments: Whether masses and first moments of the links are estimated, because the robot file
+            states none, or wrong ones.
+        bed: Length of the curves of a rail that is not straight [m]; None where it is straight.
     """
 
     table: bool = True
@@ -78,18 +82,18 @@ class Wanted:
 
 @dataclass(frozen=True, eq=False)
 class Identified(Locked):
-    """A mechanism with all that it was estimated from.
+    """An estimated mechanism with all that it was estimated from.
 
     Attributes:
         mechanism: The estimate.
-        readings: What it is of.
-        weights: What pulled at the arm.
-        known: Priors, with their scales as found.
-        scatter: What no model holds.
-        linear: The readings about the estimate.
+        readings: The readings.
+        weights: Gravity and payloads on the arm.
+        known: Priors, with their estimated scales.
+        scatter: Scatter of the readings about the model.
+        linear: The last linearisation, from which `solution` was estimated.
         rows: The same, whitened.
         solution: The parameters with their covariance.
-        wanted: What was estimated.
+        wanted: Structure of the model.
     """
 
     mechanism: Mechanism
@@ -104,12 +108,12 @@ class Identified(Locked):
 
     @property
     def likely(self) -> float:
-        """Log of the likelihood of the readings, whatever the parameters are."""
+        """Logarithm of the marginal likelihood of the readings."""
         return self.solution.evidence + float(linear.log_det(self.rows.W).sum())
 
     @property
     def left(self) -> Array:
-        """Readings minus mechanism [m], [rad], shape (m, 6 t), F_b."""
+        """Residuals: readings minus mechanism [m], [rad], shape (m, 6 t), F_b."""
         e = self.rows.y - self.rows.along(self.solution.x)
         return self.linear.spread(linear.solve(self.rows.W, e))
 
@@ -126,13 +130,13 @@ def identify(
     """Estimate a mechanism.
 
     Args:
-        begun: Where to begin; its laws and curves are those of `wanted` from then on.
-        readings: What it is to explain.
-        weights: What pulled at the arm.
-        wanted: What is estimated.
-        scatter: What no model holds, to begin with.
-        stated: Roughness of lengths [m] and angles [rad] as the robot file states it.
-        known: Priors of an earlier estimate, to begin with.
+        begun: Starting point; its laws and curves are replaced by those of `wanted`.
+        readings: The readings.
+        weights: Gravity and payloads on the arm.
+        wanted: Structure of the model.
+        scatter: Initial scatter of the readings about the model.
+        stated: Roughness of lengths [m] and angles [rad] in the robot file; NaN where not stated.
+        known: Priors of an earlier estimate to start from.
     """
     mechanism = _equipped(begun, readings, wanted)
     shapes = [[(c.screw, c.length) for c in one.curves] for one in (begun, mechanism)]
@@ -163,14 +167,14 @@ def identify(
 
 
 def _steps(turn: int, warm: bool) -> int:
-    """How often scatter and sizes are estimated anew before a linearisation is left."""
+    """Number of updates of scatter and prior scales in one linearisation."""
     if turn >= _SETTLED:
         return 0
     return _STEPS[min(turn + warm, len(_STEPS) - 1)]
 
 
 def _scaled(new: Prior, mechanism: Mechanism, earlier: Prior | None) -> Prior:
-    """Priors of a mechanism with the scales of an earlier estimate."""
+    """The prior `new` with the scales of an earlier estimate, as far as their groups agree."""
     if earlier is None:
         return new
     std = new.std.copy()
@@ -183,7 +187,7 @@ def _scaled(new: Prior, mechanism: Mechanism, earlier: Prior | None) -> Prior:
 
 
 def _only(known: Prior, mechanism: Mechanism, wanted: Wanted) -> Prior:
-    """The prior with everything held that is not to be estimated."""
+    """The prior with DH parameters and compliances held fixed unless they are to be estimated."""
     where = layout(mechanism)
     std, mean = known.std.copy(), known.mean.copy()
     if not wanted.table:
@@ -194,7 +198,7 @@ def _only(known: Prior, mechanism: Mechanism, wanted: Wanted) -> Prior:
 
 
 def _amplitudes(begun: Mechanism, wanted: Wanted) -> Array:
-    """Of the laws that are wanted, where those of before are the first of them."""
+    """Initial amplitudes of the wanted laws: the earlier ones if their laws come first, else 0."""
     count = sum(law.amplitudes for law in wanted.laws)
     if begun.laws != wanted.laws[: len(begun.laws)]:
         return np.zeros(count)
@@ -202,12 +206,12 @@ def _amplitudes(begun: Mechanism, wanted: Wanted) -> Array:
 
 
 def _ends(count: int, far: float, turned: float) -> bool:
-    """Whether so many linearisations are enough: the last one holds, or there were many."""
+    """Whether the iteration ends: it has converged, or reached the maximum number."""
     return count == _MOST or (count >= _FEWEST and far < _STRAIGHT and turned < _STILL)
 
 
 def _equipped(begun: Mechanism, readings: PositionReadings, wanted: Wanted) -> Mechanism:
-    """A mechanism with what is wanted, at zero where it is new."""
+    """The mechanism with the wanted structure, new parameters at zero."""
     size = {one.screw: one.size for one in begun.curves}
     fresh = tuple(
         replace(one, size=size.get(one.screw, one.size))
@@ -236,7 +240,7 @@ def _equipped(begun: Mechanism, readings: PositionReadings, wanted: Wanted) -> M
 
 
 def _curves(robot: Robot, readings: PositionReadings, wanted: Wanted) -> Iterator[curve.Curve]:
-    """Curves of joints, then those of the bed."""
+    """Curves of joints, then the six of the bed."""
     for j, length in wanted.curves:
         slides = bool(robot.prismatic[j])
         yield curve.over(j, readings.q[:, j], slides, length, _SIZE[slides])
@@ -247,9 +251,13 @@ def _curves(robot: Robot, readings: PositionReadings, wanted: Wanted) -> Iterato
 
 
 def likeliest(found: Identified, choices: Sequence[Wanted]) -> Wanted:
-    """What is wanted under which the readings are likeliest, the first choices first.
+    """The first choice after which the evidence of the readings decreases.
 
-    The scatter and all sizes are estimated anew for each, about the same linearisation.
+    Scatter and curve sizes are re-estimated for each, about the same linearisation.
+
+    Args:
+        found: An estimate.
+        choices: Model structures in the order in which they are tried.
     """
     best, taken = -np.inf, choices[0]
     for wanted in choices:

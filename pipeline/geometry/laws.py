@@ -1,7 +1,8 @@
-"""Laws by which a joint turns more than its encoder says, of angle, torque, temperature, time.
+"""Laws by which a joint moves more than its encoder says, over angle, torque, temperature or time.
 
-A law moves one joint by f = sum_k b_k g_k(v): functions g of a variable v, amplitudes b estimated.
-The transmission error over the joint's own angle of whatever shape is `curves.Curve`.
+A law moves one joint by f = sum_k b_k g_k(v), with functions g_k of a variable v and estimated
+amplitudes b_k. A transmission error of arbitrary shape over the joint's own angle is
+`curves.Curve`.
 """
 
 from __future__ import annotations
@@ -19,14 +20,14 @@ Variable = Literal["angle", "torque", "temperature", "time"]
 
 @dataclass(frozen=True, eq=False)
 class Inputs(Locked):
-    """What laws may be of, at m poses.
+    """Variables that laws may depend on, at m poses.
 
     Attributes:
         q: Joint values of the controller [m] or [rad], shape (m, n).
-        tau: Torque of weight on each joint [N m] or [N], shape (m, n).
-        temperature: Of the air [degC], NaN unknown, shape (m,).
-        time: Place of the pose in its series, from 0 to 1; NaN outside of one, shape (m,).
-        series: Number of its series, in the order in which they were measured; NaN likewise, (m,).
+        tau: Torque or force of the weight on each joint [N m] or [N], shape (m, n).
+        temperature: Air temperature [degC], NaN where unknown, shape (m,).
+        time: Position of the pose in its series, from 0 to 1 [1]; NaN outside of any, shape (m,).
+        series: Number of its series, in the order of measurement; NaN outside of any, shape (m,).
     """
 
     q: Array
@@ -36,7 +37,7 @@ class Inputs(Locked):
     series: Array
 
     def part(self, which: Array) -> Inputs:
-        """Some of the poses."""
+        """The inputs of the selected poses."""
         return Inputs(
             self.q[which],
             self.tau[which],
@@ -51,14 +52,16 @@ class JointLaw:
     """One law of one joint.
 
     Attributes:
-        joint: Which it moves, from 1.
+        joint: Joint that it moves, from 1.
         kind: `periodic`, `smooth`, `step` or `coupling`.
         variable: `angle`, `torque`, `temperature` or `time`.
-        source: The joint whose angle or torque it is of, from 1; None for temperature and time.
-        order: Periods per turn (per metre of a sliding joint), or degree of a polynomial.
-        middle: Where a polynomial is zero and a step is, in units of the variable; for a step in
-            time these are series since the first.
-        scale: Unit of a polynomial, in units of the variable: it was taught from -1 to 1.
+        source: Joint whose angle or torque is the variable, from 1; None for temperature and time.
+        order: Angular frequency of a wave [1/rad] (periods per turn) or [1/m], or degree of a
+            polynomial.
+        middle: Zero of a polynomial or position of a step, in units of the variable; for a step in
+            time, series since the first.
+        scale: Half-width of a polynomial's range, in units of the variable: it is fitted from -1 to
+            1.
     """
 
     joint: int
@@ -71,21 +74,21 @@ class JointLaw:
 
     @property
     def amplitudes(self) -> int:
-        """How many amplitudes it has."""
+        """Number of its amplitudes."""
         return 2 if self.periodic else 1
 
     @property
     def periodic(self) -> bool:
-        """A wave over an angle, in whatever phase."""
+        """Whether it is a wave over an angle, with a free phase."""
         return self.kind == "periodic" or (self.kind == "coupling" and self.variable == "angle")
 
     @property
     def once(self) -> bool:
-        """It happens at one time and lasts from then on."""
+        """Whether it is a step in time, which happens once and lasts from then on."""
         return self.kind == "step" and self.variable == "time"
 
     def of(self, inputs: Inputs) -> Array:
-        """The variable at m poses, (m,)."""
+        """Its variable at m poses, (m,)."""
         if self.variable == "temperature":
             return inputs.temperature
         if self.variable == "time":
@@ -94,10 +97,10 @@ class JointLaw:
         return np.asarray(table[:, (self.source or 1) - 1])
 
     def basis(self, inputs: Inputs) -> Array:
-        """g_k at m poses, shape (m, amplitudes); zero where the variable is not known.
+        """g_k at m poses, shape (m, amplitudes); zero where the variable is unknown.
 
-        Beyond where it was taught a polynomial stays as it was at the end, and at no known time a
-        step in time has happened.
+        A polynomial stays constant beyond its range, and where the time is unknown a step in time
+        counts as having happened.
         """
         v = (self.of(inputs) - self.middle) / self.scale
         if self.kind == "step":

@@ -1,7 +1,7 @@
-"""How well poses are predicted that took no part: one part of them left out at a time.
+"""Cross-validation: prediction of poses that are held out, one part at a time.
 
-About one linearisation and with the scatter of all poses, an estimate without a part needs only
-the sums of the rest.
+About one linearisation and with the scatter of all poses, an estimate without a part needs only the
+sums over the others.
 """
 
 from __future__ import annotations
@@ -19,22 +19,22 @@ from pipeline.geometry.mechanism import frame_of
 from pipeline.geometry.readings import PositionReadings
 
 PARTS = 10
-"""Into how many the poses are cut."""
+"""Number of parts into which the poses are divided."""
 
 _ROUNDS = 40
-"""Of Lloyd's algorithm, for parts of joint space."""
+"""Number of iterations of Lloyd's algorithm for the parts of joint space."""
 
 _NOT = 1e-12
-"""Standard deviation of what is not estimated."""
+"""Standard deviation of a parameter that is held fixed, in its own unit."""
 
 
 def by_turns(readings: PositionReadings, parts: int = PARTS) -> Ints:
-    """Every tenth pose in one part, so that what lies between is predicted, (m,)."""
+    """Part of each pose, (m,): every tenth pose, so that neighbours in time remain."""
     return np.arange(len(readings)) % parts
 
 
 def by_space(readings: PositionReadings, rng: np.random.Generator, parts: int = PARTS) -> Ints:
-    """Parts of joint space, by k-means of joint values over their standard deviations, (m,)."""
+    """Part of each pose, (m,): k-means of joint values over their standard deviations."""
     q = readings.q / np.maximum(readings.q.std(axis=0), 1e-9)
     middle = q[rng.choice(len(q), parts, replace=False)]
     for _ in range(_ROUNDS):
@@ -45,7 +45,7 @@ def by_space(readings: PositionReadings, rng: np.random.Generator, parts: int = 
 
 
 def errors(found: Identified, part: Ints) -> Array:
-    """Reading minus prediction of each pose, by an estimate without its part, (m, 6 t), F_b.
+    """Reading minus prediction of each pose by an estimate without its part, (m, 6 t), F_b.
 
     Where a whole series is left out, its frame is fitted to its own readings.
 
@@ -57,14 +57,14 @@ def errors(found: Identified, part: Ints) -> Array:
 
 
 class LeftOut:
-    """Estimates without each part of the poses, for several questions about one of them."""
+    """Estimates without each part of the poses, kept for several evaluations."""
 
     def __init__(self, found: Identified, part: Ints) -> None:
         self._found = found
         self._parts = [_without(found, part == k) for k in np.unique(part)]
 
     def errors(self, held: slice | Ints | None = None) -> Array:
-        """As `errors`, also with some parameters held at what they were before any data."""
+        """As `errors`; parameters in `held` are held at their prior mean."""
         out = np.empty(self._found.linear.y.shape)
         for one in self._parts:
             own = self._found.rows.of(one.mine)
@@ -77,14 +77,14 @@ class LeftOut:
 
 @dataclass(frozen=True, eq=False)
 class _Without(Locked):
-    """An estimate without a part.
+    """An estimate without one part.
 
     Attributes:
-        mine: Poses of the part, (m,).
-        known: Factors of the precision that the others give.
-        x: The parameters from these.
-        mean: Of the parameters before any data.
-        alone: Of each series that is left out as a whole, derivatives by its frame, and its poses.
+        mine: Mask of the poses of the part, (m,).
+        known: Cholesky factor of the precision from the other parts and the priors.
+        x: The parameters estimated from them.
+        mean: Prior mean of the parameters.
+        alone: For each series left out as a whole, derivatives by its frame, and mask of its poses.
     """
 
     mine: Bools
@@ -94,9 +94,10 @@ class _Without(Locked):
     alone: tuple[tuple[Array, Bools], ...]
 
     def holding(self, held: slice | Ints) -> Array:
-        """The parameters on the condition that some are as before any data.
+        """The parameters under the condition that those in `held` equal their prior mean.
 
-        x - C E (E' C E)^-1 E' (x - x0), C the covariance, E the columns of unity of what is held.
+        x - C E (E' C E)^-1 E' (x - x0), where C is the covariance and E the unit columns of those
+        held.
         """
         unity = np.eye(len(self.x))[:, held]
         moves = self.known.solve(unity)
@@ -117,7 +118,7 @@ def _without(found: Identified, mine: Bools) -> _Without:
 
 
 def _aligned(D: Array, e: Array, mine: Bools) -> Array:
-    """Whitened residuals (m, r) of a series beside a frame of its own, derivatives (m, r, 6)."""
+    """Whitened residuals (m, r) after fitting the series' own frame, derivatives (m, r, 6)."""
     out = e.copy()
     K = D[mine].reshape(-1, 6)
     x = linear.least_squares(K, e[mine].reshape(-1))
@@ -126,7 +127,7 @@ def _aligned(D: Array, e: Array, mine: Bools) -> Array:
 
 
 def distances(errors: Array, read: Bools) -> Array:
-    """Length of each position's error [m], NaN where it was not read, shape (m, t)."""
+    """Norm of each position error [m], NaN where it was not read, shape (m, t)."""
     m = len(errors)
     off = errors.reshape(m, -1, 6)[..., :3]
     seen = read.reshape(m, -1, 6)[..., :3].all(axis=2)

@@ -1,13 +1,14 @@
-"""A robot as it stands: its table corrected, its tool, the instrument's frames, what bends it.
+"""Model of a real robot: corrected DH parameters, tool, instrument frames, compliances and laws.
 
-To first order in everything small, a reading in F_b is where the mechanism is, moved by
+To first order in all small quantities, a reading in F_b differs from the mechanism by
 
     D x + Z (C tau + f(q)) + Z C T_k d_k + Z e + noise
 
-with x the letters of the table, tool and frames, Z the joints' own motions, C their compliances
-under the weight tau, f their laws and curves, d_k how far mass and centre of the payload k of that
-pose are from what is stated and T_k the torque of that, and e an error of each joint at each pose
-that no model holds (repeatability, transmission), alike for all readings of the pose.
+with x the DH parameters, tool and frames, Z the derivatives by the joint values, C the joint
+compliances under the torques tau of the weight, f the laws and curves of the joints, d_k the
+deviation of mass and centre of that pose's payload k from their stated values and T_k the torques
+it causes, and e an unmodelled error of each joint at each pose (repeatability, transmission),
+common to all readings of the pose.
 """
 
 from __future__ import annotations
@@ -34,13 +35,14 @@ from pipeline.machine.robot.weight import by_moments, carried, payload_torques, 
 
 @dataclass(frozen=True, eq=False)
 class Payloads(Locked):
-    """Payloads as campaign.toml states them.
+    """Payloads as stated in campaign.toml.
 
     Attributes:
         names: Shape (p,).
-        mass: [kg], shape (p,).
+        mass: Masses [kg], shape (p,).
         centre: Centres of mass, flange frame [m], shape (p, 3).
-        std: Standard uncertainties of the mass and of the centre along x, y, z, shape (p, 4).
+        std: Standard uncertainties of the mass [kg] and of the centre along x, y, z [m],
+            shape (p, 4).
     """
 
     names: tuple[str, ...]
@@ -55,11 +57,11 @@ class Payloads(Locked):
 
 @dataclass(frozen=True, eq=False)
 class ArmWeights(Locked):
-    """What pulls at the arm: gravity, and a payload at each pose.
+    """Loads on the arm: gravity, and a payload at each pose.
 
     Attributes:
         gravity: Acceleration in F_b [m/s^2], shape (3,).
-        payloads: All that are known.
+        payloads: All payloads.
         carried: Payload of each pose, 0 for none, k + 1 for `payloads.names[k]`, shape (m,).
     """
 
@@ -69,25 +71,26 @@ class ArmWeights(Locked):
 
     @property
     def any(self) -> bool:
-        """Whether a payload is carried anywhere."""
+        """Whether any pose carries a payload."""
         return bool(self.carried.any())
 
     def part(self, which: Array | Ints) -> ArmWeights:
-        """Those of some poses."""
+        """The loads of the selected poses."""
         return replace(self, carried=self.carried[which])
 
     def at_poses(self, off: Array) -> tuple[Array, Array]:
         """Mass (m,) [kg] and centre (m, 3) [m] of the payload at each pose; 0 without one.
 
         Args:
-            off: How far mass and centre of each payload are from what is stated, shape (p, 4).
+            off: Deviation of mass [kg] and centre [m] of each payload from the stated one,
+                shape (p, 4).
         """
         mass = np.append(0.0, self.payloads.mass + off[:, 0])
         centre = np.vstack([np.zeros(3), self.payloads.centre + off[:, 1:]])
         return mass[self.carried], centre[self.carried]
 
     def by_payload(self, torques: Array) -> Array:
-        """Derivatives (m, n, 4) by the payload of each pose, for all payloads, (m, n, 4 p)."""
+        """Derivatives (m, n, 4) by each pose's own payload, for all payloads, (m, n, 4 p)."""
         of = self.carried[:, None] == 1 + np.arange(len(self.payloads))
         each = torques[:, :, None, :] * of[:, None, :, None]
         return np.asarray(each.reshape(*torques.shape[:2], 4 * len(self.payloads)))
@@ -95,23 +98,24 @@ class ArmWeights(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Mechanism(Locked):
-    """What is known of a robot.
+    """Complete model of a robot, its tool and the frames of the instrument.
 
     Attributes:
-        table: The robot as its file has it.
-        values: How far each letter is off [m] or [rad], shape (k,).
+        table: The robot with its DH parameters as in its file.
+        values: Deviation of each DH parameter from the table [m] or [rad], shape (k,).
         tool: Frame of each target in the flange frame, shape (t, 4, 4).
         frames: F_b in the frame of the instrument, for each series, shape (s, 4, 4).
-        compliance: Of each joint [m/N] or [rad/(N m)], 0 where none is estimated, shape (n,).
-        payload: How far mass [kg] and centre [m] of each payload are from what is stated, (p, 4).
+        compliance: Compliance of each joint [m/N] or [rad/(N m)], 0 where not estimated,
+            shape (n,).
+        payload: Deviation of mass [kg] and centre [m] of each payload from the stated one, (p, 4).
         moments: Mass [kg] and first moment in its frame [kg m] of each link, shape (n, 4).
-        unknown: The moments are estimated.
-        elements: What yields beside the joints.
-        yields: Parameters of the elements, one after the other.
+        unknown: Whether the moments are estimated.
+        elements: Elastic elements other than the joint springs.
+        yields: Parameters of the elements, concatenated.
         laws: Laws of the joints.
-        amplitudes: Of all laws, one after the other.
-        curves: Curves of the joints.
-        knots: Of all curves, one after the other.
+        amplitudes: Amplitudes of the laws, concatenated.
+        curves: Curves of the joints and of the rail's bed.
+        knots: Values of the curves at their knots, concatenated.
     """
 
     table: Robot
@@ -131,12 +135,12 @@ class Mechanism(Locked):
 
     @cached_property
     def letters(self) -> tuple[Letter, ...]:
-        """Letters of the table that may be off."""
+        """DH parameters of the table that may be off."""
         return letters(self.table)
 
     @cached_property
     def robot(self) -> Robot:
-        """The robot with its table corrected."""
+        """The robot with corrected DH parameters."""
         return changed(self.table, self.letters, self.values)
 
     def stand(
@@ -149,16 +153,16 @@ class Mechanism(Locked):
         force: Array | None = None,
         tip: Array | None = None,
     ) -> PlacedRobot:
-        """The robot where it really is at m poses, under its weight and a force.
+        """The robot at m poses, deflected by its weight and a force.
 
         Args:
             q: Joint values of the controller [m] or [rad], shape (m, n).
-            weights: What pulls at the arm.
-            temperature: Of the air [degC], shape (m,).
-            time: Place of each pose in its series, shape (m,).
-            series: Number of its series, shape (m,).
-            force: At `tip` [N], F_b, shape (m, 3).
-            tip: A point of the flange frame [m], shape (3,); the first target when not given.
+            weights: Gravity and payloads on the arm.
+            temperature: Air temperature [degC], shape (m,).
+            time: Position of each pose in its series, 0 to 1, shape (m,).
+            series: Number of each pose's series, shape (m,).
+            force: Force at `tip` [N], F_b, shape (m, 3).
+            tip: Point of the flange frame [m], shape (3,); the first target if not given.
         """
         robot = self.robot
         tip = self.tool[0, :3, 3] if tip is None else tip
@@ -188,11 +192,11 @@ class Mechanism(Locked):
         return PlacedRobot(inputs, tau, borne, bent, here, yields, bed, at, turn)
 
     def turned(self, loaded: Inputs, inputs: Inputs) -> Array:
-        """How far each joint stands from its encoder [m] or [rad], shape (m, n).
+        """Deviation of each joint from its encoder value [m] or [rad], shape (m, n).
 
         Args:
-            loaded: With all torques, of which springs are.
-            inputs: With those of weight, of which laws are.
+            loaded: Inputs with the torques of weight and force, which act on the springs.
+            inputs: Inputs with the torques of the weight, which the laws depend on.
         """
         out = loaded.tau * self.compliance
         for law, part in zip(self.laws, self._parts(), strict=True):
@@ -203,7 +207,7 @@ class Mechanism(Locked):
         return np.asarray(out)
 
     def _bed(self, q: Array) -> Array:
-        """How far the bed is from straight at the carriage, shape (m, 6)."""
+        """Motion of the bed at the carriage from its straight shape [m], [rad], shape (m, 6)."""
         out = np.zeros((len(q), 6))
         for curve, knots in zip(self.curves, self._knots(), strict=True):
             if curve.screw >= self.table.n:
@@ -219,11 +223,12 @@ class Mechanism(Locked):
         return np.split(self.knots, ends) if self.curves else []
 
     def moved(self, step: Array, layout: ParameterLayout) -> Mechanism:
-        """The mechanism with parameters at `step`: table, springs and laws anew, frames moved on.
+        """The mechanism with new parameters.
 
         Args:
-            step: Values of letters, compliances, laws and knots; motions of tool and frames.
-            layout: Where they stand.
+            step: Values of all parameters except tool and frames; for these, motions from their
+                present poses.
+            layout: Layout of `step`.
         """
         tool = np.stack([
             frame @ _motion(one)
@@ -247,7 +252,7 @@ class Mechanism(Locked):
         )
 
     def at(self, layout: ParameterLayout) -> Array:
-        """Parameters about which it is linear: those of tool and frames are zero."""
+        """Present parameter vector, the linearisation point; zero for tool and frames."""
         out = np.zeros(layout.size)
         out[layout.letters], out[layout.compliance] = self.values, self.compliance
         out[layout.payload], out[layout.yields] = self.payload.ravel(), self.yields
@@ -258,12 +263,13 @@ class Mechanism(Locked):
 
 
 _TURNED = 2
-"""Times that weight and joints are taken, the first where the controller has these: the second is
-where they stand to the square of how much a deflection changes a torque, some 1e-5 of it."""
+"""Number of evaluations of torques and deflections, the first at the joint values of the
+controller: the error after the second is the square of the relative change of a torque by the
+deflection, some 1e-5 of the deflection."""
 
 
 def _motion(twist: Array) -> Array:
-    """Rigid motion of a small turn (first three) and shift, shape (4, 4)."""
+    """Rigid motion of a small rotation (first three) and translation, shape (4, 4)."""
     out = np.eye(4)
     out[:3, :3] = Rotation.from_rotvec(np.array(twist[:3])).as_matrix()
     out[:3, 3] = twist[3:]
@@ -272,18 +278,18 @@ def _motion(twist: Array) -> Array:
 
 @dataclass(frozen=True)
 class ParameterLayout:
-    """Where the parameters stand in their vector.
+    """Slices of the parameter vector.
 
     Attributes:
-        letters: Letters of the table.
-        tool: Six of each target: turn and shift in its own frame.
-        frames: Six of each series: turn and shift in F_b.
+        letters: DH parameters.
+        tool: Six of each target: rotation and translation in its own frame.
+        frames: Six of each series: rotation and translation in F_b.
         compliance: One of each joint.
         payload: Four of each payload: mass and centre.
-        yields: Of the elements.
-        moments: Four of each link: mass and first moment, where they are not known.
-        laws: Amplitudes.
-        knots: Of the curves.
+        yields: Parameters of the elastic elements.
+        moments: Four of each link: mass and first moment; empty where they are known.
+        laws: Amplitudes of the laws.
+        knots: Values of the curves at their knots.
     """
 
     letters: slice
@@ -303,12 +309,12 @@ class ParameterLayout:
 
     @property
     def dense(self) -> int:
-        """Number of those before the knots."""
+        """Number of parameters other than knots."""
         return int(self.knots.start)
 
 
 def layout(mechanism: Mechanism) -> ParameterLayout:
-    """Where the parameters of a mechanism stand."""
+    """Layout of a mechanism's parameter vector."""
     sizes = (
         len(mechanism.values),
         6 * len(mechanism.tool),
@@ -326,15 +332,16 @@ def layout(mechanism: Mechanism) -> ParameterLayout:
 
 @dataclass(frozen=True, eq=False)
 class Linear(Locked):
-    """Readings about a mechanism: y = D x + Z e, rows x, y, z and rotations of each target, F_b.
+    """Linearised readings y = D x + Z e, six rows (x, y, z, rotations) of each target, F_b.
 
     Attributes:
         y: Reading minus mechanism [m], [rad], shape (m, 6 t); zero where not read.
-        D: Derivatives by all parameters but the knots, shape (m, 6 t, dense).
-        Z: Derivatives by the joints, and by the bed where it is not straight, (m, 6 t, n or n + 6).
-        read: Which rows were read, shape (m, 6 t).
-        inputs: What the laws are of.
-        at: Places of the targets by the mechanism [m], F_b, shape (m, t, 3).
+        D: Derivatives by all parameters except the knots, shape (m, 6 t, dense).
+        Z: Derivatives by the joint values, and by the motions of a bed that is not straight,
+            (m, 6 t, n or n + 6).
+        read: Mask of the rows that were read, shape (m, 6 t).
+        inputs: Variables that the laws depend on.
+        at: Positions of the targets according to the mechanism [m], F_b, shape (m, t, 3).
     """
 
     y: Array
@@ -346,28 +353,28 @@ class Linear(Locked):
 
     @cached_property
     def used(self) -> Ints:
-        """Rows that were read at any pose, shape (r,)."""
+        """Indices of the rows that were read at any pose, shape (r,)."""
         return np.flatnonzero(self.read.any(axis=0))
 
     def spread(self, left: Array) -> Array:
-        """Numbers of these rows (m, r) among zeros for all others, shape (m, 6 t)."""
+        """Values of these rows (m, r) extended by zeros for all others, shape (m, 6 t)."""
         out = np.zeros((len(left), self.read.shape[1]))
         out[:, self.used] = left
         return out
 
 
 class PlacedRobot(NamedTuple):
-    """A robot where it really is at m poses.
+    """A deflected robot at m poses.
 
     Attributes:
-        inputs: What laws are of.
-        tau: Torque of weight and force on the joints, shape (m, n).
+        inputs: Variables that the laws depend on.
+        tau: Torque or force of weight and applied force on the joints, shape (m, n).
         borne: Torque on each virtual joint, shape (m, v).
-        bent: Frames where the weight is taken: turned by the joints as far as it does.
-        here: Frames, without what yields beside the joints.
-        yields: Virtual joints.
-        bed: Screws by which the bed is not straight, shape (m, 6, 6); None where it is.
-        at: Places of the targets [m], F_b, shape (m, t, 3).
+        bent: Configuration at which the torques are evaluated, deflected by the joints.
+        here: Final configuration, without the elastic elements other than joints.
+        yields: Virtual joints of the elastic elements.
+        bed: Screws of a bed that is not straight, shape (m, 6, 6); None for a straight one.
+        at: Positions of the targets [m], F_b, shape (m, t, 3).
         turn: Their orientations, shape (m, t, 3, 3).
     """
 
@@ -385,7 +392,7 @@ class PlacedRobot(NamedTuple):
 def placed(
     readings: PositionReadings, mechanism: Mechanism, weights: ArmWeights
 ) -> tuple[Array, Array]:
-    """Where a mechanism has the targets and where they were read [m], F_b, both (m, t, 3)."""
+    """Positions of the targets by the mechanism and by the readings [m], F_b, both (m, t, 3)."""
     return _stand(readings, mechanism, weights).at, _seen(readings, mechanism)
 
 
@@ -395,13 +402,13 @@ def _stand(readings: PositionReadings, mechanism: Mechanism, weights: ArmWeights
 
 
 def _seen(readings: PositionReadings, mechanism: Mechanism) -> Array:
-    """Readings of targets in F_b [m], (m, t, 3)."""
+    """Readings of the targets, transformed into F_b [m], (m, t, 3)."""
     own = mechanism.frames[readings.series]
     return np.einsum("mji,mtj->mti", own[:, :3, :3], readings.at - own[:, None, :3, 3])
 
 
 def linearised(readings: PositionReadings, mechanism: Mechanism, weights: ArmWeights) -> Linear:
-    """Readings about a mechanism."""
+    """The readings linearised about a mechanism."""
     stand = _stand(readings, mechanism, weights)
     at, turn = stand.at, stand.turn
     own, seen_at = mechanism.frames[readings.series], _seen(readings, mechanism)
@@ -422,11 +429,11 @@ def linearised(readings: PositionReadings, mechanism: Mechanism, weights: ArmWei
 def derivatives(
     mechanism: Mechanism, stand: PlacedRobot, weights: ArmWeights
 ) -> tuple[Array, Array]:
-    """How targets move by all parameters but frames and knots, and by joints and bed.
+    """Derivatives of the targets by the parameters except frames and knots, and by joints and bed.
 
     Returns:
         Shapes (m, 6 t, dense), zero for frames, and (m, 6 t, n) or, where the bed is not straight,
-        (m, 6 t, n + 6).
+            (m, 6 t, n + 6).
     """
     where, here, at = layout(mechanism), stand.here, stand.at
     D = np.zeros((len(at), 6 * at.shape[1], where.dense))
@@ -460,14 +467,14 @@ def derivatives(
 
 
 def bed_screws(here: Configuration) -> Array:
-    """Shifts along and turns about x, y, z of F_b at the carriage, shape (m, 6, 6)."""
+    """Unit screws at the carriage along and about x, y, z of F_b, shape (m, 6, 6)."""
     origin, axes = here.origin[:, 0], np.broadcast_to(np.eye(3), (len(here.q), 3, 3))
     shifts = [translation_along(axes[:, k]) for k in range(3)]
     return np.stack([*shifts, *(rotation_about(origin, axes[:, k]) for k in range(3))], axis=1)
 
 
 def within(readings: PositionReadings) -> Array:
-    """Place of each pose in its series, from 0 to 1, (m,)."""
+    """Position of each pose in its series, from 0 to 1, (m,)."""
     out = np.zeros(len(readings))
     for series in range(len(readings.names)):
         mine = np.flatnonzero(readings.series == series)
@@ -476,7 +483,7 @@ def within(readings: PositionReadings) -> Array:
 
 
 def reach(screws: Array, at: Array) -> Array:
-    """How screws (m, k, 6) move targets (m, t, 3): rows of shift and turn, (m, 6 t, k)."""
+    """Motion of targets (m, t, 3) per unit of screws (m, k, 6), rows as in `Linear` (m, 6 t, k)."""
     omega, v = screws[:, None, :, :3], screws[:, None, :, 3:]
     shift = np.cross(omega, at[:, :, None, :]) + v
     turn = np.broadcast_to(omega, shift.shape)
@@ -485,7 +492,7 @@ def reach(screws: Array, at: Array) -> Array:
 
 
 def _of_tool(at: Array, turn: Array) -> Array:
-    """Derivatives by turn and shift of each target in its own frame, (m, 6 t, 6 t)."""
+    """Derivatives by rotation and translation of each target in its own frame, (m, 6 t, 6 t)."""
     m, t = at.shape[:2]
     out = np.zeros((m, t, 6, t, 6))
     for k in range(t):
@@ -495,7 +502,7 @@ def _of_tool(at: Array, turn: Array) -> Array:
 
 
 def by_frame(at: Array) -> Array:
-    """Derivatives by turn and shift of the frame of a pose's series, (m, 6 t, 6)."""
+    """Derivatives by rotation and translation of the frame of a pose's series, (m, 6 t, 6)."""
     m, t = at.shape[:2]
     out = np.zeros((m, t, 6, 6))
     for axis, e in enumerate(np.eye(3)):
@@ -506,6 +513,6 @@ def by_frame(at: Array) -> Array:
 
 
 def frame_of(mechanism: Mechanism, series: int) -> slice:
-    """Where turn and shift of a series' frame stand among the parameters."""
+    """Slice of a series' frame in the parameter vector."""
     first = layout(mechanism).frames.start + 6 * series
     return slice(first, first + 6)

@@ -1,9 +1,9 @@
-"""Entries of a table that are wrong by a step: a turned mount, a sense, a zero, another variant.
+"""Gross errors of the DH table: a turned mount, a wrong sign, a joint zero, another variant.
 
-A robot stands millimetres from its table; a mount turned by 90 deg moves it by metres, and no
-estimate that is linear finds its way back. Each of the few steps is tried with tool and frames
-fitted anew (`begin`), the best is taken up if it leaves a third or less, and the next one is looked
-for beside it.
+A real robot deviates from its table by millimetres; a mount turned by 90 deg shifts it by metres,
+beyond the reach of a linear estimate. Each of a few candidate corrections is tried with tool and
+frames fitted anew (`begin`). The best one is adopted if it reduces the median deviation to a third
+or less, and the search continues from there.
 """
 
 from __future__ import annotations
@@ -25,34 +25,36 @@ from pipeline.machine.robot.letters import Letter, all_letters, nominal
 from pipeline.machine.robot.variants import alike, counted_back, differing, turned, variants
 
 GROSS_M = 0.01
-"""Median distance of the targets from the nominal robot [m] below which no step is looked for: one
-as delivered is off by 1 mm and 1 mrad, three metres of it and its sag by some millimetres."""
+"""Median deviation of the targets from the nominal robot [m] below which no gross error is sought:
+a table as delivered is off by 1 mm and 1 mrad, three metres of reach and the sag by some
+millimetres."""
 
 _BETTER = 3.0
-"""How many times less a step has to leave."""
+"""Minimum factor by which a correction must reduce the median deviation [1]."""
 
 _ALIKE = 1.1
-"""Steps that leave as much are twins: an arm that is turned by 180 deg, a rail counted back."""
+"""Ratio of median deviations up to which corrections count as twins [1], such as an arm turned by
+180 deg and a rail counted backwards."""
 
 _ENOUGH = 80
-"""Poses that are enough to tell."""
+"""Approximate number of poses used; more would not change the decision."""
 
 _MOST = 3
-"""Steps in one table."""
+"""Maximum number of gross errors in one table."""
 
 
 @dataclass(frozen=True)
 class TableMistake:
-    """An entry of the robot file that is wrong by a step.
+    """A gross error in the robot file.
 
     Attributes:
         name: `mounted_turned`, `joint_offset`, `sign_or_convention`, `link_length`, `link_offset`.
         where: `carriage`, `arm`, `flange`, a joint from 1, or which sign, `d_5`, `standard_dh`.
-        entry: Word of the robot file, `theta_deg`, in the row of `joint`; empty for a convention.
+        entry: Key in the robot file, `theta_deg`, in the row of `joint`; empty for a convention.
         joint: Row of the table, from 1; None for a convention.
-        said: What the file has [m] or [deg]; None where it is a sense.
-        value: What it should be.
-        before: Median distance of the targets from the nominal robot [m].
+        said: Value in the file [m] or [deg]; None for a sign or convention.
+        value: Corrected value [m] or [deg]; None likewise.
+        before: Median deviation of the targets from the nominal robot [m].
         after: The same with the entry corrected.
     """
 
@@ -73,7 +75,7 @@ class _Step(NamedTuple):
 
 
 def _quarters(robot: Robot) -> Iterator[_Step]:
-    """The robot with a joint, or what it is mounted by, turned by quarters of a circle."""
+    """The robot with one joint or mount turned by 90, 180 or -90 deg."""
     joints, quarters = turning(robot), (90.0, 180.0, -90.0)
     mounts = {joints[-1]: "flange"} | ({joints[0]: "arm"} if rail(robot) else {})
     for joint in sorted(joints, key=lambda one: one not in mounts):
@@ -86,7 +88,7 @@ def _quarters(robot: Robot) -> Iterator[_Step]:
 
 
 def _of_others(robot: Robot) -> Iterator[_Step]:
-    """Robots that ship and differ from it in one letter."""
+    """Shipped robots that differ from this one in a single DH parameter."""
     for name in SHIPPED:
         other = load(name)
         if name != robot.name and alike(robot, other) and differing(robot, other):
@@ -96,7 +98,7 @@ def _of_others(robot: Robot) -> Iterator[_Step]:
 
 
 def steps(robot: Robot) -> Iterator[_Step]:
-    """Every robot that a single wrong entry would describe, of twins the likelier first."""
+    """Every robot that differs by a single wrong entry, the likelier of twins first."""
     yield from _quarters(robot)
     for joint in range(1, robot.n + 1):
         yield _Step("sign_or_convention", joint, counted_back(robot, joint))
@@ -106,7 +108,7 @@ def steps(robot: Robot) -> Iterator[_Step]:
 
 
 def _apart(robot: Robot, other: Robot) -> tuple[Letter, float, float] | None:
-    """The one entry in which two tables differ, and what each has, in its unit of the file."""
+    """The single DH parameter in which two tables differ, and both values [m] or [deg], if any."""
     every = all_letters(robot)
     one, two = nominal(robot, every), nominal(other, every)
     differ = np.flatnonzero(np.abs(two - one) > 1e-9)
@@ -122,13 +124,13 @@ def _apart(robot: Robot, other: Robot) -> tuple[Letter, float, float] | None:
 def corrected(
     robot: Robot, readings: PositionReadings, weights: ArmWeights, tool: dict[str, Array]
 ) -> tuple[Robot, tuple[TableMistake, ...]]:
-    """The robot with the entries that are wrong by a step put right, and what they are.
+    """The robot with gross errors of its table corrected, and what they are.
 
     Args:
-        robot: As its file has it.
+        robot: The robot as in its file.
         readings: All series.
-        weights: What pulls at the arm.
-        tool: Nominal points of targets, flange frame [m], where they are known.
+        weights: Gravity and payloads on the arm.
+        tool: Nominal points of targets, flange frame [m], where known.
     """
     some = np.arange(0, len(readings), max(len(readings) // _ENOUGH, 1))
     few, part = readings.part(some), weights.part(some)
@@ -156,6 +158,6 @@ def _mistake(robot: Robot, step: _Step, before: float, after: float) -> TableMis
 def _off(
     robot: Robot, readings: PositionReadings, weights: ArmWeights, tool: dict[str, Array]
 ) -> float:
-    """Median distance of the targets from a nominal robot, tool and frames fitted [m]."""
+    """Median deviation of the targets from a nominal robot with tool and frames fitted [m]."""
     rows = linearised(readings, begin(robot, readings, tool), weights)
     return float(np.nanmedian(leftout.distances(rows.y, rows.read)))

@@ -1,4 +1,4 @@
-"""From clues to laws: curves and waves of joints, and what else predicts what was left out."""
+"""Adopt and name joint laws: curves, waves, and further laws that predict held-out poses better."""
 
 from __future__ import annotations
 
@@ -21,35 +21,36 @@ from pipeline.machine.effects._anatomy import rail
 from pipeline.system import alarms
 
 _HALF = 0.5
-"""Part of a curve's variance over the poses from which one wave is what it is."""
+"""Minimum fraction of a curve's variance over the poses that one wave must explain to replace
+it [1]."""
 
 _NEAR = np.linspace(-0.25, 0.25, 41)
-"""Orders about the best one of the search, periods per turn."""
+"""Orders tried about the one found by the search [1], periods per turn."""
 
 _MOST_LAWS = 6
-"""Laws beside the curves that are taken up, one after the other."""
+"""Maximum number of laws adopted in addition to the curves, one after the other."""
 
 
 @dataclass(frozen=True, eq=False)
 class NamedLaw(Locked):
-    """A law nobody listed that the readings call for.
+    """A law outside the catalogue that the readings call for.
 
     Attributes:
-        joint: Which it moves, from 1.
+        joint: Joint that it moves, from 1.
         kind: `periodic`, `smooth`, `step` or `coupling`.
         variable: `angle`, `torque`, `temperature` or `time`.
-        source: The joint it is of, from 1; None for temperature and time.
-        order: Periods per turn (per metre of a sliding joint), or degree; of a curve 1 / l in
-            turns, with l the length over which it remembers.
-        amplitude: Half height of a wave or step; standard deviation times root two of a curve; at
-            the end of its range of others [m] or [rad].
+        source: Joint whose angle or torque is the variable, from 1; None for temperature and time.
+        order: Periods per turn (per metre of a sliding joint), or degree; for a curve 1 / l in
+            1/turn, with its correlation length l.
+        amplitude: Half the height of a wave or step; root two times the standard deviation of a
+            curve; otherwise the value at the end of the range [m] or [rad].
         std: Its standard uncertainty.
-        range: Of the variable where it was taught.
-        p: Chance of so much somewhere without any law.
-        since: Series and pose from which on a step in time has happened; None of others.
-        number: Which of the mechanism's laws it is, from 0; None of a curve.
-        gain: At left-out neighbours in time.
-        carried: At left-out series, or parts of joint space where there is one series.
+        range: Range of the variable in the readings.
+        p: Probability that any law appears as large by chance.
+        since: Series and pose from which on a step in time has happened; None for others.
+        number: Index among the mechanism's laws, from 0; None for a curve.
+        gain: Reduction of the error at left-out poses whose neighbours in time are kept.
+        carried: The same at left-out series, or parts of joint space if there is one series only.
     """
 
     joint: int
@@ -69,13 +70,13 @@ class NamedLaw(Locked):
 
 @dataclass(frozen=True, eq=False)
 class LawData:
-    """What is estimated from.
+    """Data and settings of an estimate.
 
     Attributes:
-        readings: Poses.
-        weights: What pulls at them.
-        stated: Roughness as stated.
-        noise: What no model holds, before any data.
+        readings: The readings.
+        weights: Gravity and payloads on the arm.
+        stated: Roughness of lengths [m] and angles [rad] in the robot file.
+        noise: Initial scatter of the readings about the model.
     """
 
     readings: PositionReadings
@@ -86,7 +87,10 @@ class LawData:
     def identify(
         self, begun: Mechanism, wanted: Wanted, earlier: Identified | None = None
     ) -> Identified:
-        """An estimate, with the priors of an earlier one; scales of what that had beside."""
+        """Estimate, from priors and scatter of an earlier estimate if given.
+
+        If its elastic elements differ, the earlier scales of groups are not used.
+        """
         known, noise = None, self.noise
         if earlier is not None:
             known, noise = earlier.known, earlier.scatter
@@ -95,11 +99,11 @@ class LawData:
         return identify(begun, self.readings, self.weights, wanted, noise, self.stated, known)
 
     def again(self, found: Identified) -> Identified:
-        """The same model from these readings."""
+        """Estimate the same model from these readings."""
         return self.identify(found.mechanism, found.wanted, found)
 
     def without(self, bad: Bools) -> LawData:
-        """All readings but some (m, t), and the poses where one is left."""
+        """The data without some readings (m, t), and without poses where none is left."""
         at = np.where(bad[..., None], np.nan, self.readings.at)
         left = (~np.isnan(at[..., 0])).any(axis=1)
         readings = replace(self.readings, at=at).part(np.flatnonzero(left))
@@ -108,12 +112,12 @@ class LawData:
 
 @dataclass(frozen=True, eq=False)
 class Whole:
-    """The model with laws, and why they are in it.
+    """The model with its laws, and which of them are named.
 
     Attributes:
         found: The estimate.
-        laws: What is named of it that nobody listed.
-        causes: What is named of it that the catalogue has.
+        laws: Named laws outside the catalogue.
+        causes: Named causes of the catalogue.
     """
 
     found: Identified
@@ -122,9 +126,9 @@ class Whole:
 
 
 def _candidates(base: Identified, names: Sequence[Listed]) -> list[JointLaw]:
-    """Laws that may be there beside those of the catalogue."""
+    """Laws to be tested in addition to those of the catalogue."""
     known = {_key(one.law) for one in names}
-    bed = base.wanted.bed is not None  # what a carriage does along the rail is the bed's
+    bed = base.wanted.bed is not None  # motion along the rail belongs to the bed
     every = search.candidates(base.linear.inputs, base.mechanism.table.prismatic)
     return [
         law
@@ -140,14 +144,14 @@ def with_laws(
     parts: dict[Parting, Ints],
     rng: np.random.Generator,
 ) -> Whole:
-    """Search beside the catalogue, then once more beside the curves that it found.
+    """Search for laws in addition to the catalogue, then for more in addition to the curves found.
 
     Args:
-        data: What is estimated from.
-        base: With all that the catalogue has.
-        names: What its laws are.
-        parts: What is left out together.
-        rng: Draws copies and intervals.
+        data: The data.
+        base: Estimate with the laws of the catalogue.
+        names: Causes of these laws.
+        parts: Partitions of the poses for cross-validation.
+        rng: Source of copies and intervals.
     """
     signs = search.flips(data.readings, rng, rail=rail(base.mechanism.table))
     inputs, slides = base.linear.inputs, base.mechanism.table.prismatic
@@ -166,7 +170,7 @@ def with_laws(
 
 
 def _bent(clues: Sequence[search.LawClue]) -> dict[int, float]:
-    """Joints that err with their own angles, and the chance of it."""
+    """Joints, from 0, with errors over their own angles, and the probability of each by chance."""
     bent: dict[int, float] = {}
     for clue in clues:
         if clue.p < alarms.LAW and (clue.law is None or _own_angle(clue.law)):
@@ -177,7 +181,7 @@ def _bent(clues: Sequence[search.LawClue]) -> dict[int, float]:
 def _of_own_angles(
     data: LawData, springs: Identified, clues: Sequence[search.LawClue], judge: Judge
 ) -> tuple[Identified, dict[_Key, float]]:
-    """Joints with curves over their own angles, or with a wave for one, and the chance of each."""
+    """Estimate with curves, or waves, over the joints' own angles, and their p-values."""
     bent = _bent(clues)
     if not bent:
         return springs, {}
@@ -199,7 +203,7 @@ def _of_own_angles(
 def _of_all_else(
     data: LawData, found: Identified, others: Sequence[JointLaw], signs: Array, judge: Judge
 ) -> tuple[Identified, dict[_Key, float]]:
-    """Further laws, one by one while the likeliest carries over, and the chance of each."""
+    """Estimate with further laws, the likeliest first while they carry over, and their p-values."""
     p: dict[_Key, float] = {}
     free = list(others)
     for _ in range(_MOST_LAWS):
@@ -218,7 +222,7 @@ def _of_all_else(
 
 
 def _better(data: LawData, bent: Identified, waves: Sequence[JointLaw], judge: Judge) -> Identified:
-    """Waves in the place of curves, where they predict what was left out as well."""
+    """The estimate with waves in place of curves, where held-out poses are predicted as well."""
     found = bent
     for law in waves:
         rest = tuple(one for one in found.wanted.curves if one[0] != law.joint - 1)
@@ -233,18 +237,18 @@ _Key = tuple[str, int, str, int | None, float, float]
 
 
 def _key(law: JointLaw) -> _Key:
-    """Tells laws apart."""
+    """Key that distinguishes laws."""
     at = law.middle if law.once else 0.0
     return law.kind, law.joint, law.variable, law.source, law.order, at
 
 
 def _curve_of(joint: int) -> _Key:
-    """The same of a curve of a joint, from 0."""
+    """Key of the curve of a joint, from 0."""
     return "curve", joint + 1, "angle", joint + 1, 0.0, 0.0
 
 
 def _of_law(mechanism: Mechanism, number: int) -> slice:
-    """Where the amplitudes of a law stand."""
+    """Slice of the amplitudes of a law in the parameter vector."""
     first = layout(mechanism).laws.start + sum(law.amplitudes for law in mechanism.laws[:number])
     return slice(first, first + mechanism.laws[number].amplitudes)
 
@@ -254,7 +258,7 @@ def _own_angle(law: JointLaw) -> bool:
 
 
 def _one_wave(found: Identified, clues: Sequence[search.LawClue], joint: int) -> JointLaw | None:
-    """The wave that a joint's curve is, where one wave is most of it over the poses taken."""
+    """The wave that explains at least `_HALF` of a joint's curve over the poses, if any."""
     q = found.readings.q[:, joint]
     curve, knots = _curve(found.mechanism, joint)
     f = curve.value(q, knots)
@@ -267,7 +271,7 @@ def _one_wave(found: Identified, clues: Sequence[search.LawClue], joint: int) ->
 
 
 def _curve(mechanism: Mechanism, joint: int) -> tuple[curves.Curve, Array]:
-    """A joint's curve and its knots."""
+    """A joint's curve and its values at the knots."""
     at = 0
     for one in mechanism.curves:
         if one.screw == joint:
@@ -277,14 +281,14 @@ def _curve(mechanism: Mechanism, joint: int) -> tuple[curves.Curve, Array]:
 
 
 def _share(f: Array, phase: Array) -> float:
-    """Part of the variance of f, (m,), that one wave is."""
+    """Fraction of the variance of f, (m,), that a wave of this phase explains."""
     X = np.stack([np.ones(len(f)), np.cos(phase), np.sin(phase)], axis=1)
     left = f - X @ linear.least_squares(X, f)
     return 1 - float(np.var(left)) / max(float(np.var(f)), 1e-300)
 
 
 def _named(found: Identified, p: dict[_Key, float], judge: Judge) -> tuple[NamedLaw, ...]:
-    """The laws that predict what was left out better."""
+    """The significant laws that certainly improve the prediction of held-out poses."""
     out = []
     for law, key, part in _slices(found):
         if p.get(key, 1.0) >= alarms.LAW:
@@ -296,7 +300,7 @@ def _named(found: Identified, p: dict[_Key, float], judge: Judge) -> tuple[Named
 
 
 def _slices(found: Identified) -> Iterator[tuple[NamedLaw, _Key, slice]]:
-    """Each law and curve as it would be named, its key, and where its parameters stand."""
+    """Each law and curve as it would be named, its key, and the slice of its parameters."""
     mechanism, x, cov = found.mechanism, found.solution.x, found.solution.cov
     where, inputs = layout(mechanism), found.linear.inputs
     for k, law in enumerate(mechanism.laws):
@@ -332,7 +336,7 @@ def _slices(found: Identified) -> Iterator[tuple[NamedLaw, _Key, slice]]:
 
 
 def _since(law: JointLaw, found: Identified) -> tuple[str, int]:
-    """Series and pose that came next after a step in time."""
+    """Series and pose that followed a step in time."""
     pose = int(np.argmax(law.of(found.linear.inputs) > law.middle))
     series = int(found.readings.series[pose])
     return str(found.readings.names[series]), int(found.readings.pose[pose])

@@ -1,4 +1,4 @@
-"""A campaign of absolute positions, from its tables to readings pose by pose."""
+"""A campaign of absolute positions: from its tables to readings pose by pose."""
 
 from __future__ import annotations
 
@@ -20,11 +20,12 @@ from pipeline.reduction.limits import LEEWAY
 from pipeline.reduction.settings import PositionsSettings, Settings
 
 _ORDER = {"xyz_intrinsic": "XYZ", "xyz_extrinsic": "xyz", "zyx_intrinsic": "ZYX"}
-"""How scipy writes the sequences; rx, ry, rz are the angles about x, y and z in each."""
+"""Notation of the rotation sequences in scipy; rx, ry, rz are the angles about x, y and z in
+each."""
 
 _FEWEST = 10
-"""Poses of a campaign: tool, frame and a few letters have some twenty unknowns, a pose has three to
-six readings."""
+"""Minimum number of poses of a campaign: tool, frame and a few DH parameters are some twenty
+unknowns, and a pose has three to six readings."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -32,9 +33,9 @@ class Positioned:
     """Positions of a campaign.
 
     Attributes:
-        readings: What was read, pose by pose.
-        weights: What pulls at the arm.
-        rejected: File, line and reason of what was left out.
+        readings: Readings, pose by pose.
+        weights: Gravity and payloads on the arm.
+        rejected: File, line and reason of each row that was left out.
         table: Every row that was used, table POSITIONS.
     """
 
@@ -48,19 +49,10 @@ Rejected = list[tuple[str, int | None, str]]
 """File, line and reason of rows that were left out."""
 
 
-def positioned(settings: Settings, robot: Robot, raw: Mapping[str, bytes]) -> Positioned:
-    """Read a campaign of positions.
-
-    Raises:
-        InputError: A file is missing or cannot be trusted, or too little is left.
-    """
-    return usable(settings, robot, *as_read(settings, robot, raw))
-
-
 def as_read(
     settings: Settings, robot: Robot, raw: Mapping[str, bytes]
 ) -> tuple[pd.DataFrame, Rejected]:
-    """Every row of the tables, whatever its joint values are, and what is no row.
+    """Every valid row of the tables, whatever its joint values, and the rejected rows.
 
     Raises:
         InputError: A file is missing or cannot be trusted.
@@ -73,10 +65,10 @@ def as_read(
 
 
 def usable(settings: Settings, robot: Robot, rows: pd.DataFrame, rejected: Rejected) -> Positioned:
-    """The rows that the robot can take, pose by pose.
+    """The rows within the robot's limits, pose by pose.
 
     Raises:
-        InputError: Too little is left.
+        InputError: A payload is unknown, or too few poses are left.
     """
     said = settings.positions
     assert said is not None
@@ -127,7 +119,7 @@ def _log(
 
 
 def _rows(log: Log, robot: Robot, said: PositionsSettings) -> pd.DataFrame:
-    """Rows of a table: series, pose, target, payload, joints, place and turn."""
+    """Rows of a table: series, pose, target, payload, joint values, position and orientation."""
     m = len(log.line)
     series = next((s for s, file in said.files.items() if file == log.file), None)
     empty = np.full(m, "", dtype=object)
@@ -150,7 +142,7 @@ def _rows(log: Log, robot: Robot, said: PositionsSettings) -> pd.DataFrame:
 
 
 def _within_limits(rows: pd.DataFrame, robot: Robot) -> tuple[pd.DataFrame, Rejected]:
-    """The rows that the robot can take, and why others are left out."""
+    """The rows within the robot's limits, and the rejected ones."""
     q = rows[[joint.name for joint in robot.joints]].to_numpy(float)
     over = np.maximum(robot.lower - q, q - robot.upper)
     worst = np.argmax(over, axis=1)
@@ -167,7 +159,7 @@ def _within_limits(rows: pd.DataFrame, robot: Robot) -> tuple[pd.DataFrame, Reje
 
 
 def by_pose(rows: pd.DataFrame, robot: Robot, settings: Settings) -> PositionReadings:
-    """Readings pose by pose; of targets that are read twice the first counts."""
+    """Readings pose by pose; of a target that was read twice in a pose the last row counts."""
     said, payloads = settings.positions, list(settings.payload)
     assert said is not None
     number = rows.groupby(["series", "pose"], sort=False).ngroup().to_numpy()
@@ -203,13 +195,13 @@ def by_pose(rows: pd.DataFrame, robot: Robot, settings: Settings) -> PositionRea
 
 
 def _six(angles: Array, target: Ints, count: int) -> Bools:
-    """Targets whose every row has its orientation, (t,)."""
+    """Targets whose orientation is in each of their rows, (t,)."""
     unknown = np.isnan(angles).any(axis=1)
     return np.bincount(target, unknown, count) == 0
 
 
 def _turned(angles: Array, rotation: str) -> Array:
-    """Orientations of angles about x, y, z in some order, (k, 3, 3)."""
+    """Orientations from angles about x, y, z applied in the stated order, (k, 3, 3)."""
     order = _ORDER[rotation]
     place = {"X": 0, "Y": 1, "Z": 2}
     sorted_by = angles[:, [place[letter] for letter in order.upper()]]

@@ -1,16 +1,16 @@
-"""How rough a robot's table is, and which of its parameters is off by far more than the rest.
+"""Roughness of a robot's DH table, and which parameters are off by far more than the rest.
 
     y ~ N(D x, V(t)),   x_k ~ N(0, s_k^2),   s_k = r_L for lengths, r_A for angles
 
-The three scales r_L, r_A and t (the joints' errors at a pose) are integrated over a grid, each
-logarithmically uniform: with a dozen poses their likeliest values are far too certain. The grid is
-refined where the likelihood changes from node to node. A suspect is
-a parameter, or several, that is no part of the rest: its prior is wide. What that does to every
-cell of the grid follows from the cell's own covariance C,
+The three scales r_L, r_A and t (the joints' errors at a pose) are integrated over a grid with
+logarithmically uniform priors: with a dozen poses, point estimates would be far too certain. The
+grid is refined where the density changes from node to node. A suspect is one parameter, or several,
+with a wide prior of its own. Its effect on each cell of the grid follows from the cell's own
+covariance C,
 
     log N(y | free) - log N(y) = 1/2 [ x' S^-1 x - log |E S| - 2 log(w / s) ],  S = E^-1 - C,
 
-E = s^-2 - w^-2 and w the wide prior (matrix determinant lemma), so that all suspects cost one
+with E = s^-2 - w^-2 and w the wide prior (matrix determinant lemma), so that all suspects cost one
 inverse.
 """
 
@@ -28,31 +28,32 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.geometry.unloaded import PoseRows, Unloaded
 
 _SCALES = np.geomspace(1e-2, 10.0, 7)
-"""Of lengths [mm] and angles [mrad], and of the joints' errors over what they usually are, before
-the grid is refined."""
+"""Nodes of the unrefined grid, for lengths [mm], angles [mrad], and the joints' errors over their
+usual size [1]."""
 
 _HALVINGS = 2
-"""From half a decade to a factor of 1.33; a standard deviation found from ten numbers is uncertain
-by a factor of 1.25."""
+"""Number of grid refinements, from half a decade to a factor of 1.33; a standard deviation
+estimated from ten numbers is uncertain by a factor of 1.25."""
 
 _CHANGES = 0.5
-"""Natural log of the density from one node to the next from which on the interval is halved."""
+"""Change of the log density between two nodes above which the interval is halved [1]."""
 
 _NEGLIGIBLE = 9.0
-"""Natural logs below the largest density at which a node, and its neighbours, are left out."""
+"""Difference of the log density from its maximum beyond which a node, and its neighbours, are
+dropped [1]."""
 
 _COUNTS = 1e-3
-"""Cells of the grid with less than this part of the weight take no part in estimates."""
+"""Minimum weight of a grid cell in the covariance [1]."""
 
 
 @dataclass(frozen=True)
 class Suspect:
-    """Unknowns that may be off by far more than a table is rough.
+    """Unknowns that may be off by far more than the roughness of the table.
 
     Attributes:
         label: Name and place.
-        columns: Which unknowns.
-        wide: Standard deviation if it is off, in their units.
+        columns: Indices of the unknowns.
+        wide: Prior standard deviation if they are off, in their unit.
     """
 
     label: str
@@ -62,11 +63,11 @@ class Suspect:
 
 @dataclass(frozen=True, eq=False)
 class Products(Locked):
-    """Sums over poses for some sizes of the joints' errors.
+    """Sums over poses for several sizes of the joints' errors.
 
     Attributes:
-        rows: What they are sums of.
-        sizes: Of the joints' errors, over what they usually are, shape (t,).
+        rows: Rows of the sums.
+        sizes: Joints' errors over their usual size, shape (t,).
         A: D' V^-1 D, shape (t, K, K).
         b: D' V^-1 y, shape (t, K).
         square: y' V^-1 y + log det V, shape (t,).
@@ -79,7 +80,7 @@ class Products(Locked):
     square: Array
 
     def with_sizes(self, sizes: Array) -> Products:
-        """The sums for other sizes."""
+        """The sums for other sizes; known ones are reused."""
         known = {size: k for k, size in enumerate(self.sizes.tolist())}
         new = [size for size in sizes.tolist() if size not in known]
         if not new:
@@ -96,7 +97,7 @@ class Products(Locked):
 
 
 def products(rows: PoseRows, sizes: Array = _SCALES) -> Products:
-    """Sums of some rows."""
+    """The sums of some rows."""
     each = [_sums(rows, size) for size in sizes.tolist()]
     return Products(rows, sizes, *(np.stack(some) for some in zip(*each, strict=True)))
 
@@ -111,20 +112,20 @@ def _sums(rows: PoseRows, size: float) -> tuple[Array, Array, Array]:
 
 @dataclass(frozen=True, eq=False)
 class Cells(Locked):
-    """Estimates for every size of the joints' errors and every roughness.
+    """Estimates for every cell of the grid of scales.
 
     Attributes:
         zeros: The readings.
-        free: What was free.
-        std: Standard deviations before the data, shape (c, K).
+        free: Suspects with a wide prior.
+        std: Prior standard deviations, shape (c, K).
         rough: Roughness of lengths [m] and angles [rad], shape (c, 2).
-        transmission: Size of the joints' errors, over what they usually are, shape (c,).
-        width: Natural log of the part of the grid that a cell stands for, shape (c,).
+        transmission: Joints' errors over their usual size, shape (c,).
+        width: Logarithm of the cell's share of the grid, shape (c,).
         x: Estimates, shape (c, K).
         cov: Their covariances, shape (c, K, K).
-        log: Natural log of the likelihood, whatever the unknowns are, shape (c,).
-        unrefined: The same for the whole grid; None where this is it. What has no weight now may
-            have all of it with one more suspect free.
+        log: Logarithm of the marginal likelihood of the cell, shape (c,).
+        unrefined: The estimates on the unrefined grid; None if this is it. Cells of no weight now
+            may have all of it with one more suspect free.
     """
 
     zeros: Unloaded
@@ -140,12 +141,12 @@ class Cells(Locked):
 
     @cached_property
     def weight(self) -> Array:
-        """Probability of each cell, shape (c,)."""
+        """Posterior probability of each cell, shape (c,)."""
         return np.asarray(special.softmax(self.log + self.width))
 
     @property
     def best(self) -> int:
-        """The likeliest cell."""
+        """Index of the likeliest cell."""
         return int(np.argmax(self.log))
 
     @cached_property
@@ -155,7 +156,7 @@ class Cells(Locked):
 
     @cached_property
     def covariance(self) -> Array:
-        """Of the estimates, with what the cells differ by, shape (K, K)."""
+        """Covariance of the averaged estimates, including their spread over cells, shape (K, K)."""
         kept = self.weight > _COUNTS
         apart = self.x[kept] - self.mean
         w = self.weight[kept] / self.weight[kept].sum()
@@ -164,34 +165,34 @@ class Cells(Locked):
 
     @cached_property
     def roughness(self) -> Array:
-        """Of lengths [m] and angles [rad], root of the mean square, shape (2,)."""
+        """Rms roughness of lengths [m] and angles [rad], shape (2,)."""
         return np.asarray(np.sqrt(self.weight @ self.rough**2))
 
     @property
     def per_letter(self) -> Array:
-        """The same for each geometric parameter, shape (k,)."""
+        """Roughness of each geometric parameter, shape (k,)."""
         return np.where(self.zeros.turns, self.roughness[1], self.roughness[0])
 
     def p_exact(self) -> float:
-        """Chance of so rough a table in a robot that is as delivered.
+        """Probability by chance of such roughness in a robot that exactly matches its table.
 
-        Likelihood ratio of two scales against their smallest values, chi-square of two degrees of
-        freedom, which is too large as both lie at an end of their range.
+        Likelihood ratio of two scales against their smallest values, chi-square with two degrees of
+        freedom; conservative, since both lie at an end of their range.
         """
         smooth = np.all(self.rough <= self.rough.min(axis=0), axis=1)
         ratio = 2 * (self.log.max() - self.log[smooth].max())
         return float(special.chdtrc(2, ratio))
 
     def evidence(self, one: Suspect) -> float:
-        """Natural log of the likelihood with one more free, whatever scales and unknowns are."""
+        """Log marginal likelihood over the whole grid with one more suspect free."""
         whole = self.unrefined or self
         return float(special.logsumexp(whole.freed(one) + whole.width))
 
     def freed(self, one: Suspect) -> Array:
-        """Likelihood with one more of the suspects free, natural log, shape (c,).
+        """Log likelihood of each cell with one more suspect free, shape (c,).
 
-        With P = s^-2 of its unknowns before and w^-2 after, E = P - w^-2, S = E^-1 - C_kk:
-        log |M'| = log |M| + log |E S| and b' M'^-1 b = b' x + x_k' S^-1 x_k.
+        With P = s^-2 the precision before and w^-2 after, E = P - w^-2, S = E^-1 - C_kk: log
+        |M'| = log |M| + log |E S| and b' M'^-1 b = b' x + x_k' S^-1 x_k.
         """
         at = list(one.columns)
         x, C = self.x[:, at], self.cov[:, at][:, :, at]
@@ -203,13 +204,13 @@ class Cells(Locked):
         return np.asarray(self.log + 0.5 * (gain - occam - wider))
 
     def p_value(self, one: Suspect, beside: Array) -> float:
-        """Chance of unknowns of so much if they were of one kind with the rest.
+        """Probability of such large values if the unknowns had the roughness of the rest.
 
-        |x|^2 in (C + r^2), the roughness r found without them, is chi2 in each cell.
+        x' (C + r^2)^-1 x is chi-square in each cell, with the roughness r estimated without them.
 
         Args:
             one: A suspect that is free.
-            beside: Roughness that they would have, shape (c, columns).
+            beside: Roughness r of its unknowns according to the rest, shape (c, columns).
         """
         at = list(one.columns)
         x, C = self.x[:, at], self.cov[:, at][:, :, at]
@@ -219,12 +220,12 @@ class Cells(Locked):
 
 
 def cells(zeros: Unloaded, sums: Products, free: Sequence[Suspect] = ()) -> Cells:
-    """Estimates for every cell of the grid.
+    """Estimates for every cell of the refined grid.
 
     Args:
         zeros: The readings.
         sums: Their products.
-        free: Suspects that are off.
+        free: Suspects with a wide prior.
     """
     found = whole = unrefined(zeros, sums, free)
     nodes = _WHOLE
@@ -235,18 +236,18 @@ def cells(zeros: Unloaded, sums: Products, free: Sequence[Suspect] = ()) -> Cell
 
 
 def unrefined(zeros: Unloaded, sums: Products, free: Sequence[Suspect] = ()) -> Cells:
-    """The same on a coarse grid: enough for what to linearise about, and for what to ask next."""
+    """As `cells` on a coarse grid, enough for a linearisation point and for choosing suspects."""
     return _over(zeros, sums, free, _WHOLE)
 
 
 _Nodes = tuple[Array, Array, Array]
-"""Sizes of the joints' errors, of lengths [mm] and of angles [mrad], ascending."""
+"""Joints' errors over their usual size [1], lengths [mm] and angles [mrad], ascending."""
 
 _WHOLE: _Nodes = (_SCALES, _SCALES, _SCALES)
 
 
 def _over(zeros: Unloaded, sums: Products, free: Sequence[Suspect], nodes: _Nodes) -> Cells:
-    """Estimates for every cell between nodes."""
+    """Estimates for every cell of a grid of nodes."""
     which, L, A = np.meshgrid(np.arange(len(nodes[0])), *nodes[1:], indexing="ij")
     widths = np.meshgrid(*(np.log(_widths(one)) for one in nodes), indexing="ij")
     rough = 1e-3 * np.column_stack([L.ravel(), A.ravel()])
@@ -256,14 +257,14 @@ def _over(zeros: Unloaded, sums: Products, free: Sequence[Suspect], nodes: _Node
 
 
 def _widths(nodes: Array) -> Array:
-    """Part of the logarithmic axis that each node stands for, by the trapezoidal rule."""
+    """Width of each node on the logarithmic axis, by the trapezoidal rule."""
     along = np.log(nodes)
     edges = np.concatenate([along[:1], 0.5 * (along[1:] + along[:-1]), along[-1:]])
     return np.diff(edges)
 
 
 def _finer(found: Cells, nodes: _Nodes) -> _Nodes:
-    """The nodes, without those of no weight, and with new ones where the density changes."""
+    """The nodes without those of no weight, and with new ones where the density changes."""
     weight = found.weight.reshape([len(one) for one in nodes])
     return tuple(
         _halved(one, np.log(np.maximum(weight.sum(axis=rest), 1e-300) / _widths(one)))
@@ -272,7 +273,7 @@ def _finer(found: Cells, nodes: _Nodes) -> _Nodes:
 
 
 def _halved(nodes: Array, density: Array) -> Array:
-    """One axis: `density` is the natural log of that at each node."""
+    """One refined axis; `density` is the log density at each node."""
     counts = density > density.max() - _NEGLIGIBLE
     beside = np.pad(counts, 1)
     kept = np.flatnonzero(beside[:-2] | counts | beside[2:])
@@ -283,7 +284,7 @@ def _halved(nodes: Array, density: Array) -> Array:
 
 
 def straight(zeros: Unloaded, sums: Products) -> Cells:
-    """The table as it is, its joints without errors: only place, stated turn and tool are free."""
+    """Estimate with nominal table and no joint errors: only position, stated rotation and tool."""
     std, whole = zeros.held()[None], np.zeros(1)
     return _estimated(zeros, sums, (), std, np.zeros((1, 2)), np.zeros(1, dtype=np.int64), whole)
 
@@ -291,7 +292,7 @@ def straight(zeros: Unloaded, sums: Products) -> Cells:
 def _std(zeros: Unloaded, rough: Array, free: Iterable[Suspect]) -> Array:
     std = np.tile(zeros.held(), (len(rough), 1))
     std[:, zeros.columns.table] = np.hypot(rough[:, zeros.turns.astype(int)], zeros.stated)
-    std[:, zeros.columns.loose] = rough[:, 1:]  # how the rail lies in F_b is an angle like others
+    std[:, zeros.columns.loose] = rough[:, 1:]  # the rail's direction in F_b is an angle, too
     for one in free:
         std[:, list(one.columns)] = one.wide
     return std
@@ -306,7 +307,7 @@ def _estimated(
     which: Ints,
     width: Array,
 ) -> Cells:
-    """Estimates with unknowns in units of their standard deviations, which numbers like better."""
+    """Estimates in units of the prior standard deviations, for numerical stability."""
     A, b = sums.A[which], sums.b[which]
     M = np.eye(std.shape[1]) + std[:, :, None] * A * std[:, None, :]
     size = np.sqrt(np.einsum("cii->ci", M))
@@ -318,16 +319,16 @@ def _estimated(
     log_det = linear.log_det(scaled) + 2 * np.log(size).sum(axis=1)
     log = -0.5 * (sums.square[which] - np.einsum("ci,ci->c", b, x) + log_det)
     size_of = sums.sizes[which]
-    told = np.isfinite(log)  # not where nothing of the table is seen, as of one pose over and over
+    told = np.isfinite(log)  # not where the table is unobservable, as from one pose repeated
     x, cov = np.where(told[:, None], x, 0.0), np.where(told[:, None, None], cov, 0.0)
     log = np.where(told, log, -1e300)
     return Cells(zeros, tuple(free), std, rough, size_of, width, x, cov, log)
 
 
 def left_out(found: Cells, rows: PoseRows) -> Array:
-    """What each pose is missed by when the rest predicts it [m], the likeliest scales, (z, 3).
+    """Leave-one-out prediction errors of each pose at the likeliest scales [m], (z, 3).
 
-    e_i / (1 - H_i), H_i = X_i C X_i' in whitened rows: the estimate without pose i, exactly.
+    e_i / (1 - H_i), H_i = X_i C X_i' in whitened rows: exactly the estimate without pose i.
     """
     cell = found.best
     W = linear.whitening(rows.cov(found.transmission[cell]))
@@ -339,7 +340,7 @@ def left_out(found: Cells, rows: PoseRows) -> Array:
 
 
 def same(zeros: Unloaded, sums: Products, one: Suspect, other: Suspect) -> bool:
-    """Whether no pose tells two parameters apart: place and tool estimated, they move alike."""
+    """Whether two parameters are indistinguishable at all poses, given position and tool."""
     if len(one.columns) > 1 or len(other.columns) > 1:
         return False
     where = zeros.columns
@@ -347,9 +348,10 @@ def same(zeros: Unloaded, sums: Products, one: Suspect, other: Suspect) -> bool:
     N = linear.unit(sums.A[0][np.ix_(at, at)])[0]
     k = len(at) - 2
     S = N[k:, k:] - N[k:, :k] @ linear.inverse(N[:k, :k]) @ N[:k, k:]
-    there = S[0, 0] > _ALIKE and S[1, 1] > _ALIKE  # else it only says where F_b or the tool is
+    there = S[0, 0] > _ALIKE and S[1, 1] > _ALIKE  # else it is equivalent to F_b or the tool
     return bool(there and S[0, 1] ** 2 > (1 - _ALIKE) * S[0, 0] * S[1, 1])
 
 
 _ALIKE = 1e-6
-"""Two columns whose squared cosine is nearer to one than this are one."""
+"""Difference of the squared cosine of two columns from one below which they count as the same [1],
+and fraction of a squared length below which nothing is left of a column."""

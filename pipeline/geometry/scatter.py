@@ -1,9 +1,9 @@
-"""What no model holds: an error of each joint at each pose, and the noise of the instrument.
+"""Scatter of the readings about the model: joint errors at each pose, and instrument noise.
 
-Rows of a pose have the covariance V = Z diag(s_j^2) Z' + diag(n^2), n that of positions or of
-rotations. The variances make the restricted likelihood largest (Patterson and Thompson, Biometrika
-58, 1971), by steps of expectation and maximisation: the residuals' products, with what the estimate
-has taken out of them put back, stand in place of the true errors'.
+Rows of a pose have the covariance V = Z diag(s_j^2) Z' + diag(n^2), with n the noise of positions
+or of rotations. The variances maximise the restricted likelihood (Patterson and Thompson,
+Biometrika 58, 1971) by expectation-maximisation: products of residuals, corrected for what the
+estimate has absorbed, take the place of those of the true errors.
 """
 
 from __future__ import annotations
@@ -19,30 +19,32 @@ from pipeline.geometry.mechanism import Linear
 from pipeline.machine.robot import Robot
 
 START = {True: 5e-5, False: 1e-4}
-"""Error of a sliding joint [m] and of another [rad] that no table holds, before any data."""
+"""Initial standard deviation of the unmodelled error of a sliding joint [m] and of a rotary
+one [rad]."""
 
 _NOISE = (3e-5, 5e-5)
-"""Noise of positions [m] and rotations [rad], before any data."""
+"""Initial noise of positions [m] and rotations [rad]."""
 
 _AWAY = 2e-5
-"""Where to begin again with what was as good as zero [m] or [rad]: there the slope is zero, too."""
+"""Minimum starting value of a standard deviation in the search [m or rad]; at zero the gradient
+vanishes as well."""
 
 _UPHILL = 15
-"""Steps uphill that are enough before the products are made anew."""
+"""Maximum number of optimiser iterations before the products are updated."""
 
 _LEAST, _MOST = -36.0, -4.0
-"""Logarithms of variances between 1e-8 and 0.1 [m] or [rad]."""
+"""Bounds of the log variances [1]: standard deviations between 1e-8 and 0.1 m or rad."""
 
 
 @dataclass(frozen=True, eq=False)
 class PoseScatter(Locked):
-    """Standard deviations.
+    """Standard deviations of the readings about the model.
 
     Attributes:
         joints: Error of each joint at a pose [m] or [rad], shape (n,).
         position: Noise of a coordinate [m].
         rotation: Noise of a rotation [rad].
-        stated: The noise of a coordinate is given, and not estimated.
+        stated: Whether `position` is stated, and therefore not estimated.
     """
 
     joints: Array
@@ -51,7 +53,7 @@ class PoseScatter(Locked):
     stated: bool = False
 
     def cov(self, Z: Array, read: Bools, turns: Bools) -> Array:
-        """V of each pose, shape (m, r, r); 1 in the diagonal for rows that were not read."""
+        """V of each pose, shape (m, r, r); 1 on the diagonal for rows that were not read."""
         V = (Z * self.joints**2) @ np.swapaxes(Z, 1, 2)
         rows = np.arange(Z.shape[1])
         noise = np.where(turns, self.rotation, self.position)
@@ -59,13 +61,13 @@ class PoseScatter(Locked):
         return np.asarray(V)
 
     def whitening(self, rows: Linear) -> Array:
-        """W with W V W' = 1 of each pose over the rows that any pose has, shape (m, r, r)."""
+        """W with W V W' = 1 of each pose, over the rows read at any pose, shape (m, r, r)."""
         used = rows.used
         Z = rows.Z[:, used, : len(self.joints)]
         return linear.whitening(self.cov(Z, rows.read[:, used], used % 6 >= 3))
 
     def better(self, rows: Linear, products: Array) -> PoseScatter:
-        """The scatter that makes products of residuals (m, r, r) likeliest."""
+        """Maximum-likelihood scatter given the products of residuals (m, r, r)."""
         n, m = len(self.joints), len(rows.y)
         free = np.ones(n + 2, dtype=bool)
         free[n] = not self.stated
@@ -95,13 +97,13 @@ class PoseScatter(Locked):
 
 
 def start(robot: Robot, sigma_m: float | None) -> PoseScatter:
-    """Before any data."""
+    """Initial scatter; `sigma_m` is the stated noise of a coordinate [m], or None."""
     joints = np.array([START[joint.prismatic] for joint in robot.joints])
     return PoseScatter(joints, sigma_m or _NOISE[0], _NOISE[1], sigma_m is not None)
 
 
 class _Likelihood:
-    """Half of minus twice the log likelihood of products, and its slope by log variances."""
+    """Negative log likelihood of the products, and its gradient by the log variances."""
 
     def __init__(self, rows: Linear, products: Array, n: int) -> None:
         used = rows.used

@@ -1,14 +1,14 @@
-"""Laws that nobody listed, searched in what table and springs leave.
+"""Search for laws outside the catalogue in the residuals of table and springs.
 
-At each pose a law of joint j shows in u_j = z_j' e and w_j = z_j' z_j, z_j the whitened motion of
-the joint and e the whitened residual: a candidate g explains
+At each pose, a law of joint j appears in u_j = z_j' e and w_j = z_j' z_j, with z_j the whitened
+motion of the joint and e the whitened residual. A candidate g explains
 
     T = (g'u)' [g' diag(w) g - (g'P) N^-1 (P'g)]^-1 (g'u),     P = z_j' D,
 
-beside the columns D of all that is estimated in any case, with N their products. Thousands of
-candidates are tried, and the largest T of them all is held against the largest that arises where
-there is no law: residuals of blocks of poses, neighbours in time or on the rail, with their signs
-flipped, which keeps what neighbours share and destroys what depends on the robot.
+in addition to the columns D of everything that is estimated in any case, with N = D'D plus priors.
+The largest T of thousands of candidates is compared with the largest in copies without a law: the
+signs of the residuals are flipped by blocks of poses, neighbours in time or on the rail, which
+keeps what neighbours have in common and destroys any dependence on the robot's configuration.
 """
 
 from __future__ import annotations
@@ -30,33 +30,36 @@ from pipeline.geometry.readings import PositionReadings
 from pipeline.system import alarms
 
 _ORDERS = np.arange(0.5, 130.01, 0.25)
-"""Periods per turn: eccentric wheels have one, gears of robots up to some hundred teeth."""
+"""Periods per turn that are tried [1]: eccentric wheels have one, robot gears up to some hundred
+teeth."""
 
 _COUPLED = (1.0, 2.0, 3.0)
-"""Periods per turn of another joint: what turns with it pulls once, twice or three times."""
+"""Periods per turn of another joint that are tried [1]: what turns with it acts once, twice or
+three times per turn."""
 
 _BLOCK = 8
-"""Poses whose residuals keep their signs to each other."""
+"""Number of consecutive poses whose residuals share one sign in a copy."""
 
 FLIPS = 200
-"""Copies without a law."""
+"""Number of copies without a law."""
 
 
 @dataclass(frozen=True, eq=False)
 class Score(Locked):
-    """What is left of the readings, joint by joint, and what of it a law could explain.
+    """Residuals projected on the joints' motions, and what is needed to test laws on them.
 
     Attributes:
-        u: z_j' e at each pose and joint, of the readings and then of copies without a law, shape
-            (1 + copies, m, n).
+        u: z_j' e at each pose and joint, of the readings and then of the copies,
+            shape (1 + copies, m, n).
         w: z_j' z_j, shape (m, n).
         rows: The whitened rows of the estimate.
         P: z_j' D, shape (m, n, dense).
         Q: z_j' K, shape (m, n, 2 c).
-        cov: N^-1 with the priors, shape (k, k).
+        cov: N^-1 including the priors, shape (k, k).
         left: Whitened residuals, shape (m, r).
-        copied: Those of which the copies are made, as large as noise, shape (m, r).
-        x: What the estimates of the copies are, shape (k, copies).
+        copied: Residuals that the copies are made of, rescaled to the size of the noise,
+            shape (m, r).
+        x: Estimates from the copies, shape (k, copies).
     """
 
     u: Array
@@ -70,7 +73,7 @@ class Score(Locked):
     x: Array
 
     def products(self, g: Array, joint: int) -> Array:
-        """X'z_j g of columns g (m, k): what they share with all that is estimated, (K, k)."""
+        """X' z_j g of columns g (m, k): their products with all that is estimated, (K, k)."""
         head = self.P[:, joint].T @ g
         tail = np.zeros((self.rows.knots, g.shape[1]))
         for k in range(self.Q.shape[2]):
@@ -80,11 +83,11 @@ class Score(Locked):
 
 @dataclass(frozen=True, eq=False)
 class MoveTime(Locked):
-    """A time from which on the instrument stood elsewhere.
+    """Time from which on the instrument stood elsewhere.
 
     Attributes:
-        pose: The first of its series that was read from there.
-        p: Chance of so much somewhere if it never moved.
+        pose: Index of the first pose of its series that was read from there.
+        p: Probability that chance yields such a move anywhere.
     """
 
     pose: int
@@ -92,13 +95,13 @@ class MoveTime(Locked):
 
 
 def score(found: Identified, signs: Array, copied: Array | None = None) -> Score:
-    """The residuals of an estimate, and of copies whose residuals have other signs.
+    """Projected residuals of an estimate, and of copies with flipped signs.
 
     Args:
         found: The estimate.
-        signs: Of each copy, shape (copies, m).
-        copied: Whitened residuals of which the copies are made, shape (m, r); those of the estimate
-            when not given.
+        signs: Signs of each copy, shape (copies, m).
+        copied: Whitened residuals that the copies are made of, shape (m, r); by default those of
+            the estimate.
     """
     rows, cov = found.rows, found.solution.cov
     Z = rows.W @ found.linear.Z[:, found.linear.used, : found.mechanism.table.n]
@@ -125,10 +128,10 @@ def score(found: Identified, signs: Array, copied: Array | None = None) -> Score
 
 
 def _as_noise(H: Array, left: Array) -> Array:
-    """Residuals (m, r) of each pose as large as the noise that they are of, (1 - H)^-1/2 e.
+    """Residuals (m, r) of each pose rescaled to the size of the noise, (1 - H)^-1/2 e.
 
-    An estimate takes the part H (m, r, r) of it out, and another one from copies takes it once
-    more: of 70 poses copies without a law reached a fifth less than readings without any.
+    An estimate absorbs the part H (m, r, r) of the noise, and the estimate from a copy absorbs it
+    again: with 70 poses, copies without a law reached T a fifth smaller than readings without one.
     """
     share, along = linear.directions(np.eye(H.shape[1]) - H)
     inside = np.einsum("mrk,mr->mk", along, left) / np.sqrt(np.maximum(share, _LEAST_LEFT))
@@ -136,11 +139,12 @@ def _as_noise(H: Array, left: Array) -> Array:
 
 
 _LEAST_LEFT = 0.05
-"""Part of a reading's noise that an estimate leaves at least; of less nothing is known."""
+"""Lower limit of the fraction of the noise that remains in the residuals [1], against division by
+zero."""
 
 
 def blocks(readings: PositionReadings) -> Ints:
-    """Block of each pose: neighbours in the order of measurement, of one series, (m,)."""
+    """Block of each pose, (m,): consecutive poses of one series."""
     place = np.zeros(len(readings), dtype=np.int64)
     for series in range(len(readings.names)):
         mine = np.flatnonzero(readings.series == series)
@@ -152,10 +156,10 @@ def blocks(readings: PositionReadings) -> Ints:
 def flips(
     readings: PositionReadings, rng: np.random.Generator, count: int = FLIPS, rail: bool = False
 ) -> Array:
-    """Signs of copies without a law, shape (count, m).
+    """Signs of the copies without a law, shape (count, m).
 
-    Blocks are neighbours in time and, of every second copy on a rail, stations: what poses of
-    either share stays in the copies. Parts of joint space would keep what a joint does there.
+    Blocks are neighbours in time and, in every second copy on a rail, stations: what the poses of a
+    block have in common stays in the copies. Blocks in joint space would preserve a joint law.
     """
     every, stops = [blocks(readings)], stations(readings)
     if rail and len(np.unique(stops)) >= _BLOCK:
@@ -167,7 +171,7 @@ def flips(
 
 
 def stations(readings: PositionReadings) -> Ints:
-    """Where the carriage stood: places of the first joint more than `_APART_M` apart, (m,)."""
+    """Station of each pose, (m,): values of the first joint more than `_APART_M` apart."""
     along = readings.q[:, 0]
     order = np.argsort(along, kind="stable")
     out = np.empty(len(along), dtype=np.int64)
@@ -176,11 +180,11 @@ def stations(readings: PositionReadings) -> Ints:
 
 
 _APART_M = 0.02
-"""A carriage that goes to a station anew comes nearer to where it stood."""
+"""Minimum distance of two stations of the carriage [m]; a return to the same station is closer."""
 
 
 def candidates(inputs: Inputs, prismatic: Bools) -> Iterator[JointLaw]:
-    """Every law that is tried, of every joint; the curves are tried beside them."""
+    """Every law that is tried, of every joint; curves are tried in addition."""
     n = inputs.q.shape[1]
     for joint in range(1, n + 1):
         for order in _ORDERS[_shortest(inputs.q[:, joint - 1]) > _ORDERS].tolist():
@@ -195,18 +199,18 @@ def candidates(inputs: Inputs, prismatic: Bools) -> Iterator[JointLaw]:
 
 
 def _shortest(q: Array) -> float:
-    """Order of the shortest wave that the values of a joint can show: two of them to a wave."""
+    """Highest order that the values of a joint can resolve: two values per period."""
     values = np.unique(np.round(q, 3))
     return np.pi * (len(values) - 1) / max(float(np.ptp(values)), 1e-3)
 
 
 def steps_in_time(inputs: Inputs, joint: int) -> Iterator[JointLaw]:
-    """A joint that stands elsewhere from some time on: it slipped, or was referenced anew."""
+    """Steps in time of a joint's zero, because it slipped or was referenced anew."""
     return _steps(inputs, joint, times(inputs))
 
 
 def _steps(inputs: Inputs, joint: int, poses: Iterable[int]) -> Iterator[JointLaw]:
-    """The same before some of the poses."""
+    """Steps in time before the given poses."""
     when = inputs.series + inputs.time
     for pose in poses:
         before, after = when[[pose - 1, pose]]
@@ -215,14 +219,14 @@ def _steps(inputs: Inputs, joint: int, poses: Iterable[int]) -> Iterator[JointLa
 
 
 def times(inputs: Inputs) -> list[int]:
-    """Poses before which something may have happened: every fortieth of all, blocks apart."""
+    """Poses before which a step is tried: at most some forty, at least a block apart."""
     m = len(inputs.q)
     apart = max(m // _TIMES, _BLOCK)
     return list(range(apart, m - apart + 1, apart))
 
 
 _TIMES = 40
-"""Poses of a series from which on the instrument may have moved: tried so many, evenly."""
+"""Number of times at which a step or a move of the instrument is tried, evenly spaced."""
 
 
 def _of_torque(inputs: Inputs, joint: int) -> Iterator[JointLaw]:
@@ -245,13 +249,13 @@ def _of_surroundings(inputs: Inputs, joint: int) -> Iterator[JointLaw]:
 
 @dataclass(frozen=True, eq=False)
 class LawClue(Locked):
-    """How much a law would explain.
+    """Test of one law.
 
     Attributes:
         law: The law; None for a curve over the joint's own angle.
-        joint: Which it moves, from 1.
-        statistic: T; of a curve h' R h, which compares with other curves only.
-        p: Chance of so much somewhere, in residuals without any law.
+        joint: Joint that it moves, from 1.
+        statistic: T; for a curve h' R h, which is comparable with other curves only.
+        p: Probability that any candidate appears as large in residuals without a law.
     """
 
     law: JointLaw | None
@@ -261,7 +265,12 @@ class LawClue(Locked):
 
 
 def explained(here: Score, laws: Sequence[JointLaw], inputs: Inputs) -> Array:
-    """T of laws of one joint with as many amplitudes each, for readings and copies.
+    """T of laws of one joint, all with the same number of amplitudes, for readings and copies.
+
+    Args:
+        here: Residuals.
+        laws: The laws.
+        inputs: Variables that they depend on.
 
     Returns:
         Shape (laws, 1 + copies).
@@ -283,11 +292,11 @@ def explained(here: Score, laws: Sequence[JointLaw], inputs: Inputs) -> Array:
 
 
 _NOTHING = 1e-30
-"""Of a column that is zero."""
+"""Lower limit of the squared length of a whitened column [1], against division by zero."""
 
 
 def _most_by_a_joint(here: Score, inputs: Inputs) -> float:
-    """The most that a joint explains which stands elsewhere from some time on."""
+    """The largest T of a step in time of any joint."""
     every = range(1, inputs.q.shape[1] + 1)
     return max(
         float(explained(here, list(steps_in_time(inputs, joint)), inputs)[:, 0].max())
@@ -296,18 +305,18 @@ def _most_by_a_joint(here: Score, inputs: Inputs) -> float:
 
 
 def moved(found: Identified, signs: Array) -> MoveTime | None:
-    """Whether the instrument stood elsewhere from some pose of a series on; None where it did not.
+    """Whether the instrument stood elsewhere from some pose of a series on; None if it did not.
 
-    Six columns, zero before that pose, of turn and shift of the frame of its series. Joints that
-    stand elsewhere from some time on explain the same readings; the model with the larger
-    T - k log N is preferred, k its amplitudes and N the number of readings (Schwarz, Annals of
-    Statistics 6, 1978). T is held against that of copies of what the likeliest move leaves (ter
-    Braak, in Bootstrapping and Related Techniques, 1992): a move is most of what it disturbs, and
-    copies with it in them would reach as much.
+    A move has six columns, zero before that pose: rotation and translation of the frame of its
+    series. A step in time of a joint's zero explains similar readings; the model with the larger T
+    - k log N is preferred, with k its amplitudes and N the number of readings (Schwarz, Annals of
+    Statistics 6, 1978). T is compared with that of copies of the residuals after the likeliest move
+    (ter Braak, in Bootstrapping and Related Techniques, 1992), because copies that still contained
+    the move would reach the same T.
 
     Args:
         found: The estimate.
-        signs: Of copies whose residuals have other signs, shape (copies, m).
+        signs: Signs of the copies, shape (copies, m).
     """
     inputs, plain = found.linear.inputs, score(found, signs[:0])
     at = [pose for pose in times(inputs) if inputs.series[pose - 1] == inputs.series[pose]]
@@ -330,14 +339,14 @@ def moved(found: Identified, signs: Array) -> MoveTime | None:
 
 
 class _FrameMoved(NamedTuple):
-    """The instrument's having moved before a pose of a series.
+    """A move of the instrument before one pose of a series.
 
     Attributes:
-        T: Of readings and copies, (1 + copies,).
+        T: T of readings and copies, (1 + copies,).
         after: Poses that it changes.
-        F: Derivatives of their rows by turn and shift, (m', r, 6).
-        shared: What these have in common with all parameters, (k, 6).
-        size: Of the move, (6,).
+        F: Derivatives of their rows by rotation and translation, (m', r, 6).
+        shared: Products of these with all parameters, (k, 6).
+        size: Estimated move, (6,).
     """
 
     T: Array
@@ -347,7 +356,7 @@ class _FrameMoved(NamedTuple):
     size: Array
 
     def left(self, found: Identified, here: Score) -> Array:
-        """What the move leaves of the readings, (m, r)."""
+        """Whitened residuals after the move, (m, r)."""
         left = here.left + found.rows.along(here.cov @ (self.shared @ self.size))
         left[self.after] -= self.F @ self.size
         return left
@@ -377,7 +386,7 @@ def _frame_moved(found: Identified, here: Score, pose: int, signs: Array) -> _Fr
 
 
 def sharpened(here: Score, law: JointLaw, inputs: Inputs) -> JointLaw:
-    """A step in time before the pose that explains most, beside that of the search."""
+    """A step in time moved to the pose that explains most, near the one that the search found."""
     if not law.once:
         return law
     pose = int(np.argmax(inputs.series + inputs.time > law.middle))
@@ -387,15 +396,15 @@ def sharpened(here: Score, law: JointLaw, inputs: Inputs) -> JointLaw:
 
 
 def _near(inputs: Inputs, pose: int) -> range:
-    """Poses between the one before and the one after of `times`."""
+    """Poses between the neighbouring ones of `times`."""
     apart = max(len(inputs.q) // _TIMES, _BLOCK)
     return range(max(pose - apart + 1, 1), min(pose + apart, len(inputs.q)))
 
 
 def curved(here: Score, joint: int, q: Array, slides: bool) -> Array:
-    """How much smooth curves over a joint's own angle would explain: h' R h, (1 + copies,).
+    """Score of smooth curves over a joint's own angle: h' R h, (1 + copies,).
 
-    h = K'u, what the residuals say of each knot, R the correlation of the knots.
+    h = K'u is the score of each knot, R the correlation of the knots.
     """
     length = curves.LENGTHS[slides][0]
     one = curves.over(joint, q[:, joint], slides, length, 1.0)
@@ -406,16 +415,17 @@ def curved(here: Score, joint: int, q: Array, slides: bool) -> Array:
 def clues(
     here: Score, inputs: Inputs, laws: Sequence[JointLaw], bent: Sequence[bool] = ()
 ) -> list[LawClue]:
-    """All laws and curves, the largest share of the sum of squares first.
+    """Tests of all laws and curves, the largest statistic first.
 
-    Each T is standardised by what it reaches in the copies. p is the chance that the largest of
-    all lies as far beyond: among the copies, and by an extreme-value distribution fitted to theirs.
+    Each T is standardised by its values in the copies. p is the probability of the largest of all
+    standardised values being as large: from its rank among the copies, and beyond them from an
+    extreme-value distribution fitted to them.
 
     Args:
         here: Residuals.
-        inputs: What laws are of.
-        laws: Those that are tried.
-        bent: For each joint whether it slides, where curves are tried too; empty where not.
+        inputs: Variables that laws depend on.
+        laws: Laws that are tried.
+        bent: For each joint whether it slides, where curves are to be tried, too; else empty.
     """
     kinds = sorted({(law.joint, law.amplitudes) for law in laws})
     of: list[tuple[JointLaw | None, int]] = []
@@ -437,8 +447,8 @@ def clues(
 
 
 def beyond_copies(T: Array) -> Array:
-    """Chance of as much of any candidate in the copies, of each row of (k, 1 + copies)."""
-    told = T.any(axis=1)  # what the readings say nothing of is in no copy
+    """Probability that any candidate is as large in the copies, per row of T (k, 1 + copies)."""
+    told = T.any(axis=1)  # False where the readings contain no information, as the copies do
     out = np.ones(len(T))
     if told.any():
         out[told] = _chance(_standard(T[told]))
@@ -446,21 +456,21 @@ def beyond_copies(T: Array) -> Array:
 
 
 def _chance(z: Array) -> Array:
-    """Chance of as much somewhere in the copies, of each row of (k, 1 + copies) standardised."""
+    """Probability that any row is as large in the copies, for each row of z (k, 1 + copies)."""
     most = z[:, 1:].max(axis=0)
     rank = (1 + (most >= z[:, :1]).sum(axis=1)) / (1 + len(most))
     return np.where(rank > 1 / len(most), rank, _beyond(most, z[:, 0]))
 
 
 def _beyond(most: Array, found: Array) -> Array:
-    """Chance of more than was found, by an extreme-value distribution fitted to the copies."""
-    from scipy import stats  # half a second to import, and laws of joints alone need it
+    """Tail probability of a value, from an extreme-value distribution fitted to the copies."""
+    from scipy import stats  # half a second to import, and only laws of joints need it
 
     return np.asarray(stats.gumbel_r.sf(found, *stats.gumbel_r.fit(most)))
 
 
 def _standard(T: Array) -> Array:
-    """Sums of squares (k, copies), each standardised by all others of its law, by cube roots."""
+    """Cube roots of sums of squares (k, 1 + copies), each standardised by the others of its row."""
     root = np.cbrt(np.maximum(T, 0.0))
     n = root.shape[1] - 1
     mean = (root.sum(axis=1, keepdims=True) - root) / n

@@ -1,4 +1,4 @@
-"""What an estimate from absolute positions hands to pulls of the same robot, and gets back."""
+"""Result of an estimate from absolute positions as passed to pulls of the same robot, and back."""
 
 from __future__ import annotations
 
@@ -38,12 +38,13 @@ from pipeline.system import alarms
 from pipeline.system.estimate import identify as estimate_of
 
 _KNOWN = 0.5
-"""Variance over that of the prior below which the weight alone knows more than the prior does."""
+"""Ratio of posterior to prior variance below which a compliance counts as determined by the
+weight [1]."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Unloaded:
-    """Where a mechanism has its joints and targets under its own weight, as `Stance.unloaded`."""
+    """Joint deviations and targets of a mechanism under its own weight, as `Stance.unloaded`."""
 
     mechanism: Mechanism
     weights: ArmWeights
@@ -59,7 +60,7 @@ class _Unloaded:
 
 @dataclass(frozen=True, eq=False)
 class _Reopened:
-    """`stance` where some elements are free, as `Stance.reopened`; kept, as each is asked again."""
+    """`stance` with some elements free, as `Stance.reopened`; results are cached."""
 
     found: Identified
     targets: Collection[str]
@@ -72,10 +73,11 @@ class _Reopened:
 
 
 def opened(found: Identified, free: Collection[int]) -> Identified:
-    """The estimate where readings alone tell how large some elements are, by number.
+    """The estimate in which some elements, by number, have wide priors.
 
-    All others are rough alike, and not by more than is usual: an element that stands out of them,
-    or that pulls call for and the weight hardly moves, must not be held near zero by that.
+    The prior makes all elements equally rough, up to their usual size; it must not hold an element
+    near zero that stands out from the others, or that the pulls call for and the weight hardly
+    moves.
     """
     if not free:
         return found
@@ -88,20 +90,20 @@ def opened(found: Identified, free: Collection[int]) -> Identified:
 
 
 _FREE = 1e3
-"""Prior of what has none, over what is usual."""
+"""Standard deviation of a wide prior over the usual size [1]."""
 
 
 def stance(found: Identified, targets: Collection[str], free: Collection[int] = ()) -> Stance:
-    """What the positions say to pulls.
+    """Result of the positions as passed to the pulls.
 
-    An element that the weight does not call for is none, as causes are that pulls do not call for:
-    the positions are then what they would be if it were known to be zero. Laws of gears, which are
-    part of how a joint turns, stay as uncertain as they are.
+    An element that the weight does not call for is set to zero, like causes that pulls do not call
+    for; the estimate is then conditional on that. Laws of gears, which are part of the joints'
+    motion, keep their uncertainty.
 
     Args:
-        found: The whole model.
+        found: The complete estimate.
         targets: Points of the tool that pulls may have read, too.
-        free: Elements, by number, that something else than the weight calls for.
+        free: Numbers of elements that other evidence than the weight calls for.
     """
     reopened = None if free else _Reopened(found, targets)
     mechanism, cov, where = found.mechanism, found.solution.cov, layout(found.mechanism)
@@ -139,20 +141,20 @@ def stance(found: Identified, targets: Collection[str], free: Collection[int] = 
 
 
 def _of_factor(mechanism: Mechanism, v: Array, cov: Array) -> float:
-    """Variance of the factor by which all masses are off, along v; none where they are known."""
+    """Variance of the common factor of all masses along v; zero where the masses are known."""
     return 1 / float(v @ linear.cholesky(cov).solve(v)) if mechanism.unknown else 0.0
 
 
 def _with_none(
     found: Identified, apart: Array, held: Sequence[int], which: Sequence[int]
 ) -> tuple[Array, Array]:
-    """Springs, held elements, errors of letters and points, if all else that could yield is none.
+    """Springs, held elements, errors of letters and points, given that all other elements are zero.
 
     Args:
-        found: The whole model.
-        apart: Covariance of all parameters, but for a factor that nobody knows.
-        held: Parameters of the elements that are held.
-        which: Points.
+        found: The complete estimate.
+        apart: Covariance of all parameters, without the common factor of unknown masses.
+        held: Indices of the parameters of the elements that are held.
+        which: Indices of the points.
 
     Returns:
         Values (s,) and covariance (s, s).
@@ -168,12 +170,16 @@ def _with_none(
 
 
 def standing(case: Case, found: Identified) -> tuple[Case, float]:
-    """A campaign of pulls with its robot where its positions have it.
+    """A campaign of pulls with the robot as estimated from its positions.
 
-    Where nobody states masses, the springs by the pulls tell how heavy the arm is.
+    Where the masses are not stated, the springs by the pulls determine the weight of the arm.
+
+    Args:
+        case: The campaign of pulls.
+        found: The complete estimate from its positions.
 
     Returns:
-        The campaign, and springs over those of the model.
+        The campaign, and the factor by which springs are softer than those of the estimate.
     """
     known, factor = stance(found, case.settings.measured), 1.0
     there = case.standing(known)
@@ -189,17 +195,19 @@ def standing(case: Case, found: Identified) -> tuple[Case, float]:
 
 
 _ROUNDS, _STILL = 4, 0.01
-"""A factor that is known to ten per cent at best stands still at one."""
+"""Maximum number of updates of the factor, and change below which they end; the factor is known to
+ten per cent at best."""
 
 
 def by_masses(found: Identified) -> Array:
-    """What masses of a robot file that are off do to the estimate, (k, k).
+    """Contribution of errors of the stated masses to the covariance of the estimate, (k, k).
 
-    A link heavier by a part e than stated moves readings by E e, and least squares takes it for
+    A link heavier by a fraction e than stated moves the readings by E e, which least squares turns
+    into
 
         C X'W E e,    e ~ N(0, _MASSES^2) of each link,
 
-    most of it for softer springs. Zero where the masses are estimated.
+    mostly softer springs. Zero where the masses are estimated.
     """
     there, size = found.mechanism, len(found.solution.x)
     if there.unknown or not there.moments.any():
@@ -214,14 +222,14 @@ def by_masses(found: Identified) -> Array:
 
 
 _MASSES = 0.05
-"""Standard uncertainty of the mass of a link by its robot file, over that mass: drawings know
+"""Relative standard uncertainty of the mass of a link in its robot file [1]: drawings contain
 castings, but no cables, grease, hoses and dress packs."""
 
 
 def _held(
     mechanism: Mechanism, x: Array, apart: Array, free: Collection[int]
 ) -> Iterator[tuple[int, list[int]]]:
-    """Elements that the weight or something else calls for, and where their parameters stand."""
+    """Elements that the weight or `free` calls for, with the indices of their parameters."""
     for k, at in enumerate(_places(mechanism)):
         said = linear.inverse(apart[np.ix_(at, at)])
         if by_weight_alone(mechanism.elements[k]):
@@ -231,14 +239,14 @@ def _held(
 
 
 def _places(mechanism: Mechanism) -> Iterator[list[int]]:
-    """Where the parameters of each element stand."""
+    """Indices of the parameters of each element."""
     first = layout(mechanism).yields.start
     for effect in mechanism.elements:
         yield list(range(first, first := first + len(effect.parameters)))
 
 
 def _chosen(found: Identified, held: Sequence[int], which: Sequence[int]) -> Array:
-    """Rows that take springs, elements, letters and points out of all parameters, (s, k)."""
+    """Rows that select springs, elements, letters and points from all parameters, (s, k)."""
     where, one = layout(found.mechanism), np.eye(len(found.solution.x))
     points = []
     for k in which:
@@ -248,11 +256,11 @@ def _chosen(found: Identified, held: Sequence[int], which: Sequence[int]) -> Arr
 
 
 def lighter(found: Identified, factor: float) -> Identified:
-    """The same of an arm lighter by a factor whose springs are softer by it, which moves nothing.
+    """The estimate for an arm lighter by a factor with springs softer by it, which moves nothing.
 
     Args:
-        found: The whole model, of masses that nobody states.
-        factor: Springs over those of the model.
+        found: The complete estimate, with masses that are not stated.
+        factor: Factor by which the compliances are multiplied.
     """
     if factor == 1.0:
         return found
@@ -274,25 +282,26 @@ def lighter(found: Identified, factor: float) -> Identified:
 
 
 def beside_pulls(found: Identified, known: Stance, value: Array, cov: Array) -> Identified:
-    """The whole model with what pulls add to springs, elements, table and points.
+    """The complete estimate updated by what pulls add on springs, elements, table and points.
 
-    With z0, C0 what `stance` has of these and z, C_z the same beside the pulls, the pulls say
+    With z0, C0 the values of `stance` and z, C_z those including the pulls, the pulls contribute
 
         N = C_z^-1 - C0^-1,    N z1 = C_z^-1 z - C0^-1 z0,
 
-    which stands beside rows and priors of the positions as one more: with z = T x
+    which is added to rows and priors of the positions as a further observation: with z = T x
 
         (X'X + P + T'N T) x = X'y + P m + T'N z1,
 
-    linearised anew where that leads, as a weight and the spring that it turns are a product.
+    with repeated linearisation, since the product of a weight and a compliance is nonlinear.
 
-    Masses that the robot file states are then parameters, too, known as `by_masses` has them:
-    the readings know sag, the pulls springs, and what that leaves for the masses follows.
+    Masses stated in the robot file become parameters, too, with the uncertainty of `by_masses`: the
+    readings determine the sag and the pulls the springs, and the masses follow.
 
     Args:
-        found: The estimate from the positions alone, of an arm of the weight that pulls tell.
-        known: `stance` of it.
-        value: z, springs and elements, and errors of letters and points, shape (s,).
+        found: The estimate from the positions alone, with the weight of the arm determined by
+            pulls.
+        known: Its `stance`.
+        value: z: springs and elements, and errors of letters and points, shape (s,).
         cov: Their covariance C_z, shape (s, s).
     """
     found = _doubted(found)
@@ -306,13 +315,14 @@ def beside_pulls(found: Identified, known: Stance, value: Array, cov: Array) -> 
     N = (along * np.maximum(share, 0.0)) @ along.T
     zero = np.zeros(len(T) - known.springs)
     z0 = np.concatenate([known.compliance, known.yields, zero]) / size
-    now = np.concatenate([(T @ there.at(where))[: known.springs], zero])  # letters count from here
+    # errors of letters and points are relative to this estimate
+    now = np.concatenate([(T @ there.at(where))[: known.springs], zero])
     said = after @ (value / size) - before @ z0 - N @ now
     return _with(found, T.T @ N @ T, T.T @ said)
 
 
 def _doubted(found: Identified) -> Identified:
-    """The same with masses of the robot file as parameters that are known as well as files know."""
+    """The estimate with the stated masses as parameters, with a relative std of `_MASSES`."""
     there = found.mechanism
     if there.unknown or not there.moments.any():
         return found
@@ -335,7 +345,7 @@ def _doubted(found: Identified) -> Identified:
 
 
 def _with(found: Identified, N: Array, said: Array) -> Identified:
-    """The estimate with N u = said of how far it moves, u, as one more kind of reading."""
+    """The estimate with N u = said added as an observation of its change u."""
     where, mean = layout(found.mechanism), padded(found.known.mean, len(said))
     P, gone = precision(found.mechanism, found.known)[0], np.zeros(len(said))
     begun = found.mechanism.at(where)
@@ -352,24 +362,25 @@ def _with(found: Identified, N: Array, said: Array) -> Identified:
 
 
 _TURNS = 4
-"""Linearisations beside pulls; each leaves the square of what the one before it did."""
+"""Number of linearisations in an update by pulls; they converge quadratically."""
 
 
 def elsewhere(
     found: Identified, known: Stance, data: Measured, tool: Tool, gears: Collection[int] = ()
 ) -> float:
-    """Chance that a robot as its positions have it has its targets where pulls begin.
+    """P-value of the pulls' unloaded readings under the model estimated from the positions.
 
-    Chi-square of the unloaded readings about the whole model, in its covariance, the scatter of its
-    joints and their noise, where the instrument's frame is free; 1 where too few were read.
+    Chi-square of the unloaded readings about the model, with its covariance, the scatter of its
+    joints and the noise of the readings, where the instrument's frame is free; 1 where too few
+    targets were read, or 6D poses.
 
     Args:
-        found: The whole model, from the positions alone.
-        known: `stance` of it.
-        data: The pulls, brought where their robot stands by it.
+        found: The complete estimate, from the positions alone.
+        known: Its `stance`.
+        data: The pulls, reduced with the robot of `known`.
         tool: Their targets.
-        gears: Joints, from 1, whose gear has another law by the pulls: how the weight alone turns
-            them further where positions have not been is free, too.
+        gears: Joints, from 1, whose gear has another law by the pulls: their motion by the weight
+            alone at poses outside the positions is free, too.
     """
     row = np.unique(data.zero, return_index=True)[1]
     row = row[np.isfinite(data.unloaded[row]).all(axis=1)]
@@ -392,7 +403,7 @@ def elsewhere(
 
 
 def _with_targets(found: Identified, points: Array) -> tuple[Mechanism, Array]:
-    """The mechanism with further points of its tool, (t, 3), of which nobody knows the place."""
+    """The mechanism with further tool points (t, 3) of unknown position, and its covariance."""
     frames = np.tile(np.eye(4), (len(points), 1, 1))
     frames[:, :3, 3] = points
     wide = replace(found.mechanism, tool=np.concatenate([found.mechanism.tool, frames]))
@@ -405,18 +416,18 @@ def _with_targets(found: Identified, points: Array) -> tuple[Mechanism, Array]:
 
 
 _ANYWHERE_M = 0.01
-"""How far a reflector that only the pulls read may be from its place in [tool]."""
+"""Standard deviation of a reflector that only the pulls read about its stated position [m]."""
 
 
 def _there(
     found: Identified, mechanism: Mechanism, q: Array, target: Ints, gears: Collection[int]
 ) -> tuple[Array, Array, Array, Array]:
-    """Where a target stands unloaded at each of some joint values, as `Stance.unloaded`.
+    """Position of a target of the unloaded robot at each pose, and its derivatives.
 
     Returns:
-        Places [m], F_b, (m, 3), and what moves them: all parameters (3 m, k), the error of each
-        joint in its standard deviation (3 m, n), and another stiffness or play of some gears by the
-        sign of their torque (3 m, 2 g).
+        Positions [m], F_b, (m, 3), and derivatives by all parameters (3 m, k), by the error of each
+        joint in units of its standard deviation (3 m, n), and by another stiffness or play of some
+        gears according to the sign of their torque (3 m, 2 g).
     """
     m = len(q)
     never, weights = np.full(m, np.nan), replace(found.weights, carried=np.zeros(m, dtype=np.int64))
@@ -443,11 +454,11 @@ def _there(
 
 
 _FRAME = 6
-"""Coordinates of a frame."""
+"""Number of coordinates of a frame."""
 
 
 def _about(found: Identified, moved: Mechanism, cov: Array) -> Identified:
-    """The readings about another mechanism, which then is the estimate."""
+    """The estimate with another mechanism, its readings linearised about that."""
     here = linearised(found.readings, moved, found.weights)
     solution = replace(found.solution, x=moved.at(layout(moved)), cov=cov)
     return replace(

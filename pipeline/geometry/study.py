@@ -1,7 +1,7 @@
-"""A campaign of absolute positions from readings to what is identified, step by step.
+"""Identification of a robot from a campaign of absolute positions, step by step.
 
-Table as delivered, then its letters, then springs under the arm's own weight, then laws that nobody
-listed: each step with what it is worth at poses that were left out.
+Nominal table, then its DH parameters, then springs under the arm's own weight, then laws outside
+the catalogue: each step with its error at left-out poses.
 """
 
 from __future__ import annotations
@@ -34,19 +34,20 @@ from pipeline.machine.robot.weight import weighs
 from pipeline.system import alarms
 
 _ROUNDS = 10
-"""Estimates without the readings that are off; each but the last changes which these are."""
+"""Maximum number of estimates in the search for outliers."""
 
 _MOST_OFF = 0.5
-"""Part of the readings that may be off [1]; beyond it nothing is the rule."""
+"""Maximum fraction of outliers among the readings [1]; beyond it the search ends."""
 
 _GROSS = 20.0
-"""Residuals of the nominal table beyond so many medians are blunders before any estimate."""
+"""Multiple of the median residual of the nominal table beyond which a reading is left out before
+any estimate [1]."""
 
 
 class StationMove(NamedTuple):
-    """From which pose of a series on the instrument stood elsewhere, how far, and by what chance.
+    """Move of the instrument from a pose of a series on, with its size and p-value.
 
-    Shift and turn are those of the robot's base in its frame.
+    `shift_m` and `turn_rad` are the motion of the robot's base in the frame of the instrument.
     """
 
     series: str
@@ -57,7 +58,7 @@ class StationMove(NamedTuple):
 
 
 class BadReading(NamedTuple):
-    """A reading that was left out: of which pose and target, how far off, and by what chance."""
+    """A reading that was left out: file and line, series, pose, target, deviation and p-value."""
 
     file: str
     line: int
@@ -69,7 +70,7 @@ class BadReading(NamedTuple):
 
 
 class Step(StrEnum):
-    """What a model holds beside tool and frames."""
+    """Stages of the model, each in addition to tool and frames."""
 
     TABLE = "nominal table"
     LETTERS = "geometric parameters"
@@ -80,12 +81,12 @@ class Step(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class Stage(Locked):
-    """A model and what it misses at left-out poses.
+    """A model and its errors at left-out poses.
 
     Attributes:
-        step: Which.
+        step: Stage of the model.
         found: The estimate.
-        errors: Of positions by what is left out [m], NaN where not read, each (m, t).
+        errors: Errors of positions for each partition [m], NaN where not read, each (m, t).
     """
 
     step: Step
@@ -93,23 +94,22 @@ class Stage(Locked):
     errors: dict[Parting, Array]
 
     def mean(self, parting: Parting, mine: Bools | slice = slice(None)) -> float:
-        """Mean distance [m] over some poses."""
+        """Mean error [m] over some poses."""
         return float(np.nanmean(self.errors[parting][mine]))
 
 
 @dataclass(frozen=True, eq=False)
 class Study(Locked):
-    """All of it.
+    """Result of a campaign of positions.
 
     Attributes:
-        stages: From the nominal table to the whole model.
-        laws: That nobody listed, the largest first.
-        causes: Of the catalogue, the largest first.
-        mistakes: Entries of the robot file that are wrong by a step; all else is of the file with
-            them put right.
-        bad: Readings that were left out, with their distance from the model [m].
-        moved: When the instrument moved; what was read afterwards is a series of its own.
-        every: All readings, those included.
+        stages: From the nominal table to the complete model.
+        laws: Laws outside the catalogue, the largest gain first.
+        bad: Readings that were left out.
+        moved: Moves of the instrument; readings after a move form a series of their own.
+        causes: Causes of the catalogue, the largest gain first.
+        mistakes: Gross errors of the robot file, corrected in all other results.
+        every: All readings, including those left out.
     """
 
     stages: tuple[Stage, ...]
@@ -122,11 +122,11 @@ class Study(Locked):
 
     @property
     def final(self) -> Identified:
-        """The whole model."""
+        """The complete estimate."""
         return self.stages[-1].found
 
     def ending(self, found: Identified) -> Study:
-        """The same with another estimate of the whole model."""
+        """The study with another estimate of the complete model."""
         stages = (*self.stages[:-1], replace(self.stages[-1], found=found))
         return replace(self, stages=stages, causes=renewed(self.causes, found))
 
@@ -143,13 +143,13 @@ def study(
     """Identify a robot from absolute positions.
 
     Args:
-        robot: As delivered.
+        robot: Robot as delivered.
         readings: All series.
-        weights: What pulls at the arm.
-        tool: Nominal points of targets, flange frame [m], where they are known.
-        sigma_m: Noise of a coordinate, None where it is not stated.
+        weights: Gravity and payloads on the arm.
+        tool: Nominal points of targets, flange frame [m], where known.
+        sigma_m: Noise of a coordinate [m], None where it is not stated.
         stated: Roughness of lengths [m] and angles [rad] in the robot file, NaN where not stated.
-        rng: Draws copies and intervals.
+        rng: Source of copies and intervals.
     """
     robot, mistakes = corrected(robot, readings, weights, tool)
     every = LawData(readings, weights, stated, start(robot, sigma_m))
@@ -165,7 +165,7 @@ def study(
     parts = partings(data.readings, rng, rail(robot))
     whole = with_laws(data, base, names, parts, rng)
     before = data
-    # curves show what springs leave hidden
+    # curves reveal outliers that springs leave hidden
     data, found, late = _without_blunders(every, data, whole.found, late.which)
     if data is not before:
         whole, parts = replace(whole, found=found), partings(data.readings, rng, rail(robot))
@@ -187,24 +187,24 @@ def study(
 
 
 class _Weighed(NamedTuple):
-    """A model by which links weigh what the readings say, and what that is worth."""
+    """A model with estimated link masses, its p-value and its gains."""
 
     found: Identified
     p: float
     gains: tuple[LeftOutGain, LeftOutGain]
 
     def cause(self, found: Identified, form: str) -> TableLaw:
-        """It as a cause, with the amounts of the whole model."""
+        """The weight as a cause, with the amounts of the complete model."""
         one = weight(found)
         near, far = self.gains
         return replace(one, form=form or one.form, p=self.p, gain=near, carried=far)
 
 
 def _weigh(before: Identified, after: Identified, rng: np.random.Generator) -> _Weighed | None:
-    """Another weight of the links against that of the model before; None where it is not sure.
+    """Compare a model with estimated link masses with the one before; None if it is not better.
 
-    It is sure where the readings are likelier by it than by chance, and poses that were left out
-    nearer for certain.
+    It is better if the likelihood ratio is significant and held-out poses are certainly predicted
+    better.
     """
     p = float(np.exp(min(before.likely - after.likely, 0.0)))
     if after is before or p >= alarms.SUSPECT:
@@ -219,7 +219,7 @@ def _weigh(before: Identified, after: Identified, rng: np.random.Generator) -> _
 def _gain(
     before: Identified, after: Identified, part: Ints, rng: np.random.Generator
 ) -> LeftOutGain:
-    """By what the distances of left-out targets fall."""
+    """Reduction of the distances of held-out targets."""
     off = [distances(found, part) for found in (before, after)]
     seen = np.isfinite(off[0])
     block = np.broadcast_to(search.blocks(after.readings)[:, None], seen.shape)[seen]
@@ -232,7 +232,7 @@ def _heavy(data: LawData, robot: Robot) -> bool:
 
 
 def _base(data: LawData, begun: Mechanism) -> tuple[Identified, tuple[Listed, ...]]:
-    """Table, springs and all that the catalogue has, each as large as the readings call for."""
+    """Estimate with DH parameters, springs and all laws of the catalogue, and these laws."""
     robot = begun.table
     heavy = _heavy(data, robot)
     moments = heavy and not weighs(robot)
@@ -254,7 +254,7 @@ def _base(data: LawData, begun: Mechanism) -> tuple[Identified, tuple[Listed, ..
 
 
 def _formed(found: Identified, wanted: Wanted) -> Wanted:
-    """The same with the laws of gears that the readings show in the likelier of their forms."""
+    """The structure with the likeliest form of each gear law that the readings show."""
     there, tau = found.mechanism, found.linear.inputs.tau
     x, std = found.solution.x, np.sqrt(np.diag(found.solution.cov))
     at = layout(there).yields.start
@@ -270,11 +270,12 @@ def _formed(found: Identified, wanted: Wanted) -> Wanted:
 
 
 _SHOWN = 2.0
-"""Standard uncertainties from which on readings say of what form a law is."""
+"""Estimate of a gear law over its standard uncertainty from which on its form is chosen by the
+readings [1]."""
 
 
 def _otherwise(data: LawData, found: Identified, rng: np.random.Generator) -> _Weighed | None:
-    """The estimate with links that weigh other than their file says, where that is sure."""
+    """Estimate with link masses other than in the robot file, if it is certainly better."""
     other = replace(found.wanted, moments=True)
     if not weighs(found.mechanism.table) or likeliest(found, [found.wanted, other]) != other:
         return None
@@ -282,7 +283,7 @@ def _otherwise(data: LawData, found: Identified, rng: np.random.Generator) -> _W
 
 
 def _plain(data: LawData, begun: Mechanism) -> Iterator[Identified]:
-    """The nominal table, the table as it is, and springs beside it, for comparison."""
+    """Nominal table, DH parameters, and springs in addition, for comparison."""
     robot = begun.table
     yield (first := data.identify(begun, Wanted(False, False)))
     yield (table := data.identify(first.mechanism, Wanted(springs=False)))
@@ -298,14 +299,14 @@ def _plain(data: LawData, begun: Mechanism) -> Iterator[Identified]:
 def _apart(
     every: LawData, data: LawData, found: Identified, rng: np.random.Generator
 ) -> tuple[LawData, LawData, Identified, list[int], dict[str, float]]:
-    """All readings and some of them, with another series wherever the instrument moved.
+    """Split series wherever the instrument moved.
 
-    Rail, joints and time are in the estimate already and compete; a move counts only where stations
-    or joint angles that were left out are then nearer for certain.
+    Rail, joints and time are in the estimate already and compete; a move is accepted only if
+    held-out stations or joint angles are then certainly predicted better.
 
     Returns:
-        All readings, some of them, the estimate from these, what series each was before, and by
-        what chance each began, by name.
+        All readings, the readings in use, the estimate from these, the original index of each
+            series, and p-values of the new series by name.
     """
     of = list(range(len(data.readings.names)))
     chances: dict[str, float] = {}
@@ -330,17 +331,17 @@ def _apart(
 
 
 def _place(every: PositionReadings, some: PositionReadings, pose: int) -> int:
-    """Which of all poses one of some is."""
+    """Index among all poses of a pose of the subset."""
     same = (every.file == some.file[pose]) & (every.line == some.line[pose])
     return int(np.argmax(same))
 
 
 _MOST_MOVES = 8
-"""An instrument that moves more often wanders."""
+"""Maximum number of moves; an instrument that moves more often drifts."""
 
 
 def _with_frames(found: Identified, of: Sequence[int] | Array) -> Identified:
-    """The estimate with a frame for every series, that of the series that it was before."""
+    """The estimate with a frame for every series, copied from its original series."""
     return replace(found, mechanism=_framed(found.mechanism, of))
 
 
@@ -349,7 +350,7 @@ def _framed(mechanism: Mechanism, of: Sequence[int] | Array) -> Mechanism:
 
 
 def _moves(found: Identified, chances: dict[str, float]) -> Iterator[StationMove]:
-    """How far the robot's base is from where the instrument saw it before."""
+    """Motions of the robot's base in the frame of the instrument."""
     readings, frames = found.readings, found.mechanism.frames
     for name, p in chances.items():
         k = readings.names.tolist().index(name)
@@ -369,7 +370,7 @@ def _moves(found: Identified, chances: dict[str, float]) -> Iterator[StationMove
 
 
 def _gross(data: LawData, begun: Mechanism) -> Bools:
-    """Readings that stand metres from a nominal robot whose others stand millimetres, (m, t)."""
+    """Readings far off the nominal robot, relative to the median residual, (m, t)."""
     rows = linearised(data.readings, begun, data.weights)
     off = leftout.distances(rows.y, rows.read)
     return np.asarray(off > _GROSS * np.nanmedian(off))
@@ -378,13 +379,13 @@ def _gross(data: LawData, begun: Mechanism) -> Bools:
 def _without_blunders(
     every: LawData, data: LawData, found: Identified, held: Bools
 ) -> tuple[LawData, Identified, blunders.Off]:
-    """What is left without the readings that are off, the estimate from it, and these.
+    """The data without outliers, the estimate from them, and the outliers.
 
     Args:
         every: All readings.
-        data: Those of them that the estimate is from.
+        data: The readings that the estimate is from.
         found: The estimate.
-        held: Readings that are out already, shape (m, t).
+        held: Readings that are left out already, shape (m, t).
     """
     off = blunders.off(found, every.readings, every.weights, held)
     for _ in range(_ROUNDS):

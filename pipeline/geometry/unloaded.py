@@ -1,18 +1,19 @@
-"""Unloaded reflectors of a campaign of pulls: where the table puts them, and what moves them.
+"""Unloaded reflectors of a campaign of pulls: their positions by the table, and deviations from it.
 
-To first order in everything small a reflector of pose i stands, in F_b, where the robot's table
-puts it plus
+To first order in all small quantities, a reflector of pose i deviates in F_b from its position by
+the robot's table by
 
     s + w x p + R_i dl + sum_k L_ik x_k + Z_i G_i m + Z_i e_i + noise
 
-with s and w the place and turn of F_b, dl its point of the tool, x_k the errors of the geometric
-parameters of the table with their unit twists L_ik, m the masses of the arm, whose weight turns the
-joints by G_i m, and e_i an error of each joint at each pose that no table holds (transmission,
-repeatability).
+with s and w the position and rotation of F_b, dl the error of its point of the tool, x_k the errors
+of the geometric parameters of the table with their unit twists L_ik, m the masses of the arm, whose
+weight deflects the joints by G_i m, and e_i an unmodelled error of each joint at each pose
+(transmission, repeatability).
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -36,25 +37,29 @@ from pipeline.reduction.measured import STILL_M, Measured
 
 USUAL = (2e-4, 2e-4)
 """Standard deviation of lengths [m] and angles [rad] of a table as delivered, where the robot file
-does not state them. Nubiola and Bonev (Robotics and Computer-Integrated Manufacturing 29, 2013)
-found 0.1 to 2 mm and mrad on one robot; a reflector then stands some 0.3 to 3 mm off."""
+states none. Nubiola and Bonev (Robotics and Computer-Integrated Manufacturing 29, 2013) found 0.1
+to 2 mm and mrad on one robot; a reflector then deviates by some 0.3 to 3 mm."""
 
 _TOOL_M = 5e-3
-"""Standard deviation of the tool's points as given: they are measured anew by the campaign."""
+"""Prior standard deviation of the tool's points as given [m]: the campaign measures them anew."""
 
 _ANYWHERE_M = 10.0
-"""Standard deviation of where F_b stands: its base reflectors are no part of the robot."""
+"""Prior standard deviation of the position of F_b [m]: its base reflectors are not part of the
+robot."""
 
 HELD = 1e-8
-"""Standard deviation of what is not estimated [m], [rad]; a thousand times as much for masses."""
+"""Standard deviation of what is not estimated [m or rad]; for masses it is a thousand times as
+large."""
 
 
 @dataclass(frozen=True)
-class ZeroChange:
-    """A joint whose zero changed in mid-campaign.
+class MidChange:
+    """A joint whose zero changed in mid-campaign, or a robot that was moved in F_b then.
+
+    The log is right since; where F_b has the robot was right before.
 
     Attributes:
-        joint: From 1.
+        joint: From 1; 0 of the robot as a whole, which has three shifts [m] and three turns [rad].
         before: Numbers of the poses before that.
         since: Number of the first pose after it.
     """
@@ -63,23 +68,29 @@ class ZeroChange:
     before: tuple[int, ...]
     since: int
 
+    @property
+    def unknowns(self) -> int:
+        """How many it has."""
+        return 1 if self.joint else 6
+
     def share(self, pulls: Pulls) -> Array:
-        """What one unit of it adds to the joint of each pull: the log is right since, (m,)."""
-        return -np.isin(pulls.pose, self.before).astype(float)
+        """What one unit of it adds to each pull, shape (m,)."""
+        before = np.isin(pulls.pose, self.before)
+        return -before.astype(float) if self.joint else (~before).astype(float)
 
 
 @dataclass(frozen=True)
 class UnknownColumns:
-    """Where the unknowns stand in their vector.
+    """Slices of the vector of unknowns.
 
     Attributes:
-        shift: Place of F_b [m], from where the table fits best.
-        turn: Its turn within what is stated of the registration, in units of that.
+        shift: Position of F_b [m], relative to `Unloaded.place`.
+        turn: Its rotation within the stated uncertainty of the registration, in units of that.
         tool: Three of each target [m].
         table: Geometric parameters.
         loose: Turn of F_b beyond what is stated, or of the rail in it [rad].
         masses: Of the arm, in units of their usual sizes.
-        changes: Of joints' zeros in mid-campaign [m] or [rad].
+        changes: In mid-campaign [m] or [rad], one after the other.
     """
 
     shift: slice
@@ -98,29 +109,29 @@ class UnknownColumns:
 
 @dataclass(frozen=True, eq=False)
 class Unloaded(Locked):
-    """Unloaded positions as the tracker read them.
+    """Unloaded positions as read by the tracker.
 
     Attributes:
-        robot: With its table as delivered.
-        tool: With its points as given.
-        sag: What the arm's own weight does to the joints of the robot as stiff as identified, or
-            None.
+        robot: Robot with its table as delivered.
+        tool: Tool with its points as given.
+        sag: Effect of the arm's own weight on the joints of a robot with the identified
+            stiffnesses, or None.
         pulls: One for each zero, shape (z,).
         pose: Pose of each zero, 0..p-1, shape (z,).
         target: Its target in the tool, shape (z,).
-        at: Where it stands [m], F_b, shape (z, 3).
-        cov: Covariance of that [m^2], shape (z, 3, 3).
+        at: Its position [m], F_b, shape (z, 3).
+        cov: Covariance of its position [m^2], shape (z, 3, 3).
         rotation: Factor of the covariance of the registration's rotation [rad], shape (3, 3).
         joint_std: Standard uncertainty of the joints' zeros as stated [m] or [rad], shape (n,).
-        tool_std: The same of points of the tool [m], 0 where nothing is stated.
-        place: Where F_b stands if the table is right [m], shape (3,): metres of it would cost the
-            likelihoods, which are differences of squares, their digits.
+        tool_std: Standard uncertainty of points of the tool as stated [m], 0 where not stated.
+        place: Approximate position of F_b by the table [m], shape (3,): with metres in the unknowns
+            the likelihoods, which are differences of squares, would lose digits.
         misshapen: Poses without a pull that are left out: their targets are not where a rigid
             effector has them, so that one of the readings is spoilt.
         turned: Covariance of the rotation of each pose at the radius of the targets [m^2], shape
             (p, 3, 3), where all targets of a pose were computed from one 6D pose, in place of which
             its position, of covariance `cov`, and its rotation are read; else None.
-        changes: Joints whose zeros may have changed in mid-campaign.
+        changes: What may have changed in mid-campaign.
     """
 
     robot: Robot
@@ -137,11 +148,11 @@ class Unloaded(Locked):
     place: Array = field(default_factory=lambda: np.zeros(3))
     misshapen: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     turned: Array | None = None
-    changes: tuple[ZeroChange, ...] = ()
+    changes: tuple[MidChange, ...] = ()
 
     @cached_property
     def letters(self) -> tuple[Letter, ...]:
-        """Geometric parameters that move a reflector in a way of their own."""
+        """Geometric parameters with distinct effects on a reflector."""
         return letters(self.robot)
 
     @cached_property
@@ -151,11 +162,19 @@ class Unloaded(Locked):
 
     @cached_property
     def columns(self) -> UnknownColumns:
-        """Where the unknowns stand."""
+        """Layout of the unknowns."""
         masses = len(self.sag.parameters) if self.sag else 0
-        sizes = (3, 3, 3 * len(self.tool.points), len(self.letters), 3, masses, len(self.changes))
+        changes = sum(one.unknowns for one in self.changes)
+        sizes = (3, 3, 3 * len(self.tool.points), len(self.letters), 3, masses, changes)
         ends = np.cumsum([0, *sizes]).tolist()
         return UnknownColumns(*(slice(a, b) for a, b in pairwise(ends)))
+
+    @property
+    def changed(self) -> Iterator[tuple[MidChange, slice]]:
+        """Each change with its unknowns."""
+        ends = np.cumsum([self.columns.changes.start, *(one.unknowns for one in self.changes)])
+        for one, (a, b) in zip(self.changes, pairwise(ends.tolist()), strict=True):
+            yield one, slice(a, b)
 
     @property
     def poses(self) -> int:
@@ -164,12 +183,12 @@ class Unloaded(Locked):
 
     @property
     def read(self) -> Ints:
-        """Pose of each point that is read, or of position and rotation; shape (v,)."""
+        """Pose of each point that is read, or of each position and rotation; shape (v,)."""
         return self.pose if self.turned is None else np.repeat(np.arange(self.poses), 2)
 
     @property
     def dof(self) -> int:
-        """Degrees of freedom where nothing but place and tool is estimated."""
+        """Degrees of freedom if only position and tool are estimated."""
         tool = 6 if self.turned is not None else 3 * len(self.tool.points)
         return 3 * len(self.read) - 3 - tool
 
@@ -181,14 +200,14 @@ class Unloaded(Locked):
 
     @cached_property
     def stated(self) -> Array:
-        """What campaign.toml states of the joints' zeros, for each geometric parameter, (k,)."""
+        """Stated standard uncertainty of the joint zeros, for each geometric parameter, (k,)."""
         known = len(self.joint_std) == self.robot.n
         std = self.joint_std if known else np.zeros(self.robot.n)
         zero = [letter.name == "joint_offset" for letter in self.letters]
         return np.where(zero, std[[letter.joint - 1 for letter in self.letters]], 0.0)
 
     def held(self) -> Array:
-        """Standard deviations with nothing wrong but place, stated turn and tool, shape (K,)."""
+        """Prior standard deviations if only position, stated rotation and tool are free, (K,)."""
         std, where = np.full(self.columns.count, HELD), self.columns
         std[where.shift], std[where.turn] = _ANYWHERE_M, 1.0
         std[where.tool], std[where.masses] = max(_TOOL_M, self.tool_std), 1e3 * HELD
@@ -202,7 +221,7 @@ class Unloaded(Locked):
         return np.asarray(typical * x[self.columns.masses])
 
     def where_it_is(self, x: Array) -> tuple[Robot, Pulls]:
-        """The robot with its table corrected, and pulls with the joints where the arm's weight is.
+        """The robot with corrected table, and pulls with the joints deflected by the arm's weight.
 
         Args:
             x: The unknowns, shape (K,).
@@ -213,23 +232,24 @@ class Unloaded(Locked):
         return robot, self.as_changed(pulls, x)
 
     def as_changed(self, pulls: Pulls, x: Array) -> Pulls:
-        """Pulls of this campaign with the joints where changes of their zeros put them.
+        """Pulls of this campaign with the joint values corrected for changes of their zeros.
 
         Args:
-            pulls: As the log has them, or as the arm's weight has them.
+            pulls: Pulls with the joint values of the log, or those under the arm's weight.
             x: The unknowns, shape (K,).
         """
         q = pulls.q.copy()
-        for one, size in zip(self.changes, x[self.columns.changes], strict=True):
-            q[:, one.joint - 1] += size * one.share(pulls)
+        for one, at in self.changed:
+            if one.joint:
+                q[:, one.joint - 1] += x[at] * one.share(pulls)
         return replace(pulls, q=q) if self.changes else pulls
 
     def base_turn(self, x: Array) -> Array:
-        """Turn of F_b against the base reflectors [rad], shape (3,)."""
+        """Rotation of F_b relative to the base reflectors [rad], shape (3,)."""
         return np.asarray(self.rotation @ x[self.columns.turn] + x[self.columns.loose])
 
     def about(self, x: Array) -> PoseRows:
-        """The readings linearised about some unknowns, absolute: y = D x where all is explained."""
+        """The readings linearised about some unknowns, absolute: y = D x if all is explained."""
         robot, pulls = self.where_it_is(x)
         here, where, z = configure(robot, pulls.q), self.columns, np.arange(len(self.target))
         points = (self.tool.points + x[where.tool].reshape(-1, 3))[self.target]
@@ -247,15 +267,18 @@ class Unloaded(Locked):
         D[:, :, where.table] = R @ reach(twists(here, self.letters), p[:, None])[:, :3]
         if self.sag is not None:
             D[:, :, where.masses] = Z @ self._sagging()
-        for k, one in enumerate(self.changes, where.changes.start):
-            D[:, :, k] = Z[:, :, one.joint - 1] * one.share(self.pulls)[:, None]
+        whole = np.concatenate([D[:, :, where.shift], cross], axis=2)
+        for change, at in self.changed:
+            unit = Z[:, :, [change.joint - 1]] if change.joint else whole
+            D[:, :, at] = unit * change.share(self.pulls)[:, None, None]
+            stands += 0.0 if change.joint else D[:, :, at] @ x[at]
         y = self.at - stands + D @ x
         if self.turned is not None:
             y, D, Z = self._in_poses(y[..., None])[..., 0], self._in_poses(D), self._in_poses(Z)
         return _by_pose(self, y, D, Z)
 
     def _in_poses(self, moved: Array) -> Array:
-        """Position and rotation of each pose for small motions of its targets, (v, 3, k)."""
+        """Position and rotation of each pose from small motions of its targets, (v, 3, k)."""
         t = len(self.tool.points)
         here = configure(self.robot, self.pulls.q[::t])
         six = replace(self.tool, six=True).coordinates(here, moved.reshape(-1, t, *moved.shape[1:]))
@@ -263,36 +286,36 @@ class Unloaded(Locked):
 
     @property
     def errors(self) -> Array:
-        """Covariance of what is read [m^2], shape (v, 3, 3)."""
+        """Covariance of the readings [m^2], shape (v, 3, 3)."""
         if self.turned is None:
             return self.cov
         own = self.cov[:: len(self.tool.points)]
         return np.asarray(np.stack([own, self.turned], axis=1).reshape(-1, 3, 3))
 
     def _sagging(self) -> Array:
-        """How far each of the masses, at its usual size, turns the joints, shape (z, n, masses)."""
+        """Deflection of the joints by each of the masses at its usual size, (z, n, masses)."""
         assert self.sag is not None
         typical = np.diag([parameter.typical for parameter in self.sag.parameters])
         each = [self.sag.geometry(self.robot, self.pulls, one) - self.pulls.q for one in typical]
         return np.stack(each, axis=2)
 
     def seen(self, x: Array) -> Array:
-        """What unknowns leave of what is read [m], without the joints' errors, shape (v, 3)."""
+        """Residuals of the readings [m], without the joints' errors, shape (v, 3)."""
         rows = self.about(x)
         return np.asarray((rows.y - rows.D @ x)[rows.place])
 
 
 @dataclass(frozen=True, eq=False)
 class PoseRows(Locked):
-    """Readings pose by pose; rows of a pose that has fewer than others are zero.
+    """Readings by pose; missing rows of a pose are zero.
 
     Attributes:
         y: Shape (p, r) [m].
         D: Derivatives by the unknowns, shape (p, r, K).
-        Z: Derivatives by the joints, shape (p, r, n).
-        N: Covariance of the readings [m^2], 1 where there is none, shape (p, r, r).
+        Z: Derivatives by the joint values, shape (p, r, n).
+        N: Covariance of the readings [m^2], 1 on the diagonal of missing rows, shape (p, r, r).
         place: Pose and rows of each point that is read: y[place] has shape (v, 3).
-        slides: Joints that slide, shape (n,).
+        slides: Which joints are prismatic, shape (n,).
     """
 
     y: Array
@@ -306,7 +329,7 @@ class PoseRows(Locked):
         """Covariance of the rows of each pose, shape (p, r, r).
 
         Args:
-            transmission: Error of the joints at a pose, over what it usually is.
+            transmission: Error of the joints at a pose over its usual size.
         """
         usual = np.where(self.slides, START[True], START[False])
         ZS = self.Z * (transmission * usual)
@@ -338,9 +361,9 @@ def unloaded(
     """The unloaded positions; None where too few poses were read unloaded.
 
     Args:
-        robot: With its table as delivered.
-        tool: With its points as given.
-        sag: What the arm's own weight does to its joints, or None.
+        robot: Robot with its table as delivered.
+        tool: Tool with its points as given.
+        sag: Effect of the arm's own weight on its joints, or None.
         data: The measurements; `unloaded` may be NaN.
         scale: Scatter of the tracker over its stated standard uncertainty.
     """
@@ -387,8 +410,8 @@ class _Shape(Locked):
     """Distances between targets of the effector.
 
     Attributes:
-        mean: Of the poses in which something was pulled [m], NaN where never read, shape (t, t).
-        variance: Of that [m^2], shape (t, t).
+        mean: Mean over the poses with pulls [m], NaN where never read, shape (t, t).
+        variance: Variance of the mean [m^2], shape (t, t).
     """
 
     mean: Array
@@ -396,7 +419,7 @@ class _Shape(Locked):
 
     @classmethod
     def of(cls, pose: Ints, target: Ints, at: Array, cov: Array) -> _Shape:
-        """From positions of targets in several poses."""
+        """Distances from positions of targets in several poses."""
         t = int(target.max()) + 1
         total, variance, count = np.zeros((3, t, t))
         for one in np.unique(pose):
@@ -422,10 +445,10 @@ def _distances(target: Ints, at: Array) -> tuple[Ints, Ints, Array, Array]:
 
 
 def _misshapen(idle: Idle, shape: _Shape, scale: float) -> Ints:
-    """Poses without a pull in which distances between targets are not those of the other poses.
+    """Poses without a pull whose distances between targets differ from those of the other poses.
 
-    Nothing else tells a spoilt reading there: a rigid effector keeps its distances D wherever the
-    robot is, and chi2 = d' (J C J' + V)^-1 d of their differences d is that of its readings.
+    There nothing else reveals a spoilt reading: a rigid effector keeps its distances D wherever the
+    robot is. With d their differences, chi2 = d' (J C J' + V)^-1 d tests the readings.
     """
     poses = np.unique(idle.pulls.pose)
     out = []
@@ -442,12 +465,12 @@ def _misshapen(idle: Idle, shape: _Shape, scale: float) -> Ints:
 
 
 _RARE = 1e-3
-"""Chance of leaving out any pose without a pull, if all of them are sound."""
+"""Probability of leaving out any pose without a pull by chance [1]."""
 
 _FEWEST = 4
-"""Poses: with fewer, place, turn and tool explain everything."""
+"""Minimum number of poses: with fewer, position, rotation and tool explain everything."""
 
 
 def off(zeros: Unloaded, x: Array) -> float:
-    """What unknowns leave of the positions, rms over coordinates [m]."""
+    """Rms residual of the positions over coordinates [m]."""
     return rms(zeros.seen(x))

@@ -1,4 +1,4 @@
-"""What a part of a model is worth at poses that were left out."""
+"""Worth of a part of a model: the reduction of the error at left-out poses."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ from pipeline.geometry.readings import PositionReadings
 
 
 class Parting(StrEnum):
-    """Which poses are left out at a time."""
+    """How the poses are partitioned for cross-validation."""
 
     BETWEEN = "every tenth pose"
     SPACE = "a tenth of joint space"
@@ -28,12 +28,12 @@ class Parting(StrEnum):
 
 @dataclass(frozen=True, eq=False)
 class LeftOutGain(Locked):
-    """Error of left-out positions with and without something.
+    """Error of left-out positions with and without a part of the model.
 
     Attributes:
-        before: rms over coordinates without it [m].
-        after: rms with it [m].
-        ci95: Interval of 1 - after / before.
+        before: Rms error without it [m].
+        after: Rms error with it [m].
+        ci95: 95 % confidence interval of 1 - after / before [1].
     """
 
     before: float
@@ -47,18 +47,18 @@ class LeftOutGain(Locked):
 
     @property
     def sure(self) -> bool:
-        """The error falls for certain."""
+        """Whether the error certainly falls."""
         return self.ci95[0] > 0
 
 
 NO_GAIN = LeftOutGain(0.0, 0.0, (0.0, 0.0))
-"""Of what was not asked about."""
+"""Gain where none was computed."""
 
 
 def partings(
     readings: PositionReadings, rng: np.random.Generator, rail: bool
 ) -> dict[Parting, Ints]:
-    """Which poses are left out together, (m,) each; stations and series where there are several."""
+    """Part of each pose, (m,), per partition; stations and series where there are several."""
     out = {
         Parting.BETWEEN: leftout.by_turns(readings),
         Parting.SPACE: leftout.by_space(readings, rng),
@@ -73,8 +73,8 @@ def partings(
 def distances(found: Identified, part: Ints) -> Array:
     """Distance of each target from its prediction without the part of its pose [m], (m, t).
 
-    Each series is laid on its readings as a rigid body: where the instrument stood is no part of
-    the robot, and a table that is wrong says it wrongly.
+    Each series is first fitted to its readings as a rigid body: the position of the instrument is
+    not part of the robot, and a wrong table would predict it wrongly.
     """
     errors = leftout.errors(found, part)
     off = errors.copy()
@@ -89,7 +89,7 @@ def distances(found: Identified, part: Ints) -> Array:
 
 
 class Judge:
-    """What parameters are worth at poses that were left out."""
+    """Worth of parameters at left-out poses."""
 
     def __init__(self, parts: dict[Parting, Ints], rng: np.random.Generator) -> None:
         self._parts = parts
@@ -97,37 +97,38 @@ class Judge:
         self._made: tuple[Identified | None, dict[Parting, tuple[LeftOut, Array]]] = (None, {})
 
     def far(self, once: bool = False) -> Parting:
-        """What is farthest from all others: a series, of what happened once a part of space."""
+        """The hardest partition available; for what happened once, series are not used."""
         there = (Parting.SERIES, Parting.STATION) if not once else (Parting.STATION,)
         return next((one for one in there if one in self._parts), Parting.SPACE)
 
     def gains(
         self, found: Identified, part: slice | Ints, once: bool = False
     ) -> tuple[LeftOutGain, LeftOutGain]:
-        """At left-out neighbours in time, and at left-out series or parts of joint space.
+        """Gains at every tenth pose left out, and at left-out series, stations or parts of space.
 
         Args:
             found: The estimate.
-            part: Where the parameters stand.
-            once: They tell what happened at one time, of which no other series knows.
+            part: Indices of the parameters.
+            once: Whether they describe something that happened once, which other series cannot
+                predict.
         """
         near, far = (self._gain(found, one, part) for one in (Parting.BETWEEN, self.far(once)))
         return near, far
 
     def carries(self, found: Identified, part: slice, once: bool = False) -> bool:
-        """Both fall for certain."""
+        """Whether both errors certainly fall."""
         return all(gain.sure for gain in self.gains(found, part, once))
 
     def as_good(self, one: Identified, other: Identified) -> bool:
-        """The first predicts what was left out as well as the second, within chance."""
+        """Whether the first predicts held-out poses as well as the second, within chance."""
         return self._less(one, other, self.far())[1] >= 0
 
     def better(self, one: Identified, other: Identified) -> bool:
-        """The first predicts stations or joint angles that were left out better for certain."""
+        """Whether the first certainly predicts held-out stations or parts of joint space better."""
         return self._less(one, other, self.far(once=True))[0] > 0
 
     def _less(self, one: Identified, other: Identified, parting: Parting) -> tuple[float, float]:
-        """By what part the error of the first is smaller, interval."""
+        """Confidence interval of the relative reduction of the error by the first."""
         errors = [leftout.errors(found, self._parts[parting]) for found in (other, one)]
         seen = np.tile(np.arange(6) < 3, errors[0].shape[1] // 6) & one.readings.read
         block = np.broadcast_to(search.blocks(one.readings)[:, None], seen.shape)[seen]

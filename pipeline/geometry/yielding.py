@@ -1,8 +1,8 @@
-"""What gives way under the arm's own weight beside springs of joints: effects of the catalogue.
+"""Effects of the catalogue, other than joint springs, that deflect under the arm's own weight.
 
 Virtual joint v of an effect with the screw s_v moves by its parameter times the effect's response
-to s_v . W, with W the wrench of all that it bears: as under a pull, with the weight in
-the place of the pull, or beside it.
+to s_v . W, with W the wrench of the weight that it carries: as under a pull, with the weight in
+place of the pull or in addition to it.
 """
 
 from __future__ import annotations
@@ -25,19 +25,20 @@ from pipeline.machine.robot.weight import link_moments, weighs, work
 
 _NAMES = {"rail_roll", "rail_pitch", "rail_yaw", "rail_lateral", "rail_vertical", "joint_tilt",
           "link_bending"}  # fmt: skip
-"""Linear springs beside those of the joints."""
+"""Linear springs other than those of the joints."""
 
 _BEARINGS = 3
-"""The first turning joints carry the arm; moments across those of the wrist are smaller by tens."""
+"""Number of rotary joints, counted from the base, whose bearings may tilt: moments across those of
+the wrist are smaller by a factor of tens."""
 
 
 def yielding(robot: Robot, tau: Array | None = None) -> tuple[Elastic, ...]:
-    """The effects that act on positions, in the first form of each that weight can show.
+    """The effects that act on positions, each in the first form that the weight can excite.
 
     Args:
         robot: The robot.
-        tau: Torque of its weight on each joint [N m], shape (m, n), by which its gears have laws of
-            their own; none where not given.
+        tau: Torque of its weight on each joint [N m], shape (m, n), which selects the laws of its
+            gears; none are included by default.
     """
     carry, out = turning(robot)[:_BEARINGS], dict[str, Elastic]()
     for effect in catalogue(robot):
@@ -51,7 +52,7 @@ def yielding(robot: Robot, tau: Array | None = None) -> tuple[Elastic, ...]:
 
 
 def called(robot: Robot, names: Sequence[Sequence[str]]) -> tuple[Elastic, ...]:
-    """Elements by label and form, as `yielding` has them."""
+    """Elements by label and form, from those of `yielding`."""
     each_way = np.array([[-1.0], [1.0]]) * np.ones(robot.n)
     every = (*yielding(robot), *_gears(robot, each_way))
     known = {(one.label, one.form): one for one in every}
@@ -59,34 +60,34 @@ def called(robot: Robot, names: Sequence[Sequence[str]]) -> tuple[Elastic, ...]:
 
 
 BY_WEIGHT = "weight"
-"""In the form of a law of a gear whose torque nobody knows, as masses or a balancer are not: no
-pull can be said to be beside it."""
+"""Part of the form of a gear law by the weight's torque alone, where masses or a balancer are
+unknown, so that a pull's torque cannot be added to it."""
 
 
 def by_weight_alone(effect: Effect) -> bool:
-    """Whether a law of a gear is one that only the weight is known to show."""
+    """Whether this is a gear law by the weight's torque alone."""
     return effect.element == "gear" and BY_WEIGHT in effect.form
 
 
 def other_forms(robot: Robot, tau: Array, one: Elastic) -> tuple[Elastic, ...]:
-    """The same law of a gear in its other forms. Args as of `yielding`."""
+    """The other forms of a gear law, arguments as of `yielding`."""
     every = _gears(robot, tau) if one.element == "gear" else ()
     return tuple(e for e in every if e.label == one.label and e.form != one.form)
 
 
 def balanced(robot: Robot) -> int | None:
-    """The joint that a balancer may hold, the shoulder of an arm for heavy loads."""
+    """The joint that may have a balancer: the shoulder of an arm for heavy loads."""
     joints = arm(robot)
     return joints[0] if joints and relative(robot) >= _BALANCED else None
 
 
 _BALANCED = 0.2
-"""Payload over that of a KR 500 from which on arms have a balancer: by data sheets of KUKA (KR 90
-and up), ABB (IRB 6600 and up) and FANUC (M-900), some 100 kg."""
+"""Payload over that of a KR 500 from which on arms have a balancer [1]: some 100 kg, by data sheets
+of KUKA (KR 90 and up), ABB (IRB 6600 and up) and FANUC (M-900)."""
 
 
 def _gears(robot: Robot, tau: Array) -> Iterator[Elastic]:
-    """Laws of gears by all the torque on them, of joints that the weight loads."""
+    """Gear laws of the joints that the weight loads; by the total torque where that is known."""
     known, shoulder = weighs(robot), balanced(robot)
     for effect in catalogue(robot):
         if not isinstance(effect, Elastic) or not effect.under_weight or not _shown(effect, tau):
@@ -97,13 +98,13 @@ def _gears(robot: Robot, tau: Array) -> Iterator[Elastic]:
 
 
 def _alone(effect: Elastic) -> Elastic:
-    """A law of the pull's torque as one of the weight's."""
+    """A law of the pull's torque turned into one of the weight's."""
     form = effect.form.replace("pull", "")
     return replace(effect, form=f"{form}, {BY_WEIGHT}" if form else BY_WEIGHT)
 
 
 def _shown(effect: Elastic, tau: Array) -> bool:
-    """Whether a law of a gear moves anything under torques of the weight (m, n)."""
+    """Whether torques of the weight (m, n) excite a gear law."""
     mine = tau[:, effect.carrier[0] - 1]
     largest = float(np.abs(mine).max())
     each_way = effect.side is None or min(mine.max(), -mine.min()) > _EACH_WAY * largest
@@ -111,31 +112,32 @@ def _shown(effect: Elastic, tau: Array) -> bool:
 
 
 _EACH_WAY = 0.1
-"""Part of the largest torque that a joint has to carry the other way, too, before two stiffnesses
-can be told from one [1]."""
+"""Minimum torque in the weaker direction over the largest one [1], from which two stiffnesses can
+be distinguished."""
 
 LOADED = 1e-3
-"""Part of the largest torque of the weight below which a joint carries none."""
+"""Torque of the weight over the largest of any joint, below which a joint counts as
+unloaded [1]."""
 
 
 def sizes(effects: Sequence[Elastic]) -> Array:
-    """What is usual of each parameter, shape (e,)."""
+    """Typical magnitude of each parameter, shape (e,)."""
     return np.array([one.typical for effect in effects for one in effect.parameters], dtype=float)
 
 
 def _each(numbers: Iterable[Sequence[int]]) -> Ints:
-    """Numbers of all effects in one row."""
+    """Numbers of all effects, concatenated."""
     return np.array([*chain.from_iterable(numbers)], dtype=np.int64)
 
 
 class Virtual:
-    """The virtual joints of effects at m poses.
+    """Virtual joints of effects at m poses.
 
     Attributes:
         screws: Unit screws in F_b, shape (m, v, 6).
         carrier: Joint from 1 that carries each, shape (v,).
-        bears: Joint from 1 whose weight, and that of all behind it, loads each, shape (v,).
-        parameter: Which parameter each has, shape (v,).
+        bears: Joint from 1 from which on the weight loads each, shape (v,).
+        parameter: Index of the parameter of each, shape (v,).
     """
 
     def __init__(self, effects: Sequence[Elastic], here: Configuration) -> None:
@@ -151,7 +153,7 @@ class Virtual:
         self.parameter += np.repeat(before[:-1], np.diff(self._ends))
 
     def answers(self, tau: Array) -> Array:
-        """How far each moves per unit of its parameter under torques (m, v), shape (m, v)."""
+        """Motion of each per unit of its parameter under torques (m, v), shape (m, v)."""
         parts = [
             effect.under_weight(tau[:, a:b])
             if effect.under_weight
@@ -161,7 +163,12 @@ class Virtual:
         return np.concatenate([tau[:, :0], *parts], axis=1)
 
     def torques(self, wrenches: Array, weight: Array) -> Array:
-        """Torque on each, by what each joint carries and its weight alone, (m, n, 6) -> (m, v)."""
+        """Torque on each virtual joint, shape (m, v).
+
+        Args:
+            wrenches: Wrench that each joint carries, of weight and force, shape (m, n, 6).
+            weight: Wrench of the weight alone, shape (m, n, 6).
+        """
         own = wrenches[..., 3:] - np.pad(wrenches[:, 1:, 3:], ((0, 0), (0, 1), (0, 0)))
         tau = work(self.screws, wrenches[:, self.bears - 1])
         for one, body, part in self._between:
@@ -175,8 +182,8 @@ class Virtual:
         """Derivatives of `answers` by mass and first moment of each link.
 
         Args:
-            unit: Wrench of each, about the arm where it stands, shape (m, n, 4, 6).
-            tau: Where that is, as of `torques`.
+            unit: Wrench per unit of each at the poses, shape (m, n, 4, 6).
+            tau: Torques at which they are taken, as of `torques`, shape (m, v).
 
         Returns:
             Shape (m, v, 4 n).
@@ -191,7 +198,7 @@ class Virtual:
 
     @cached_property
     def _between(self) -> list[tuple[slice, int, float]]:
-        """Virtual joints of an effect, a body between carrier and `bears`, and its part."""
+        """Virtual joints of an effect, a body between carrier and `bears` from 0, its share."""
         return [
             (slice(a, b), e.carrier[0] - 1 + k, part)
             for e, (a, b) in zip(self._effects, pairwise(self._ends), strict=True)
@@ -199,17 +206,17 @@ class Virtual:
         ]
 
     def _hung(self, force: Array, one: slice) -> Array:
-        """Forces (m, 3) where the joint sits that an effect bears, as wrenches (m, 1, 6)."""
+        """Forces (m, 3) at the joint that an effect bears, as wrenches (m, 1, 6)."""
         at = self._loaded.configuration.frame(int(self.bears[one][0]))[1]
         return np.concatenate([np.cross(at, force), force], axis=1)[:, None]
 
 
 _STEP = 1e-4
-"""Of a torque over it, by which the slope of a law is taken."""
+"""Relative step of a torque in the numerical slope of a law [1]."""
 
 
 def carried_by(screws: Array, carrier: Ints, unit: Array) -> Array:
-    """Torques about screws by mass and first moment of each link behind, (m, v, 4 n)."""
+    """Torques about screws per mass and first moment of each link that they carry, (m, v, 4 n)."""
     m, n = unit.shape[:2]
     behind = np.arange(1, n + 1) >= carrier[:, None]
     both = screws @ unit.reshape(m, 4 * n, 6).swapaxes(1, 2)
@@ -217,7 +224,7 @@ def carried_by(screws: Array, carrier: Ints, unit: Array) -> Array:
 
 
 def _loaded(here: Configuration) -> Loaded:
-    """A robot on which nothing but its weight acts, at no particular point."""
+    """A robot loaded by its weight only."""
     m = len(here.q)
     none = np.zeros((m, 3))
     return Loaded(
@@ -228,7 +235,7 @@ def _loaded(here: Configuration) -> Loaded:
 def carried_on(
     screws: Array, carrier: Ints, amounts: Array, at: Array, turn: Array
 ) -> tuple[Array, Array]:
-    """Targets (m, t, 3) and orientations (m, t, 3, 3) behind small motions of virtual joints.
+    """Targets (m, t, 3) and orientations (m, t, 3, 3) moved by small motions of virtual joints.
 
     Those of one carrier move together, the outer carriers first.
     """
@@ -244,11 +251,11 @@ def carried_on(
 
 
 def usual(robot: Robot) -> tuple[Array, Array]:
-    """Masses [kg] and first moments [kg m] of links if nobody knows them, and how uncertain.
+    """Usual masses [kg] and first moments [kg m] of links, with wide uncertainties.
 
-    Where the robot file states them they are those, however wrong. Else an arm of six axes weighs
-    some five times what it carries, most of it in its first three links (KUKA KR 500 and ABB
-    IRB 6640, by their data sheets), each about amid its link.
+    If the robot file states them, the means are those. Otherwise an arm of six axes weighs some
+    five times its payload, mostly in the first three links (KUKA KR 500 and ABB IRB 6640, by their
+    data sheets), each centred between its axes.
 
     Returns:
         Mean and standard deviation, each of shape (n, 4).
@@ -265,9 +272,10 @@ def usual(robot: Robot) -> tuple[Array, Array]:
 
 
 _ARM = 5.0
-"""Mass of an arm over its rated payload [1]: of robots that machine, an estimate."""
+"""Mass of an arm over its rated payload [1]: an estimate for machining robots."""
 _SHARE = np.array([0.3, 0.28, 0.3, 0.05, 0.04, 0.03, 0.01])
 _PAYLOAD_KG = 200.0
-"""Where a robot file does not say: the middle of robots that machine."""
+"""Payload of a robot whose file states none [kg]: a medium one for machining robots."""
 _WIDE_M = 0.1
-"""How far the centre of a link lies beside the line between its axes, standard deviation."""
+"""Standard deviation of the distance of a link's centre of mass from the line between its
+axes [m]."""

@@ -1,4 +1,4 @@
-"""The folder of overrides: its house.toml, and the logo that this names."""
+"""The folder of overrides: its house.toml, and the logo named there."""
 
 from __future__ import annotations
 
@@ -20,9 +20,9 @@ from pipeline.house.line import Line, line
 
 _FILE = "house.toml"
 _LOGO_BYTES = 200_000
-"""A logo is no larger: page and PDF carry it."""
+"""Maximum size of a logo [B], which is embedded in page and PDF."""
 _MOST_FIELDS = 8
-"""So many lines of a house fit beside the drawing."""
+"""Maximum number of additional lines that fit beside the drawing."""
 _WAY_OUT = "correct it as docs/house.md describes"
 
 Annex = Literal[
@@ -44,15 +44,15 @@ Annex = Literal[
     "test-pose",
     "validation",
 ]
-"""What an annex is called, as in the address of its heading on the page."""
+"""Names of the annexes, as in the anchors of their headings on the page."""
 
 
 class Overrides(Strict):
-    """A whole house.toml.
+    """Content of house.toml.
 
     Attributes:
         logo: A drawing in the folder, .svg or .png.
-        order: Annexes that come first; the others follow as ever.
+        order: Annexes that come first; the others follow in the usual order.
         fields: Lines by their labels.
     """
 
@@ -65,12 +65,12 @@ class Overrides(Strict):
 
 @dataclass(frozen=True)
 class House:
-    """What a house adds to every certificate.
+    """Additions of a house to every certificate.
 
     Attributes:
         logo: An SVG drawing; empty for none.
         order: Keys of the annexes that come first.
-        lines: Its own lines.
+        lines: Its additional lines.
     """
 
     logo: str
@@ -80,10 +80,10 @@ class House:
     def fields(
         self, facts: Mapping[str, str], own: Mapping[str, str]
     ) -> tuple[tuple[str, str], ...]:
-        """Label and text of each line; one of which campaign.toml lacks a field is left out.
+        """Label and text of each line, without those whose fields campaign.toml lacks.
 
         Args:
-            facts: Of the campaign, by name.
+            facts: Facts about the campaign, by name.
             own: `[fields]` of campaign.toml.
         """
         told = ((one.label, one.said(facts, own)) for one in self.lines)
@@ -91,15 +91,14 @@ class House:
 
 
 def house(root: Path, name: str) -> House:
-    """What the folder of a house says.
+    """Read the folder of a house.
 
     Args:
         root: The project's root.
         name: The folder, below it.
 
     Raises:
-        InputError: It lies where measurements or reports do, leads elsewhere, or says what it
-            cannot.
+        InputError: It lies among measurements or reports, leads elsewhere, or has invalid content.
     """
     if PurePosixPath(name).parts[0] in ("data", "reports"):
         raise InputError(
@@ -116,7 +115,7 @@ def house(root: Path, name: str) -> House:
 
 
 def _content(folder: Path, name: str, file: str, most: int) -> bytes:
-    """A file of the folder that lies in it.
+    """Content of a file that lies within the folder.
 
     Raises:
         InputError: It leads elsewhere, or cannot be read.
@@ -134,7 +133,7 @@ _DRAWN = {
     *("svg", "g", "defs", "title", "desc", "path", "rect", "circle", "ellipse", "line", "polyline"),
     *("polygon", "text", "tspan", "linearGradient", "radialGradient", "stop", "clipPath", "use"),
 }
-"""Elements that draw and do nothing else."""
+"""Elements that only draw."""
 
 _ELSEWHERE = re.compile(r"url\(\s*['\"]?(?!#)|@import|javascript:", re.IGNORECASE)
 _PNG = b"\x89PNG\r\n\x1a\n"
@@ -144,7 +143,7 @@ def _logo(folder: Path, name: str, file: str) -> str:
     """A logo as SVG.
 
     Raises:
-        InputError: It is none, or does more than to draw.
+        InputError: It is not a drawing, or does more than draw.
     """
     data, shown = _content(folder, name, file, _LOGO_BYTES), f"{name}/{file}"
     if data.startswith(_PNG) and len(data) > 24:
@@ -163,7 +162,7 @@ def _logo(folder: Path, name: str, file: str) -> str:
 
 
 def _more_than_drawn(text: str) -> str:
-    """What an SVG has beside shapes, gradients and words; empty where it has nothing."""
+    """First content of an SVG besides shapes, gradients and text; empty if there is none."""
     if "<!DOCTYPE" in text or "<!ENTITY" in text:
         return "a document type"
     try:
@@ -181,7 +180,7 @@ def _more_than_drawn(text: str) -> str:
 
 
 def _leads(attribute: str, value: str) -> bool:
-    """Whether an attribute acts, or brings something from outside the file."""
+    """Whether an attribute triggers an action, or refers to something outside the file."""
     if attribute in ("href", _XLINK) and not value.startswith("#"):
         return True
     return attribute.lower().startswith("on") or bool(_ELSEWHERE.search(value))

@@ -1,4 +1,4 @@
-"""A line of the house: text with names of facts in double braces, and nothing that runs."""
+"""A line of the house: text with names of facts in double braces, and nothing executable."""
 
 from __future__ import annotations
 
@@ -11,13 +11,13 @@ from jinja2.sandbox import ImmutableSandboxedEnvironment
 from pipeline.base.errors import InputError
 
 FACTS = ("campaign", "measured", "operator", "robot", "machine", "verdict", "tolerance", "digest")
-"""What a line may say of a campaign."""
+"""Facts about a campaign that a line may use."""
 
 _OWN = "fields"
-"""What campaign.toml has in its table of that name."""
+"""Name of the table of campaign.toml whose entries a line may use."""
 
 _PLAIN = (nodes.Template, nodes.Output, nodes.TemplateData, nodes.Name, nodes.Getattr)
-"""What a line consists of; whatever else Jinja can say is refused."""
+"""Permitted syntax elements of a line; everything else in Jinja is rejected."""
 
 _WAY_OUT = (
     f"write text with {', '.join(f'{{{{ {one} }}}}' for one in FACTS)} or "
@@ -25,7 +25,7 @@ _WAY_OUT = (
 )
 
 _SANDBOX = ImmutableSandboxedEnvironment(undefined=StrictUndefined, autoescape=False)
-"""Without a loader: there is no file that a line could include."""
+"""Template environment without a loader: a line cannot include files."""
 
 
 @dataclass(frozen=True)
@@ -34,7 +34,7 @@ class Line:
 
     Attributes:
         label: Its label.
-        text: What it says, with names in double braces.
+        text: Its text, with names in double braces.
         own: Names of the fields of campaign.toml that it needs.
     """
 
@@ -43,7 +43,7 @@ class Line:
     own: frozenset[str]
 
     def said(self, facts: Mapping[str, str], own: Mapping[str, str]) -> str | None:
-        """Its text for a campaign; None where campaign.toml lacks a field of it."""
+        """Its text for a campaign; None if campaign.toml lacks a field of it."""
         if not self.own <= own.keys():
             return None
         known = {name: facts.get(name, "") for name in FACTS}
@@ -51,10 +51,10 @@ class Line:
 
 
 def line(label: str, text: str, file: str) -> Line:
-    """A line that only names facts.
+    """Parse a line that only refers to facts.
 
     Raises:
-        InputError: It does more than that, or names what there is not.
+        InputError: It does more than that, or names an unknown fact.
     """
 
     def refused(why: str) -> InputError:

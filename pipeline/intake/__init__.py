@@ -1,7 +1,7 @@
-"""Outbuilding: what a stranger's file may be, proposed and asked, never guessed.
+"""Outbuilding: recognise files of unknown form; propose and ask, never guess.
 
 Door: `intake.command` for the command line (`init`, `inspect`); for the readers `intake.table`,
-which describes a table of no dialect, and `intake.known`, which settles what an export leaves open
-by reflectors whose places are known.
+which describes a table of no dialect, and `intake.known`, which settles ambiguities of an export
+by reflectors with known positions.
 Tests: `tests/intake/`; random_tables.py draws what strangers may send.
 """

@@ -1,6 +1,6 @@
-"""A sheet with what its titles and cells say, and the columns beside its coordinates: names, times.
+"""A sheet with the meaning of its titles and cells, and the columns of names and times.
 
-Titles come first, then what the cells are, then how often they change from row to row.
+Titles take precedence, then the kind of the cells, then how often they change from row to row.
 """
 
 from __future__ import annotations
@@ -12,25 +12,26 @@ from typing import Literal
 import numpy as np
 
 from pipeline.base.arrays import Array, Bools
+from pipeline.dialects._named import Named
 from pipeline.intake._contents import Content, values
 from pipeline.intake._sheet import Sheet
-from pipeline.readers._named import Named
 
 Why = Literal["title", "words", "names", "numbers", "time", "matrix", "faces", "rigid", "range",
               "order", "stated", "empty", "untold", "untimed"]  # fmt: skip
-"""What says what a column is."""
+"""Evidence for the role of a column."""
 
 _REMARKS = {"comment", "comments", "remark", "remarks", "note", "notes", "status", "state", "info",
             "bemerkung", "kommentar", "description", "type", "mode", "user", "operator", "unit",
             "units", "prism", "probe", "reflector type", "quality", "frame"}  # fmt: skip
-"""Titles of words that name no point."""
+"""Titles of columns of words that do not name points."""
 _CLEARLY = 2
-"""How many times more often the first of two names has to change for the second to be the group."""
+"""Factor by which the first of two name columns must change more often for the second to be the
+group [1]."""
 
 
 @dataclass(frozen=True)
 class Role:
-    """What a column is, and what says so."""
+    """The role of a column, and the evidence for it."""
 
     role: str
     why: Why
@@ -38,7 +39,7 @@ class Role:
 
 @dataclass(frozen=True)
 class Table:
-    """A sheet with what its titles and cells say.
+    """A sheet with the meaning of its titles and cells.
 
     Attributes:
         sheet: The cells.
@@ -53,11 +54,11 @@ class Table:
     mark: str
 
     def of_kind(self, kind: str, taken: Set[int] = frozenset()) -> list[int]:
-        """The columns whose cells are of a kind, without those that are taken."""
+        """The columns whose cells are of a kind, except those that are taken."""
         return [k for k, c in enumerate(self.content) if c.kind == kind and k not in taken]
 
     def numbers(self, places: Sequence[int]) -> Array:
-        """Columns of numbers of the rows in which all are numbers, shape (rows, columns)."""
+        """Values of some columns in the rows in which all are numbers, shape (rows, columns)."""
         found = np.column_stack([values(self.content[k], self.mark) for k in places])
         return found[self.whole(places)]
 
@@ -67,20 +68,20 @@ class Table:
         return np.asarray(np.isfinite(found).all(axis=1))
 
     def cells(self, place: int | None, rows: Bools) -> list[str]:
-        """The cells of some rows in a column, empty where there is no such column."""
+        """The cells of some rows in a column, empty if there is no such column."""
         if place is None:
             return [""] * int(rows.sum())
         return [cell for cell, row in zip(self.content[place].cells, rows, strict=True) if row]
 
 
 _CALLED = ("group", "target", "reflector", "delete", "active", "instrument")
-"""Columns that are what their title says, whatever their cells are."""
+"""Roles that a column has by its title alone, whatever its cells are."""
 
 
 def roles_beside(table: Table, taken: set[int]) -> tuple[dict[int, Role], bool]:
-    """Names, times and flags of the columns that are left, and whether the names are beyond doubt.
+    """Roles of the remaining columns (names, times, flags), and whether the names are certain.
 
-    Names whose titles nobody knows are those columns of words that differ.
+    Names whose titles are unknown are those columns of words that differ from row to row.
     """
     roles = _called(table, taken)
     roles |= _moments(table, taken | {*roles})
@@ -94,7 +95,7 @@ def roles_beside(table: Table, taken: set[int]) -> tuple[dict[int, Role], bool]:
 
 
 def _called(table: Table, taken: set[int]) -> dict[int, Role]:
-    """The first column of each kind that its title calls so; numbers of rows come last."""
+    """The first column of each role according to its title; numbers of rows come last."""
     found: dict[str, int] = {}
     free = [k for k, c in enumerate(table.content) if k not in taken and c.kind != "empty"]
     called = [k for k in free if table.named[k].role in _CALLED and not _only_counts(table, k)]
@@ -104,11 +105,11 @@ def _called(table: Table, taken: set[int]) -> dict[int, Role]:
 
 
 _NUMBERS = ("id", "nr", "no", "number", "nummer", "index", "#")
-"""Titles of what numbers rows or points, where another column has their names."""
+"""Titles of columns that number rows or points, where another column has their names."""
 
 
 def _only_counts(table: Table, place: int) -> bool:
-    """Whether a column numbers the rows, beside words that name the targets."""
+    """Whether a column only numbers the rows, while another column of words names the targets."""
     if table.named[place].role != "target" or not table.content[place].counts:
         return False
     called = ("target", "reflector", "")
@@ -117,7 +118,7 @@ def _only_counts(table: Table, place: int) -> bool:
 
 
 def tells_apart(table: Table, place: int, target: int) -> bool:
-    """Whether targets come again, and a column that changes less often says which time it is."""
+    """Whether targets repeat and a column that changes less often distinguishes repetitions."""
     words, names = table.content[place], table.content[target]
     pairs = {*zip(words.cells, names.cells, strict=True)}
     return names.different < len(pairs) == len(names.cells) and words.runs < names.runs
@@ -135,9 +136,10 @@ def _names_something(table: Table, place: int) -> bool:
 def roles_of_words(
     table: Table, places: Sequence[int], known: set[str]
 ) -> tuple[dict[int, Role], bool]:
-    """The roles of columns of words, left to right, and whether they are beyond doubt.
+    """The roles of columns of words, left to right, and whether they are certain.
 
-    Beside a group the target is what changes most often from row to row.
+    Without a known group, of two columns the target is the one that changes more often from row to
+    row.
     """
     if "group" in known or len(places) < len(_TWO):
         often = sorted(places, key=lambda k: -table.content[k].runs)
@@ -153,7 +155,7 @@ _TWO = ("group", "target")
 
 
 def _moments(table: Table, taken: set[int]) -> dict[int, Role]:
-    """The column of times, or those of dates and times of day; what only should hold times."""
+    """The column of times, or those of dates and times of day; `untimed` if it has no times."""
     times, days, clocks = (table.of_kind(one, taken) for one in ("time", "date", "clock"))
     should = [k for k, c in enumerate(table.named) if c.role == "time" and k not in taken]
     for place in (k for k in times if k in should):

@@ -1,4 +1,4 @@
-"""What the cells of a column are, whatever it is called: numbers, names, times, nothing."""
+"""Kind of the cells of a column, whatever its title: numbers, names, times, nothing."""
 
 from __future__ import annotations
 
@@ -17,9 +17,10 @@ from pipeline.readers._cells import bare_number, is_number
 from pipeline.readers._delimited import decimal_mark
 
 _MOST = 0.8
-"""Share of the filled cells that make a column what it is; the others are damaged."""
+"""Minimum fraction of the filled cells that determine the kind of a column [1]; the others are
+damaged."""
 _FEW = 3
-"""Rows that are too few to say that a column numbers them, less one."""
+"""Minimum number of rows for a column to count as numbering them."""
 _DAY = re.compile(r"[0-9]{1,2}\.[0-9]{1,2}\.([0-9]{2}|[0-9]{4})|[0-9]{4}-[0-9]{2}-[0-9]{2}"
                   r"|[0-9]{1,2}/[0-9]{1,2}/([0-9]{2}|[0-9]{4})")  # fmt: skip
 _CLOCK = re.compile(r"'?[0-9]{1,2}:[0-9]{2}(:[0-9]{2}([.,][0-9]+)?)?")
@@ -32,7 +33,7 @@ class Content:
     Attributes:
         cells: As written.
         kind: `number`, `time`, `date`, `clock`, `word` or `empty`.
-        form: How times are written, None where there are none.
+        form: Format of the times, None where there are none.
     """
 
     cells: tuple[str, ...]
@@ -41,22 +42,22 @@ class Content:
 
     @property
     def example(self) -> str:
-        """The first cell that is filled in."""
+        """The first filled cell."""
         return next(filter(None, self.cells), "")
 
     @property
     def different(self) -> int:
-        """How many different cells there are."""
+        """Number of different cells."""
         return len({*self.cells})
 
     @property
     def runs(self) -> int:
-        """How often the cell changes from row to row."""
+        """Number of changes of the cell from row to row."""
         return sum(a != b for a, b in itertools.pairwise(self.cells))
 
     @property
     def counts(self) -> bool:
-        """Whether it numbers the rows: whole numbers, each one more than the one before."""
+        """Whether it numbers the rows: whole numbers, each one more than the previous."""
         filled = [cell for cell in self.cells if cell]
         if len(filled) < _FEW or not all(map(str.isdecimal, filled)):
             return False
@@ -64,12 +65,12 @@ class Content:
 
     @property
     def whole(self) -> bool:
-        """Whether all are digits only: a number in a row, or a name."""
+        """Whether all cells consist of digits only: a row number, or a name."""
         return all(cell.isascii() and cell.isdigit() for cell in self.cells)
 
 
 def contents(sheet: Sheet) -> tuple[Content, ...]:
-    """What each column of a sheet holds."""
+    """Content of each column of a sheet."""
     return tuple(map(_content, sheet.columns))
 
 
@@ -94,14 +95,14 @@ def mark_of(columns: Sequence[Content], lines: Sequence[int]) -> str:
     """The decimal mark of columns of numbers.
 
     Raises:
-        InputError: Every comma may stand between thousands.
+        InputError: Every comma may be a thousands separator.
     """
     cells = [pa.array(map(bare_number, column.cells), pa.string()) for column in columns]
     return decimal_mark(cells, np.array(lines), "tracker") if cells else "."
 
 
 def values(content: Content, mark: str) -> Array:
-    """The numbers of a column, NaN where a cell is none, shape (rows,)."""
+    """The numbers of a column, NaN where a cell is not one, shape (rows,)."""
     return np.array([_value(cell, mark) for cell in content.cells])
 
 

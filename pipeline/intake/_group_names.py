@@ -1,6 +1,6 @@
-"""How the names of groups are read: which part is the pose, the state, the repeat.
+"""Parsing of group names: which part is the pose, the state, the repeat.
 
-Told from the names alone, and from what was read in the groups that have them.
+It is derived from the names alone, and from the targets read in the groups.
 """
 
 from __future__ import annotations
@@ -17,7 +17,7 @@ from pipeline.reduction.settings import Naming
 
 STATES = ("unloaded", "loaded")
 _TOKEN = re.compile(r"[0-9]+|[^\W\d_]+|[\W_]+")
-"""A number, a word, or what stands between them."""
+"""A number, a word, or the characters between them."""
 
 
 @dataclass(frozen=True)
@@ -26,8 +26,8 @@ class Group:
 
     Attributes:
         pattern: Regular expression with the parts pose, state and, where there is one, repeat.
-        states: The words of the states as they stand in the names: that of the unloaded one, and
-            those of loaded ones, as on the way up and down.
+        states: The words of the states in the names: first that of the unloaded state, then those
+            of loaded ones, for example for both branches.
     """
 
     pattern: str
@@ -40,7 +40,7 @@ class Group:
 
 
 def states_of(names: Sequence[str], group: Group) -> dict[str, str]:
-    """State of each group that is one."""
+    """State of each group that names one."""
     found = patterns.parts(pa.array(names, pa.string()), group.pattern).to_pylist()
     word = {said.lower(): state for said, state in group.state_of.items()}
     return {
@@ -51,11 +51,11 @@ def states_of(names: Sequence[str], group: Group) -> dict[str, str]:
 
 
 def ways_to_read(rows: Mapping[str, Mapping[str, Array]]) -> tuple[Group, ...]:
-    """How group names are read: the usual way, or by a number and a word of a few.
+    """Possible ways to read group names: the default one, or a number and one of a few words.
 
     Names of one form are a number for the pose, a word for the state and perhaps a number for the
-    repeat. Words whose groups have more targets are loaded: the chain's ends are read only then.
-    Where as many are read in all, any word may be that of the unloaded state: a way for each.
+    repeat. Words whose groups have more targets are loaded: the chain's ends are read only then. If
+    all have equally many, any word may be that of the unloaded state: one way for each.
     """
     usual = Group(Naming().group)
     if states_of(list(rows), usual):
@@ -75,7 +75,7 @@ def ways_to_read(rows: Mapping[str, Mapping[str, Array]]) -> tuple[Group, ...]:
 
 
 def _apart_from_each_other(names: Sequence[str], group: Group) -> bool:
-    """Whether no two groups are the same pull: on the way up and down numbers may begin again."""
+    """Whether no two groups are the same pull: numbers may start again for the other branch."""
     found = patterns.parts(pa.array(names, pa.string()), group.pattern).drop_null().to_pylist()
     keys = [(parts["pose"], group.state_of.get(parts["state"]), parts["repeat"]) for parts in found]
     numbered = [key for key in keys if key[2]]
@@ -83,7 +83,7 @@ def _apart_from_each_other(names: Sequence[str], group: Group) -> bool:
 
 
 def _states(said: Mapping[str, str], alike: Mapping[str, Sequence[str]], place: int) -> bool:
-    """Whether a part of the names is one of some words, and most numbers at a place have two."""
+    """Whether a part of the names takes a few words, and most numbers at `place` have two."""
     words = set(said.values())
     pose = {name: alike[name][place] for name in said if len(alike[name]) > place}
     both = {(number, said[name]) for name, number in pose.items()}
@@ -95,7 +95,7 @@ def _states(said: Mapping[str, str], alike: Mapping[str, Sequence[str]], place: 
 
 
 def _fits(own: Sequence[str], longest: Sequence[str]) -> bool:
-    """Whether numbers and words stand where they stand in the longest name, as far as it goes."""
+    """Whether numbers and words are in the same positions as in the longest name."""
     return all(
         a.isdigit() == b.isdigit() and a.isalpha() == b.isalpha()
         for a, b in zip(own, longest, strict=False)
@@ -105,7 +105,7 @@ def _fits(own: Sequence[str], longest: Sequence[str]) -> bool:
 def _orders(
     said: Mapping[str, str], rows: Mapping[str, Mapping[str, Array]]
 ) -> list[tuple[str, ...]]:
-    """The word of the unloaded state, then those of loaded ones; any first where none has least.
+    """The word of the unloaded state, then those of loaded ones; any word first if there is a tie.
 
     Only words whose groups have a target in common can be states of one effector.
     """
@@ -124,7 +124,7 @@ def _orders(
 def _pattern(
     tokens: Sequence[str], numbers: Sequence[int], state: int, states: tuple[str, ...], least: int
 ) -> str:
-    """An expression for names of one form, the last parts of which may be missing."""
+    """Regular expression for names of one form, the last parts of which may be missing."""
     parts = {
         numbers[0]: "(?P<pose>[0-9]+)",
         state: f"(?P<state>{'|'.join(map(re.escape, states))})",

@@ -1,4 +1,4 @@
-"""What others call the columns of a log: our name for each title, with the unit it states."""
+"""Column titles of foreign logs: our name for each title, with the unit it states."""
 
 from __future__ import annotations
 
@@ -10,17 +10,17 @@ from dataclasses import dataclass
 from functools import cache
 from importlib import resources
 
-from pipeline.readers._named import IN_BRACKETS
-from pipeline.readers._titles import titled, triples
+from pipeline.dialects._titles import titled, triples
+from pipeline.readers._cells import IN_BRACKETS
 
 Cells = Callable[[], Mapping[str, Sequence[str]]]
-"""Gives the cells of each column below its title, of the rows that have one for each."""
+"""Returns the cells of each column by title, of the rows that have one cell per title."""
 
 _WORDS = re.compile(r"[^\W\d_]+|[0-9]+|°")
 _NUMBER_SIGN = re.compile(r"\bn[°º]|№|#", re.IGNORECASE)
 _MOVED = re.compile(r"(axis|achse|joint|gelenk|ax|a|j|theta)[ _]?0*([1-9])(?![0-9])")
 _OF_A_POINT = 3
-"""Coordinates."""
+"""Number of coordinates of a point."""
 
 
 @dataclass(frozen=True)
@@ -52,7 +52,9 @@ def _known() -> _Known:
 
 
 def may_be_log(titles: Sequence[str], units: Sequence[str]) -> bool:
-    """Whether a column numbers poses or is a force, and none are coordinates, or many are axes.
+    """Whether the titles may be those of a log.
+
+    A column numbers poses or is a force, and none are coordinates; or there are many axes.
 
     Args:
         titles: As written.
@@ -65,7 +67,7 @@ def may_be_log(titles: Sequence[str], units: Sequence[str]) -> bool:
 
 
 def _coordinates(titles: Sequence[str]) -> bool:
-    """Whether titles name the place of a point."""
+    """Whether titles name the coordinates of a point."""
     axes = {word for title in titles for word in _WORDS.findall(title.lower())[:1]}
     return {"x", "y", "z"} <= axes or bool(triples(titled(titles)))
 
@@ -73,7 +75,8 @@ def _coordinates(titles: Sequence[str]) -> bool:
 def axes_without_pose(titles: Sequence[str]) -> list[str]:
     """The titles of a robot's axes, A1, A2, A3, A4 ..., where no column numbers poses; else none.
 
-    They are more than the three coordinates of a point, of one word and numbered from 1 on.
+    They are more than the three coordinates of a point, consist of one word and are numbered from
+    1.
     """
     if _first(titles, {"pose": ()}):
         return []
@@ -84,7 +87,7 @@ def axes_without_pose(titles: Sequence[str]) -> list[str]:
     for axes in found.values():
         first = axes[0][0]
         in_turn = [number for number, _ in axes] == [*range(first, first + len(axes))]
-        if in_turn and first <= 2 and len(axes) > _OF_A_POINT:  # theta1 is the rail to some
+        if in_turn and first <= 2 and len(axes) > _OF_A_POINT:  # for some, theta1 is the rail
             return [title for _, title in axes]
     return []
 
@@ -92,18 +95,19 @@ def axes_without_pose(titles: Sequence[str]) -> list[str]:
 def of_loads(
     titles: Sequence[str], cells: Cells, units: Mapping[str, Sequence[str]]
 ) -> dict[str, str] | None:
-    """Our names for the titles of a log of loads, None where it is none.
+    """Our names for the titles of a log of loads, None if it is not one.
 
-    A force is also the only column that states a unit of nothing else; poses and pulls are counted
-    in the columns of whole numbers, poses in the one that changes less often.
+    A force may also be the only column with a unit that only forces have; poses and pulls may be
+    the columns of whole numbers, poses in the one that changes less often.
 
     Args:
         titles: As written.
-        cells: What stands below them.
-        units: Those that `force` and `mass` may have.
+        cells: Cells below them.
+        units: Possible units of `force` and `mass`.
 
     Returns:
-        Of a title that does not state its unit all our names for it, with bars between them.
+        Our name by title; for a title that does not state its unit all possible names, separated by
+        bars.
     """
     roles = ("pose", "repeat", "branch", "remark", *units)
     found = _first(titles, {role: units.get(role, ()) for role in roles})
@@ -121,7 +125,7 @@ def of_loads(
 
 
 def _by_unit(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[str, Sequence[str]]]:
-    """The force where one title alone has a unit of forces, and of nothing else, in brackets."""
+    """The force, if exactly one title has a unit of forces in brackets, and not kg."""
     found = [
         (title, (unit,))
         for title in titles
@@ -134,7 +138,7 @@ def _by_unit(titles: Sequence[str], units: Sequence[str]) -> dict[str, tuple[str
 def _counting(cells: Mapping[str, Sequence[str]], taken: Sequence[str]) -> list[str]:
     """The titles of columns of whole numbers, those that change less often first.
 
-    One that numbers the rows, beside others, counts nothing else.
+    A column that numbers the rows is dropped if there are others.
     """
     whole = {title: list(map(int, column)) for title, column in cells.items()
              if column and title not in taken and all(map(str.isdecimal, column))}  # fmt: skip
@@ -145,19 +149,19 @@ def _counting(cells: Mapping[str, Sequence[str]], taken: Sequence[str]) -> list[
 
 
 def pose_alone(titles: Sequence[str], _: Cells) -> dict[str, str] | None:
-    """Our name for the title that numbers poses, None where there is none."""
+    """Our name for the title that numbers poses, None if there is none."""
     found = _first(titles, {"pose": ()})
     return _ours(found) if found and not _coordinates(titles) else None
 
 
 def in_order(titles: Sequence[str]) -> bool:
-    """Whether the numbers in titles, where all have one, do not run against their order."""
+    """Whether the numbers in titles, if all have one, are equal or ascending."""
     found = [re.findall("[0-9]+", title) for title in titles]
     return not all(found) or len(titles) == 1 or _rises([int(one[-1]) for one in found])
 
 
 def stated_unit(title: str, units: Sequence[str]) -> Sequence[str]:
-    """The one of some units in which a title ends, all of them where it ends in none."""
+    """The one of some units in which a title ends, all of them if it ends in none."""
     last = _WORDS.findall(title.lower())[-1:]
     own = [unit for unit in units if [unit] == [_unit(word) for word in last]]
     return own or units
@@ -174,23 +178,22 @@ def of_joints(
     lengths: Sequence[bool],
     units: tuple[Sequence[str], Sequence[str]],
 ) -> dict[str, str] | None:
-    """Our names for the titles of a joint log, None where one of the axes is not among them.
+    """Our names for the titles of a joint log, None if one of the axes is missing.
 
-    Poses are also counted in the only column of whole numbers that are all different.
+    Poses may also be the only column of whole numbers that are all different.
 
     Args:
         titles: As written.
-        cells: What stands below them.
+        cells: Cells below them.
         axes: Our names of the axes without units; those that turn are numbered from 1.
         lengths: Which of them slide.
         units: Those of lengths, and those of angles.
 
     Returns:
-        As of loads.
+        As for `of_loads`.
     """
     turn = [name for name, length in zip(axes, lengths, strict=True) if not length]
-    called = {f"axis {k}": name for k, name in enumerate(turn, 1)}
-    called |= dict(zip(["rail"], (name for name in axes if name not in turn), strict=False))
+    called = _roles(axes, turn)
     others = ("rail", f"axis {len(turn) + 1}")  # of another robot, where this one has none
     wanted = {role: units[role != "rail"] for role in (*called, *others)}
     found = _first(titles, {"pose": (), **wanted}, turn)
@@ -203,6 +206,12 @@ def of_joints(
     return _ours({called.get(role, role): said for role, said in found.items()})
 
 
+def _roles(axes: Sequence[str], turn: Sequence[str]) -> dict[str, str]:
+    """Our names of the axes by their roles: those that turn are numbered, one slides as a rail."""
+    called = {f"axis {k}": name for k, name in enumerate(turn, 1)}
+    return called | dict(zip(["rail"], (n for n in axes if n not in turn), strict=False))
+
+
 def _counter(cells: Mapping[str, Sequence[str]], taken: Sequence[str]) -> str | None:
     """The only other column of whole numbers that are all different."""
     apart = [one for one in _counting(cells, taken) if len({*cells[one]}) == len(cells[one])]
@@ -212,19 +221,19 @@ def _counter(cells: Mapping[str, Sequence[str]], taken: Sequence[str]) -> str | 
 def _first(
     titles: Sequence[str], wanted: Mapping[str, Sequence[str]], own: Sequence[str] = ()
 ) -> dict[str, tuple[str, Sequence[str]]]:
-    """The first title of each role and its unit; all its units where no title of it states one.
+    """The first title of each role and its unit; all its units if no title of it states one.
 
     Args:
         titles: As written.
         wanted: The units of each role, empty where it has none.
-        own: What a robot calls its axes that turn.
+        own: A robot's names of its axes that turn.
     """
     axes = _axes(titles, own)
     found: dict[str, tuple[str, Sequence[str]]] = {}
     for title in titles:
         words = _words(title)
         unit = _unit(words[-1]) if words else ""
-        counts = len(words) < len(_WORDS.findall(title))  # load no 3 is no load
+        counts = len(words) < len(_WORDS.findall(title))  # load no 3 is not a load
         for role, units in wanted.items():
             if role in ("force", "mass") and counts:
                 continue
@@ -237,23 +246,23 @@ def _first(
 
 
 def _unit(word: str) -> str:
-    """What our columns call a unit."""
+    """Our name of a unit."""
     return _known().unit.get(word, word)
 
 
 def _words(title: str) -> list[str]:
-    """The words of a title, without those that say no more than that it is a number."""
+    """The words of a title, without those that only say that it is a number."""
     plain = _NUMBER_SIGN.sub(" nr ", title.lower())
     return [word for word in _WORDS.findall(plain) if word not in _known().number]
 
 
 def _stem(words: Sequence[str]) -> str:
-    """What stands before a unit, without the word between them."""
+    """The words before a unit, without the connecting word."""
     return " ".join(words[:-1] if words[-1:] and words[-1] in _known().between else words)
 
 
 def are_called(titles: Sequence[str], names: Sequence[str]) -> bool:
-    """Whether axes have just these names in titles."""
+    """Whether all of these names of axes occur in titles."""
     return {*map(_spelt, names)} <= {*_bare(titles).values()}
 
 
@@ -262,13 +271,13 @@ def _spelt(name: str) -> str:
 
 
 def _bare(titles: Sequence[str]) -> dict[str, str]:
-    """What may be the name of an axis in titles, with and without words that say nothing else."""
+    """Possible names of an axis in titles, each with its form without filler words."""
     stems = [_stem(part) for words in map(_words, titles) for part in (words, words[:-1])]
     return {one: _alone(one) for one in stems}
 
 
 def _alone(stem: str) -> str:
-    """A name without the words beside it; one that they leave no letter of stays as it is."""
+    """A name without filler words; unchanged if they leave no letter of it."""
     left = " ".join(word for word in stem.split() if word not in _known().beside)
     return left if any(map(str.isalpha, left)) else stem
 
@@ -278,11 +287,11 @@ def _is(stem: str, role: str, axes: Mapping[str, str]) -> bool:
 
 
 def _axes(titles: Sequence[str], own: Sequence[str] = ()) -> dict[str, str]:
-    """`axis 1` ... by what titles say: a number behind a word of axes, or all names of a maker's.
+    """`axis 1` ... by title: a number after a word for axes, or all names of one maker.
 
     Args:
         titles: As written.
-        own: What a robot calls its axes that turn.
+        own: A robot's names of its axes that turn.
     """
     bare = _bare(titles)
     numbers = {one: _known().numbered.fullmatch(name) for one, name in bare.items()}
@@ -294,7 +303,7 @@ def _axes(titles: Sequence[str], own: Sequence[str] = ()) -> dict[str, str]:
 
 
 def _ours(found: Mapping[str, tuple[str, Sequence[str]]]) -> dict[str, str]:
-    """Our names by title, of those that need one."""
+    """Our names by title, for those that differ."""
     ours = {title: "|".join(f"{name}_{unit}" for unit in units) or name
             for name, (title, units) in found.items()}  # fmt: skip
     return {title: name for title, name in ours.items() if title.lower() != name.lower()}

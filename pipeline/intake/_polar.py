@@ -1,6 +1,6 @@
-"""Whether three numbers without titles may be two angles and a distance, and what speaks for it.
+"""Whether three numbers without titles may be two angles and a distance, and the evidence for it.
 
-Ranges alone never prove that numbers are angles; they often prove that they are none. A point read
+Ranges alone never prove that numbers are angles; they often prove that they are not. A point read
 in both faces of the instrument proves it, and so does a tool that keeps its size while it moves.
 """
 
@@ -14,39 +14,38 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.tails import chi2_beyond
-from pipeline.readers._circle import FACE, FULL, circles
-from pipeline.readers._coordinates import (
-    PACKED,
-    USUAL_UNITS,
-    ZEROS,
-    Meaning,
-    cartesian,
-    may_be_packed,
-    metres,
-)
-from pipeline.readers._kinds import NEAR
+from pipeline.dialects._circle import FACE, FULL, circles
+from pipeline.dialects._coordinates import PACKED, ZEROS, cartesian, may_be_packed
+from pipeline.dialects._kinds import NEAR
+from pipeline.readers._reader import Meaning
+from pipeline.readers._units import USUAL_UNITS, metres
 
 _NEAREST_M, _FARTHEST_M = 0.05, 2000.0
-"""Between which an instrument with two angles measures [m]: a T-Mac's cover and a total station."""
+"""Range of distances of an instrument with two angles [m]: from a T-Mac's cover to a total
+station."""
 _OVERHEAD = 30.0 / 360.0
-"""Within which all readings do not lie from the zenith [full circles]: no instrument looks steeper
-than some 75 degrees upwards without a special eyepiece, and none stands under all that it reads."""
+"""Angle from the zenith within which not all readings can lie [full circles]: no instrument looks
+up more steeply than some 75 degrees without a special eyepiece, and none stands below all its
+targets."""
 _RIGID = 1e-3
-"""Change of a distance over the movement of its ends that bending may cause: a millimetre in a
-metre; a tool and its targets keep theirs a hundred times better."""
+"""Maximum change of a distance over the movement of its ends for a rigid body [1]: a millimetre in
+a metre, as bending may cause; a tool and its targets are a hundred times better."""
 _SOFTER = 10.0
-"""How many times as much the distances have to change in the other kind of coordinates."""
+"""Factor by which the distances must change more in the other kind of coordinates [1]."""
 _BY_CHANCE, _UNUSUAL = 1e-3, 0.05
-"""Chance that targets move so much along the beam, where all directions are alike, below which it
-is no beam: for usual orders of the columns, and for those that hardly any program writes."""
+"""Probability, for random directions, of movements this much along the beam, below which it is not
+a beam [1]: for usual orders of the columns, and for those that hardly any program writes."""
 _DIGITS = 20.0
-"""Last digits by which a target has to move across the beam for its direction to be known."""
+"""Minimum movement across the beam, in units of the last digit, for its direction to be known
+[1]."""
 _MOVED = 0.01
-"""Movement over distance from which a pair of targets counts: noise and bending move less."""
+"""Minimum movement over distance for a pair of targets to count [1]: noise and bending are
+smaller."""
 _FEW = 3
-"""Changes of distances from which on they say something."""
+"""Minimum number of changes of distances for a conclusion."""
 _MOST = 0.75
-"""Share of the distances that have to be kept: ends of a chain and damaged readings keep none."""
+"""Minimum fraction of the distances that must be kept [1]: ends of a chain and damaged readings
+keep none."""
 
 
 @dataclass(frozen=True)
@@ -64,12 +63,12 @@ class Polar:
     vertical: str
 
     def meaning(self, unit: str) -> Meaning:
-        """What the numbers mean with a unit of length, to a reflection."""
+        """Meaning of the numbers with a unit of length; the sense of azimuths is left open."""
         return Meaning(unit, "spherical", self.angle, self.vertical)
 
 
 _USUAL = ((2, 0, 1), (0, 1, 2))
-"""Orders in which programs write: Hz V D of surveyors, and R Theta Phi."""
+"""Column orders that programs write: Hz V D of surveyors, and R Theta Phi."""
 
 
 def _possible(numbers: Array, unit: str | None) -> list[Polar]:
@@ -77,7 +76,7 @@ def _possible(numbers: Array, unit: str | None) -> list[Polar]:
 
     Args:
         numbers: Shape (n, 3).
-        unit: Unit of length, None where nobody says.
+        unit: Unit of length, None if unknown.
     """
     orders = sorted(
         itertools.permutations(range(3)),
@@ -108,7 +107,7 @@ def _is_azimuth(values: Array, angle: str) -> bool:
 
 
 def _is_vertical(values: Array, angle: str, vertical: str) -> bool:
-    """Whether these may be vertical angles, in the second face too."""
+    """Whether these may be vertical angles, including readings in the second face."""
     turns = circles(values, angle)
     if vertical == "zenith":
         return bool(np.all((turns >= 0.0) & (turns <= 1.0)) and np.any(turns > _OVERHEAD))
@@ -116,14 +115,14 @@ def _is_vertical(values: Array, angle: str, vertical: str) -> bool:
 
 
 def beams(numbers: Array, names: Sequence[str], unit: str | None) -> list[Polar]:
-    """Those of all ways in which targets do not seem to move along the beam only."""
+    """The ways in which targets do not seem to move along the beam only."""
     return [way for way in _possible(numbers, unit) if not _only_along(numbers, names, way)]
 
 
 def in_two_faces(numbers: Array, names: Sequence[str], groups: Sequence[str]) -> list[Polar]:
-    """The ways to read them by which most targets were read in both faces; none where none was.
+    """The ways by which most targets were read in both faces; none if no target was.
 
-    Both readings stand in one group, or one behind the other in two rounds of names.
+    Both readings are in one group, or in two successive rounds of names.
     """
     found: list[Polar] = []
     for keys in (list(zip(groups, names, strict=True)), list(names)):
@@ -137,7 +136,7 @@ def in_two_faces(numbers: Array, names: Sequence[str], groups: Sequence[str]) ->
 
 
 def _again(keys: Sequence[object]) -> Iterator[tuple[int, int]]:
-    """Rows with the key of an earlier row, and the last one of these."""
+    """Pairs of rows with the same key: the previous such row, and the row."""
     last: dict[object, int] = {}
     for k, key in enumerate(keys):
         if key in last:
@@ -157,14 +156,14 @@ def _faces(one: Array, other: Array, way: Polar) -> Bools:
 
 
 def _as_polar(numbers: Array, way: Polar, unit: str) -> Array:
-    """Cartesian coordinates [m] of the columns read that way, shape (n, 3)."""
+    """Cartesian coordinates [m] of the columns read in this way, shape (n, 3)."""
     return cartesian([numbers[:, k] for k in way.order], way.meaning(unit))
 
 
 def softness(position: Array, names: Sequence[str], groups: Sequence[str]) -> float | None:
-    """By how much most targets change their distance at most when they move, over the movement.
+    """Change of the distance between targets over their movement, the `_MOST` quantile.
 
-    About 0 for targets on one rigid body. None where too few targets move from group to group.
+    About 0 for targets on one rigid body. None if too few targets move from group to group.
 
     Args:
         position: Cartesian coordinates [any unit], shape (n, 3).
@@ -189,12 +188,12 @@ def softness(position: Array, names: Sequence[str], groups: Sequence[str]) -> fl
 
 
 def some_keep(groups: Sequence[Mapping[str, Array]]) -> bool:
-    """Whether any two targets keep their distance while they move, beside it and beside the move.
+    """Whether any two targets keep their distance, relative to it and to their movement.
 
-    A place before and after a load is no such pair: what is between them is all that changes.
+    A place before and after a load is no such pair: their movement is all that changes.
 
     Args:
-        groups: Where each target was read in what was read together [any unit].
+        groups: Position of each target in each group [any unit].
     """
     names = dict.fromkeys(name for at in groups for name in at)
     for one, other in itertools.combinations(names, 2):
@@ -221,7 +220,7 @@ def rigid_ways(
 ) -> list[Polar]:
     """The ways to read angles and a distance in which targets keep their distances.
 
-    None where they keep them as x, y, z, too.
+    Empty if they keep them as x, y, z, too.
     """
     own = softness(numbers, names, groups)
     if own is None or keeps(own):
@@ -244,8 +243,8 @@ def rigid_space(
 def in_part(numbers: Array, names: Sequence[str], groups: Sequence[str], unit: str) -> int | None:
     """The row where angles and a distance end and x, y, z begin, or the other way round.
 
-    What was read first, or last, is angles if targets keep their distances to what was read of
-    them elsewhere only so. None where all is of one kind, or nobody can tell.
+    The first, or last, rows are angles if only then targets keep their distances to the other rows.
+    None if all rows are of one kind, or it cannot be decided.
     """
     own = softness(numbers, names, groups)
     edges = [k for k in range(1, len(groups)) if groups[k] != groups[k - 1]]
@@ -265,7 +264,7 @@ def in_part(numbers: Array, names: Sequence[str], groups: Sequence[str], unit: s
 def _while_possible(
     numbers: Array, parts: Sequence[tuple[int, Bools]], unit: str
 ) -> Iterator[tuple[int, Bools, Polar]]:
-    """Every way to read rows of growing parts as angles; where one has none, no larger one has."""
+    """Every way to read rows of growing parts as angles; ends at the first part without one."""
     for k, angles in parts:
         ways = _possible(numbers[angles], unit)
         if not ways:
@@ -274,7 +273,7 @@ def _while_possible(
 
 
 def keeps(soft: float | None) -> bool:
-    """Whether targets keep their distances."""
+    """Whether a softness is that of a rigid body."""
     return soft is not None and soft <= _RIGID
 
 
@@ -286,10 +285,11 @@ def _rigid(soft: float | None, others: Sequence[float | None]) -> bool:
 
 
 def _only_along(numbers: Array, names: Sequence[str], way: Polar) -> bool:
-    """Whether targets would move along the beam only, which they do not: then it is none.
+    """Whether targets would move along the beam only, which real ones do not: then it is none.
 
-    What lengths in metres are taken for degrees, moves seem to be fifty times smaller than the same
-    along the third axis. Directions alike, P(|cos| > c) = 1 - c (Archimedes), pairs by Fisher.
+    If lengths in metres are taken for degrees, movements seem fifty times smaller than along the
+    third axis. For random directions, P(|cos| > c) = 1 - c (Archimedes), pairs combined by Fisher's
+    method.
     """
     found = list(_along(numbers, names, way))
     chance = _BY_CHANCE if way.order in _USUAL else _UNUSUAL
@@ -312,7 +312,7 @@ def _along(numbers: Array, names: Sequence[str], way: Polar) -> Iterator[float]:
 
 
 def _last_digit(values: Array) -> float:
-    """The last decimal place that is written, 1e-12 at the least."""
+    """The last decimal place that is written, at least 1e-12."""
     places = (10.0**-k for k in range(12))
     return next(
         (p for p in places if np.allclose(values / p, np.round(values / p), 0, 1e-3)), 1e-12

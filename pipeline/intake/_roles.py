@@ -1,7 +1,7 @@
-"""What each column of a sheet seems to be, with what says so; and what may be otherwise.
+"""Probable role of each column of a sheet, with the evidence, and alternative readings.
 
-Titles come first, then what the cells are, then geometry. Where nothing but its place speaks for a
-column, and another reading makes as much sense, both are handed on.
+Titles take precedence, then the kind of the cells, then geometry. If only its position speaks for a
+column, and another reading makes as much sense, both are returned.
 """
 
 from __future__ import annotations
@@ -15,16 +15,9 @@ import numpy as np
 
 from pipeline.base.arrays import Array, Bools
 from pipeline.base.errors import InputError, at, listed
-from pipeline.intake import _polar
-from pipeline.intake._beside import Role, Table, Why, roles_beside, roles_of_words, tells_apart
-from pipeline.intake._contents import Content
-from pipeline.intake._polar import Polar
-from pipeline.intake._sheet import Sheet, cells_of
-from pipeline.readers._cells import is_number
-from pipeline.readers._coordinates import AXES, VERTICALS, ZEROS
-from pipeline.readers._layout import JOINT
-from pipeline.readers._named import COVARIANCE
-from pipeline.readers._titles import (
+from pipeline.dialects._coordinates import AXES, VERTICALS, ZEROS
+from pipeline.dialects._named import COVARIANCE
+from pipeline.dialects._titles import (
     Triple,
     is_quantity,
     no_level_range,
@@ -32,14 +25,22 @@ from pipeline.readers._titles import (
     triples,
     uncertainties,
 )
+from pipeline.intake import _polar
+from pipeline.intake._beside import Role, Table, Why, roles_beside, roles_of_words, tells_apart
+from pipeline.intake._contents import Content
+from pipeline.intake._polar import Polar
+from pipeline.intake._sheet import Sheet, cells_of
+from pipeline.readers._cells import is_number
+from pipeline.readers._layout import JOINT
 
 _INSTRUMENT = re.compile(r"(instrument|station|tracker|stn|standpunkt)[ _:-]*\w*", re.IGNORECASE)
 _MATRIX = 9
-"""Cells of a covariance, row by row."""
+"""Number of cells of a covariance, row by row."""
 _SYMMETRIC = 1e-3
-"""How well its halves agree, over the roots of the diagonal: four digits are printed."""
+"""Maximum asymmetry of a covariance, relative to the roots of the diagonal [1]: four digits are
+printed."""
 _SIX = dict(zip(COVARIANCE, (0, 1, 2, 4, 5, 8), strict=True))
-"""Where the six numbers of a covariance stand in it."""
+"""Positions of the six numbers of a covariance in its nine cells."""
 
 
 @dataclass(frozen=True)
@@ -49,9 +50,9 @@ class Reading:
     Attributes:
         kind: `cartesian`, `spherical` or `cylindrical`.
         roles: By place, counted from 0: the words of [tracker.mapping] columns.
-        ways: How distance and angles may be read in the columns that have these roles, as far as
-            the numbers say it; empty where titles do.
-        open: What has to be asked before it can be taken, None where nothing else makes sense.
+        ways: Possible meanings of distance and angles in the columns of these roles, as far as the
+            numbers show; empty if titles do.
+        open: The question to be asked before it can be used, None if nothing else makes sense.
     """
 
     kind: str
@@ -64,21 +65,21 @@ class Reading:
         return next(iter(self.places(role)), None)
 
     def places(self, *roles: str) -> list[int]:
-        """The columns of some roles, in their order, as far as they are there."""
+        """The columns of some roles, in their order, as far as present."""
         at = {one.role: k for k, one in reversed([*self.roles.items()])}
         return [at[role] for role in roles if role in at]
 
 
 def readings(table: Table, kind: str | None, unit: str | None) -> list[Reading]:
-    """Every way to read a table that makes sense, the most plausible one first.
+    """Every sensible way to read a table, the most plausible one first.
 
     Args:
         table: The table.
-        kind: Kind of its coordinates where the file or somebody says it.
+        kind: Kind of its coordinates where the file or a person states it.
         unit: Unit of length, likewise.
 
     Raises:
-        InputError: A row holds several targets, or its distance is no range.
+        InputError: A row contains several targets, or its distance is not a range.
     """
     number = table.of_kind("number")
     sets = [one for one in triples(table.named) if {*one.columns} <= {*number}]
@@ -100,7 +101,7 @@ def _doubted(
 
 
 def _sole(found: list[Reading]) -> list[Reading]:
-    """The only reading, or several of which one has to be chosen."""
+    """The only reading, or several of which one must be chosen."""
     return found if len(found) == 1 else _doubted(found)
 
 
@@ -122,7 +123,7 @@ def _by_titles(table: Table, sets: Sequence[Triple]) -> list[Reading]:
 
 
 def _one_target(table: Table, sets: Sequence[Triple]) -> None:
-    """Each row has one target: no x, y, z beside those of another, as cameras write them.
+    """Check that each row has one target, not x, y, z of several as cameras write them.
 
     Raises:
         InputError: It has several.
@@ -139,7 +140,7 @@ def _one_target(table: Table, sets: Sequence[Triple]) -> None:
 
 
 def _above(sheet: Sheet, places: Sequence[int]) -> list[list[str]]:
-    """The cells above some columns, of each line that has one for every column."""
+    """The cells above some columns, for each line that has a cell for every column."""
     lines = (cells_of(line, sheet.delimiter) or [] for line in sheet.preamble)
     return [[cells[k] for k in places] for cells in lines if len(cells) == len(sheet.titles)]
 
@@ -167,7 +168,7 @@ def _by_numbers(
 ) -> list[Reading]:
     """Ways to read columns of numbers that no title explains."""
     roles, left, told = _without_names(table, number)
-    known = [k for k in left if table.named[k].role]  # a temperature has a title, a place has not
+    known = [k for k in left if table.named[k].role]  # coordinates have no title
     left = [k for k in left if k not in known] if len(left) - len(known) >= len(_SPACE) else left
     if len(left) < len(_SPACE):
         return []
@@ -181,7 +182,7 @@ def _by_numbers(
 
 
 def _further(table: Table, left: Sequence[int], roles: dict[int, Role]) -> list[Reading]:
-    """x, y, z in columns of numbers behind the first three; the first may be a name then."""
+    """x, y, z in columns of numbers after the first three; the first may be a name then."""
     out = []
     named = "target" in {one.role for one in roles.values()}
     for k in range(1, len(left) - len(_SPACE) + 1):
@@ -192,7 +193,7 @@ def _further(table: Table, left: Sequence[int], roles: dict[int, Role]) -> list[
 
 
 _OFFERED = 4
-"""Further columns that are offered."""
+"""Maximum number of further column triples that are offered."""
 
 
 _SPACE = AXES["cartesian"]
@@ -203,7 +204,7 @@ def _if_cartesian(one: Reading, matrix: dict[int, Role]) -> dict[int, Role]:
 
 
 def _without_names(table: Table, number: list[int]) -> tuple[dict[int, Role], list[int], bool]:
-    """Names and times, the columns of numbers that are left, and whether names are beyond doubt."""
+    """Names and times, the remaining columns of numbers, and whether the names are certain."""
     words = [k for k in table.of_kind("word") if not table.named[k].role]
     if words and len(number) > len(_SPACE) and table.content[number[0]].counts:
         number = number[1:]
@@ -219,7 +220,7 @@ def _without_names(table: Table, number: list[int]) -> tuple[dict[int, Role], li
 
 
 def _by_points(table: Table, number: Sequence[int], words: Sequence[int]) -> dict[int, Role]:
-    """Numbers that name points, and the words that may say their group; empty where none do."""
+    """Numbers that name points, and the words that may say their group; empty if there are none."""
     name = _number_of_point(table, number)
     if name is None or len(words) > 1 or not all(tells_apart(table, k, name) for k in words):
         return {}
@@ -229,7 +230,7 @@ def _by_points(table: Table, number: Sequence[int], words: Sequence[int]) -> dic
 def _by_words(
     table: Table, number: Sequence[int], words: Sequence[int], known: set[str]
 ) -> tuple[dict[int, Role], bool]:
-    """Names in columns of words, those before the numbers first, and whether they are sure."""
+    """Names in columns of words, those before the numbers first, and whether they are certain."""
     leading = [k for k in words if not number or k < number[0]]
     if len(leading) > 1 and _is_instrument(table.content[leading[0]]):
         names, told = roles_of_words(table, leading[1:], known)
@@ -238,9 +239,10 @@ def _by_words(
 
 
 def _number_of_point(table: Table, number: Sequence[int]) -> int | None:
-    """A column of numbers that names points, beside three more; None where there is none.
+    """A column of numbers that names points, in addition to three more; None if there is none.
 
-    It is called so, or it is the first one and has digits only where coordinates have more.
+    Either its title says so, or it is the first one and contains digits only, unlike the
+    coordinates.
     """
     if len(number) <= len(_SPACE):
         return None
@@ -258,9 +260,9 @@ def _is_instrument(content: Content) -> bool:
 
 
 def _matrix(table: Table, left: Sequence[int]) -> dict[int, Role]:
-    """A covariance row by row behind the coordinates, known by its symmetry; empty where none is.
+    """A covariance row by row after the coordinates, known by its symmetry; empty if there is none.
 
-    Between them stand uncertainties, which the covariance says better.
+    Columns between them are uncertainties, which the covariance supersedes.
     """
     if len(left) < len(_SPACE) + _MATRIX:
         return {}
@@ -306,10 +308,10 @@ def _of_three(
 
 
 def _of_one_kind(table: Table, places: Sequence[int], change: int | None) -> None:
-    """No row may be the one at which angles and a distance end or begin.
+    """Refuse a table in which angles and a distance end or begin at some row.
 
     Raises:
-        InputError: One is.
+        InputError: They do.
     """
     if change is not None:
         raise InputError(
@@ -324,13 +326,13 @@ def _of_one_kind(table: Table, places: Sequence[int], change: int | None) -> Non
 def _in_orders(
     places: Sequence[int], roles: dict[int, Role], ways: Sequence[Polar], why: Why
 ) -> list[Reading]:
-    """Distance and angles in each order that is possible, the most usual one first."""
+    """Distance and angles in each possible order, the most usual one first."""
     orders = list(dict.fromkeys(way.order for way in ways))
     return [_angles(places, roles, [w for w in ways if w.order == one], why) for one in orders]
 
 
 def _keep_distances(table: Table, places: tuple[int, int, int], roles: dict[int, Role]) -> bool:
-    """Whether targets keep their distances in three columns of more: others would change them."""
+    """Whether targets keep their distances in these three columns of several."""
     numbers, names, groups = _named_numbers(table, places, roles)
     return _polar.keeps(_polar.softness(numbers, names, groups))
 
@@ -338,7 +340,7 @@ def _keep_distances(table: Table, places: tuple[int, int, int], roles: dict[int,
 def _named_numbers(
     table: Table, places: tuple[int, int, int], roles: dict[int, Role]
 ) -> tuple[Array, list[str], list[str]]:
-    """Three columns of numbers with the target and what was read together, of the sound rows."""
+    """Three columns of numbers with target and group, of the undamaged rows."""
     rows = table.whole(places)
     at = {one.role: place for place, one in roles.items()}
     names = table.cells(at.get("target"), rows)
@@ -354,7 +356,7 @@ def _split(name: str) -> tuple[str, str]:
 
 
 def _groups(table: Table, at: Mapping[str, int], rows: Bools, names: Sequence[str]) -> list[str]:
-    """What was read together: its group, or the round of names that has not come to its end."""
+    """What was read together: the group, or the round of names up to the next repetition."""
     own = table.cells(at.get("group"), rows)
     if "group" in at:
         return own
@@ -375,7 +377,7 @@ def _xyz(places: Sequence[int], roles: dict[int, Role], kind: str, why: Why) -> 
 def _angles(
     places: Sequence[int], roles: dict[int, Role], ways: Sequence[Polar], why: Why
 ) -> Reading:
-    """Distance and angles in one order, with all ways to read them in it."""
+    """Distance and angles in one order, with all their possible meanings."""
     named = zip(ways[0].order, AXES["spherical"], strict=True)
     found = roles | {places[k]: Role(role, why) for k, role in named}
     return Reading("spherical", found, tuple(ways))

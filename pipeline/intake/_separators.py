@@ -1,4 +1,4 @@
-"""How names may hold group and target in one, where no file says it."""
+"""How names may combine group and target, where no file says it."""
 
 from __future__ import annotations
 
@@ -19,14 +19,14 @@ from pipeline.readers._reader import Export
 
 _SEPARATOR = re.compile(r"[\W_]+")
 LOOKED_AT = 100_000
-"""Readings from which names are understood: they repeat from pose to pose."""
+"""Maximum number of readings used to analyse names: they repeat from pose to pose."""
 
 
 def separators(exports: Sequence[Export]) -> list[str]:
-    """What [tracker] names may say of exports whose names hold group and target with any sign.
+    """Possible patterns for `names` of [tracker], for exports whose names combine group and target.
 
-    The last or the first part of every name is one of a few that come again with the others. Of
-    several such ways those in which targets keep their distances, where there are some.
+    The last or the first part of every name is one of a few that repeat together with the others.
+    Of several such ways those in which targets keep their distances are returned, if there are any.
     """
     names, places = list[str](), list[Array]()
     for one in exports:
@@ -40,13 +40,13 @@ def separators(exports: Sequence[Export]) -> list[str]:
 
 
 def _in_all(names: Sequence[str]) -> list[str]:
-    """Signs between letters that all names have, in the order of the first."""
+    """Characters between letters that all names contain, in the order of the first name."""
     signs = dict.fromkeys(_SEPARATOR.findall(names[0].strip()) if names else ())
     return [sign for sign in signs if all(sign in name for name in {*names})]
 
 
 def _ways(sign: str) -> tuple[str, str]:
-    """A name cut where a sign stands last, and where it stands first."""
+    """Patterns that cut a name at the last, and at the first, occurrence of a separator."""
     between = re.sub(r"[.^$*+?{}\[\]\\|()]", r"\\\g<0>", sign)
     return (
         f"(?P<group>.+){between}(?P<target>.+)",
@@ -55,7 +55,7 @@ def _ways(sign: str) -> tuple[str, str]:
 
 
 def _pairs(names: Sequence[str], pattern: str) -> list[tuple[str, str]] | None:
-    """Group and target of each name; None where a name has none."""
+    """Group and target of each name; None if a name does not match."""
     found = patterns.parts(pa.array(names, pa.string()), pattern)
     if found.null_count:
         return None
@@ -64,7 +64,7 @@ def _pairs(names: Sequence[str], pattern: str) -> list[tuple[str, str]] | None:
 
 
 def _read(pairs: Sequence[tuple[str, str]], places: Sequence[Array]) -> list[dict[str, Array]]:
-    """Where each target of a group was read."""
+    """Position of each target in each group."""
     groups = defaultdict[str, dict[str, Array]](dict)
     for (group, target), at in zip(pairs, places, strict=True):
         groups[group][target] = at
@@ -72,7 +72,7 @@ def _read(pairs: Sequence[tuple[str, str]], places: Sequence[Array]) -> list[dic
 
 
 def _come_again(pairs: set[tuple[str, str]]) -> bool:
-    """Whether targets are fewer than groups, and most that belong together come in each of them."""
+    """Whether there are fewer targets than groups, and most connected pairs of both occur."""
     groups, targets = (
         {name: k for k, name in enumerate({*some})} for some in zip(*pairs, strict=True)
     )
@@ -81,6 +81,6 @@ def _come_again(pairs: set[tuple[str, str]]) -> bool:
     rows, columns = zip(*((groups[group], targets[target]) for group, target in pairs), strict=True)
     n = len(groups) + len(targets)
     shared = coo_array((np.ones(len(pairs)), (rows, np.add(columns, len(groups)))), shape=(n, n))
-    body = csgraph.connected_components(shared, directed=False)[1]  # of what is read together
+    body = csgraph.connected_components(shared, directed=False)[1]  # body of each group and target
     often, size = (np.bincount(some, minlength=n) for some in np.split(body, [len(groups)]))
     return bool(2 * len(pairs) > often @ size)

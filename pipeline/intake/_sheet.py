@@ -1,7 +1,7 @@
-"""A file cut into a table of cells: separator, preamble, titles, first row, blocks.
+"""Cut a file into a table of cells: separator, preamble, titles, first row, blocks.
 
-Nothing is said here of what a column means. A separator is taken where it cuts most lines alike
-into rows of numbers; what stands above the first row is titles, units or preamble.
+The meaning of columns is not decided here. The separator is the one that cuts most lines alike into
+rows of numbers; lines above the first row are titles, units or preamble.
 """
 
 from __future__ import annotations
@@ -11,20 +11,22 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from pipeline.dialects._titles import name_a_place, titled
 from pipeline.readers._cells import MARKS, bare, cells_or_none, is_number, is_plain, is_remark
-from pipeline.readers._named import ANGLE_WORDS, UNIT_WORDS
 from pipeline.readers._text import Text
-from pipeline.readers._titles import name_a_place, titled
+from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 _SEPARATORS = (";", "\t", "|", ",", " ")
-"""What may stand between cells; of two that cut a file alike the first, which is the rarer sign."""
+"""Possible separators of cells; of two that cut a file alike the first is taken, which is the rarer
+character."""
 _SAMPLED = 400
-"""Lines by which a table is known: the longest preamble seen has 60, and a pose has 10 rows."""
+"""Number of lines from which a table is recognised: the longest preamble seen has 60, and a pose
+has 10 rows."""
 _LEAST = 3
-"""Numbers in a row at least: a point."""
+"""Minimum number of numbers in a row: a point."""
 _WIDE_GAP = re.compile(r"\t+| {2,}")
 _ABOVE = 3
-"""Lines above the first row in which titles are looked for: titles, units and a rule."""
+"""Number of lines above the first row in which titles are looked for: titles, units and a rule."""
 _RULE = re.compile(r"[-=_+|\s;,]+")
 
 
@@ -33,19 +35,18 @@ class Sheet:
     """A table in a file.
 
     Attributes:
-        delimiter: What separates cells; a blank stands for any run of blanks and tabs.
-        header: Line of the titles, 0 where there are none.
-        commented: How the line of the titles begins where it is a comment, else None.
+        delimiter: Separator of cells; a blank stands for any run of blanks and tabs.
+        header: Line of the titles, 0 if there are none.
+        commented: Comment mark of the line of the titles, None if it has none.
         first: Line of the first row.
-        comment: How lines begin that are no rows, None where there are none.
+        comment: Comment mark of lines that are not rows, None if there are none.
         titles: One for each column, empty where there is none.
-        units: What the line below the titles says, one for each column; empty where it says none.
+        units: Units in the line below the titles, one for each column; empty where it has none.
         columns: Cells of the sampled rows, column by column.
         lines: Line of each sampled row.
         preamble: Lines above titles and rows.
-        stray: A line above the first row seems to hold titles, and has not as many as there are
-            columns.
-        blocks: Lines at which the same titles stand again.
+        stray: Whether a line above the first row seems to contain titles, but not one per column.
+        blocks: Lines at which the same titles occur again.
     """
 
     delimiter: str
@@ -63,7 +64,7 @@ class Sheet:
 
     @property
     def top(self) -> int:
-        """Line of the titles, of the first row where there are none."""
+        """Line of the titles, or of the first row if there are none."""
         return self.header or self.first
 
     @property
@@ -74,7 +75,7 @@ class Sheet:
 
 @dataclass(frozen=True)
 class _Rows:
-    """Lines that one separator cuts alike."""
+    """Lines that one separator cuts into equally many cells."""
 
     delimiter: str
     width: int
@@ -87,7 +88,7 @@ class _Rows:
 
 
 def sheet(text: Text) -> Sheet | None:
-    """The table in a file, None where no separator gives rows with three numbers."""
+    """The table in a file, None if no separator gives rows with three numbers."""
     lines = list(text.lines(1, _SAMPLED))
     mark = _mark(lines)
     found = max((_rows(lines, one, mark) for one in _SEPARATORS), key=lambda one: one.rank)
@@ -114,14 +115,14 @@ def sheet(text: Text) -> Sheet | None:
 
 
 def cells_of(line: str, delimiter: str) -> list[str] | None:
-    """The cells of a line; runs of blanks and tabs are one separator where it is a blank."""
+    """The cells of a line; if the separator is a blank, runs of blanks and tabs count as one."""
     if delimiter != " ":
         return cells_or_none(line, delimiter)
     return cells_or_none(" ".join(line.split()), " ") if '"' in line else line.split()
 
 
 def _mark(lines: Sequence[tuple[int, str]]) -> str | None:
-    """How comments begin: the mark of most lines that begin with one, if others do not."""
+    """The comment mark: the most frequent one at the start of lines, if some lines have none."""
     begins = Counter(m for _, line in lines for m in MARKS if is_remark(line, m))
     if not begins:
         return None
@@ -131,7 +132,7 @@ def _mark(lines: Sequence[tuple[int, str]]) -> str | None:
 
 
 def _rows(lines: Sequence[tuple[int, str]], delimiter: str, mark: str | None) -> _Rows:
-    """The lines with as many cells as most of those that hold a point."""
+    """The lines with the most frequent number of cells among those that contain a point."""
     found: dict[int, list[tuple[int, tuple[str, ...]]]] = {}
     for number, line in lines:
         cells = cells_of(line, delimiter) if is_plain(line, mark) else None
@@ -153,7 +154,7 @@ def _without_numbered_titles(found: _Rows) -> _Rows:
 
 
 def _below_titles(found: _Rows, lines: Sequence[tuple[int, str]], mark: str | None) -> _Rows:
-    """The rows below a line that names coordinates; those above it only a damaged file has."""
+    """The rows below a line that names coordinates; only a damaged file has some above it."""
     first, last = found.rows[0][0], found.rows[-1][0]
     if any(n < first and name_a_place(_fitting(line, found, mark)) for n, line in lines):
         return found
@@ -169,7 +170,7 @@ def _below_titles(found: _Rows, lines: Sequence[tuple[int, str]], mark: str | No
 def _titles(
     above: Sequence[tuple[int, str]], found: _Rows, mark: str | None
 ) -> tuple[int, tuple[str, ...], tuple[str, ...], bool]:
-    """Line of the titles, titles, units, and whether titles seem to be there that do not fit."""
+    """Line of the titles, titles, units, and whether there seem to be titles that do not fit."""
     nothing = ("",) * found.width
     units, stray = nothing, False
     near, last = _near(above, found, mark)
@@ -187,10 +188,10 @@ def _titles(
 def _near(
     above: Sequence[tuple[int, str]], found: _Rows, mark: str | None
 ) -> tuple[list[tuple[int, str]], int]:
-    """Lines above in which titles and units may stand, and the last that may be the titles.
+    """Lines above in which titles and units may be, and the last that may be the titles.
 
-    One that names three coordinates is, however many rows that cannot be read follow. What stands
-    in a comment may be a remark on titles below it.
+    A line that names three coordinates is the titles, however many unreadable rows follow. Such a
+    line in a comment may be a remark on titles below it.
     """
     near = [(n, line) for n, line in above if line.strip() and not _RULE.fullmatch(line)]
     for k in reversed(range(len(near))):
@@ -201,9 +202,9 @@ def _near(
 
 
 def _are_titles(cells: Sequence[str], found: _Rows) -> bool:
-    """Whether cells may be titles: for half of the columns at least, and none is a number.
+    """Whether cells may be titles: for at least half of the columns, and none is a number.
 
-    Between blanks, where any words may stand, one is a known one.
+    If blanks separate them, where any words could be, at least one must be known.
     """
     if any(map(is_number, cells)) or 2 * sum(map(bool, cells)) < found.width:
         return False
@@ -212,7 +213,7 @@ def _are_titles(cells: Sequence[str], found: _Rows) -> bool:
 
 
 def _first(above: Sequence[tuple[int, str]], found: _Rows, header: int, mark: str | None) -> int:
-    """Line of the first row below titles, one that cannot be read included: it is told then."""
+    """Line of the first row below the titles, even an unreadable one, which is then reported."""
     for number, line in above if header else ():
         if number <= header or not is_plain(line, mark) or _RULE.fullmatch(line):
             continue
@@ -223,7 +224,7 @@ def _first(above: Sequence[tuple[int, str]], found: _Rows, header: int, mark: st
 
 
 def _fitting(line: str, found: _Rows, mark: str | None) -> list[str] | None:
-    """The cells of a line above the rows, one for each column; None where they are not."""
+    """The cells of a line above the rows, one for each column; None if they do not fit."""
     line = line.strip(" \r\n") if found.delimiter != " " else line.strip()
     for begin in {mark, *MARKS} - {None}:
         line = line.removeprefix(str(begin))
@@ -238,7 +239,7 @@ def _fitting(line: str, found: _Rows, mark: str | None) -> list[str] | None:
 
 
 def _padded(cells: list[str], found: _Rows) -> list[str] | None:
-    """As many cells as there are columns: those at the end that are empty may come and go."""
+    """As many cells as there are columns: empty ones at the end are added or removed."""
     while len(cells) > found.width and not cells[-1]:
         cells = cells[:-1]
     if len(cells) < found.width:
@@ -249,7 +250,7 @@ def _padded(cells: list[str], found: _Rows) -> list[str] | None:
 
 
 def _are_units(cells: Sequence[str]) -> bool:
-    """Whether all cells are units, but those with nothing in them."""
+    """Whether all cells are units, empty ones aside."""
     filled = (cell for cell in cells if cell.strip("[]()- "))
     return all(cell.strip("[]() ").lower() in UNIT_WORDS | ANGLE_WORDS for cell in filled)
 
@@ -261,7 +262,7 @@ def _names_axes(line: str) -> bool:
 
 
 def _blocks(text: Text, header: int) -> tuple[int, ...]:
-    """Lines with the same titles as the header, itself included."""
+    """Lines with the same titles as the header, including the header itself."""
     if not header:
         return ()
     same = text.line(header).strip().encode()

@@ -1,4 +1,4 @@
-"""What the lines above a table say of all of it: kind of coordinates, units, sense of azimuths."""
+"""Statements of the lines above a table: kind of coordinates, units, sense of azimuths."""
 
 from __future__ import annotations
 
@@ -6,20 +6,21 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from pipeline.base.errors import InputError
+from pipeline.dialects._coordinates import KIND_WORDS
+from pipeline.dialects._named import UNIT_LINE, WORD, said_units
 from pipeline.intake._sheet import Sheet
-from pipeline.readers._coordinates import KIND_WORDS
-from pipeline.readers._named import ANGLE_WORDS, UNIT_LINE, UNIT_WORDS, WORD, said_units
+from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
 
 
 @dataclass(frozen=True)
 class Stated:
-    """What the lines above a table and the one below its titles say of all of it.
+    """Statements of the lines above a table, which hold for the whole table.
 
     Attributes:
         kinds: Kinds of coordinates.
         units: Units of length.
         angles: Units of angles.
-        senses: Ways in which azimuths grow.
+        senses: Senses in which azimuths increase.
     """
 
     kinds: frozenset[str]
@@ -29,9 +30,10 @@ class Stated:
 
     @classmethod
     def of(cls, found: Sheet) -> Stated:
-        """Words of lines that speak of units or of the kind of coordinates; others may mean else.
+        """Collect words from lines about units or the kind of coordinates, and from no others.
 
-        A reflector's diameter in millimetres says nothing of the coordinates.
+        A reflector's diameter in millimetres says nothing about the coordinates. Only the sense of
+        azimuths is taken from any line.
         """
         kinds, units, angles, senses = set(), set(), set(), set()
         for line in found.preamble:
@@ -47,7 +49,7 @@ class Stated:
         return cls(*map(frozenset, (kinds, units, angles, senses)))
 
     def only(self, what: str) -> str | None:
-        """The one word that is said of something, None where there is none.
+        """The only statement on something, None if there is none.
 
         Raises:
             InputError: There are several.
@@ -62,9 +64,9 @@ class Stated:
 
 
 def _senses(words: Sequence[str]) -> set[str]:
-    """Which way azimuths grow by the words of a line.
+    """Sense in which azimuths increase, by the words of a line.
 
-    What is called spherical or cylindrical counts from x towards y, what is called polar may not.
+    Coordinates called spherical or cylindrical count from x towards y, those called polar may not.
     """
     if "clockwise" in words or "cw" in words:
         return {"counter-clockwise" if {"counter", "anti"} & {*words} else "clockwise"}

@@ -1,4 +1,4 @@
-"""Questions about an export at a terminal: one at a time, each with the first rows as they are."""
+"""Questions about an export at a terminal: one at a time, each with the first rows of the file."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Any, TypeVar
 
 import typer
 
-if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
+if TYPE_CHECKING:  # its types import the numerical libraries, which takes a second
     from pipeline.intake.offer import Offer
 
 _Answer = TypeVar("_Answer")
@@ -25,10 +25,10 @@ _ASKED = {
 
 
 def ask(found: Offer, say: Callable[[str], None]) -> dict[str, Any]:
-    """The answer to the question of an offer, as words of [tracker].
+    """Ask the question of an offer; the answer as entries of [tracker].
 
     Args:
-        found: What a file seems to be.
+        found: The interpretation of a file.
         say: Shows a line.
     """
     from pipeline.intake.inspect import rows_in_words
@@ -44,12 +44,12 @@ def ask(found: Offer, say: Callable[[str], None]) -> dict[str, Any]:
 def numbered(
     question: str, said: Sequence[str], answers: Sequence[_Answer], say: Callable[[str], None]
 ) -> _Answer:
-    """One of some answers, chosen by its number.
+    """Have one of some answers chosen by its number.
 
     Args:
-        question: What is asked.
+        question: The question.
         said: Each answer in words.
-        answers: What they stand for.
+        answers: Their values.
         say: Shows a line.
     """
     say(question)
@@ -59,7 +59,7 @@ def numbered(
 
 
 def _number(most: int) -> int:
-    """The number of an answer, asked until it is one."""
+    """The number of an answer, asked until it is valid."""
     while True:
         typed = str(typer.prompt(f"1 to {most}", "1", err=True))
         if typed.isdecimal() and 1 <= int(typed) <= most:

@@ -1,4 +1,4 @@
-"""A campaign.toml for what lies in a folder, or for what is still to be measured."""
+"""Write campaign.toml for the files in a folder, or for a campaign still to be measured."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pipeline.machine.instrument import sheet
 from pipeline.machine.robot import Robot, load
 from pipeline.store.campaign import CampaignFolder, unfit
 
-if TYPE_CHECKING:  # it brings the readers
+if TYPE_CHECKING:  # it imports the readers
     from pipeline.intake.files import Proposal
     from pipeline.intake.which_logs import Logs
 
@@ -31,22 +31,22 @@ NAME = "a plain folder name that begins with no dot"
 _Value = TypeVar("_Value")
 
 _DEFAULTS = ("tracker*.csv", "tracker*.txt")
-"""What exports are called where there are none yet."""
+"""Patterns for exports where there are none yet."""
 _TARGETS = ("P1", "P2", "P3")
 _BASE = ("B1", "B2", "B3")
 _MANY = 12
-"""More robots are looked up, not read."""
+"""Maximum number of robots that are described one by one."""
 _LOGS = ("loads.csv", "joints.csv")
-"""What logs are called where there are none yet."""
+"""Names of the logs where there are none yet."""
 
 
 @dataclass(frozen=True)
 class Known:
-    """What a person knows and no file says; None and missing where it stays open.
+    """Data that a person knows and no file states; None or missing where still open.
 
     Attributes:
         robot: A robot that ships, or a robot file.
-        unit: Of the exports that do not say it.
+        unit: Of the exports that do not state it.
         instrument: Type of the tracker.
         sigma_m: Standard uncertainty of one tracker reading per axis [m].
         sigma_n: Standard uncertainty of one scale reading [N].
@@ -56,7 +56,7 @@ class Known:
         columns: Our names for titles of the logs that state no unit.
         words: Other entries of campaign.toml, by key.
         test_pose: Numbers of [test_pose], by key.
-        notes: What no entry is for.
+        notes: Data without an entry in campaign.toml.
         simulated: Whether files are those of a rehearsal.
     """
 
@@ -76,7 +76,7 @@ class Known:
 
 
 def write(folder: Path, said: Proposal, known: Known) -> list[str]:
-    """Write campaign.toml, and empty logs where there are none; what is still to be filled in.
+    """Write campaign.toml, and empty logs if there are none; return what is still open.
 
     Args:
         folder: Of the campaign.
@@ -97,7 +97,7 @@ def write(folder: Path, said: Proposal, known: Known) -> list[str]:
 
 
 def _words(folder: Path, said: Proposal, known: Known) -> dict[str, object]:
-    """What stands in the template; None and nothing where it stays open."""
+    """Variables of the template; None or empty where still open."""
     loads, joints = _LOGS if said.nothing else (said.loads, said.joints)
     return {
         "name": quoted(folder.name),
@@ -167,19 +167,19 @@ def _of_a_person(known: Known) -> dict[str, object]:
 
 
 def _shown(value: _Value | None, words: Callable[[_Value], str]) -> str | None:
-    """A value in words, None where nobody says it."""
+    """A value in words, None if it is unknown."""
     return None if value is None else words(value)
 
 
 def _tracker(said: Proposal) -> list[str]:
-    """What [tracker] says, and has to say, of an export that leaves more open than its unit."""
+    """Entries and open entries of [tracker] for an export that leaves more open than its unit."""
     if said.offer is None:
         return []
     asked = {question.about: question for question in said.offer.questions}
     lines = []
     for word in ("unit", "decimal", "coordinates", "angle", "vertical", "horizontal"):
         value = getattr(said.offer.hints, word)
-        if word in asked and word != "unit":  # which is asked of every export
+        if word in asked and word != "unit":  # the unit is asked for every export
             answers = " or ".join(quoted(answer.said) for answer in asked[word].answers)
             lines.append(f"# {word} = ?   # {answers}: the export does not say it")
         elif value and word not in asked:
@@ -191,7 +191,7 @@ def _tracker(said: Proposal) -> list[str]:
 
 
 def log_lines(said: Logs, robot: str | None = None) -> list[str]:
-    """What campaign.toml says of the one log of a proposal, for a robot where one is named."""
+    """Entries of campaign.toml for the one log of a proposal, and for a robot if one is named."""
     table, file = ("scale", said.loads) if said.loads else ("joints", said.joints)
     robot = robot if robot in said.joint_columns else None
     columns = _pairs(said.load_columns if said.loads else _joint_columns(said, robot))
@@ -205,14 +205,14 @@ def log_lines(said: Logs, robot: str | None = None) -> list[str]:
 
 
 def _fitting(found: Sequence[str]) -> str:
-    """Which robots a joint log fits, or those there are."""
+    """The robots that a joint log fits, or where robots are listed."""
     if found:
         return f"{listed(found)}: the joint log fits each of them"
     return "one of `pipeline robot --list`, or a robot file in this folder"
 
 
 def described(folder: Path, found: Sequence[str]) -> list[str]:
-    """What each of some robots is, or where all that ship are listed."""
+    """Description of each of some robots, or where all that ship are listed."""
     few = found if len(found) <= _MANY else ()
     shown = [f"{name}: {load(name, folder).description}" for name in few]
     listing = "`pipeline robot --list` lists the robots that ship, with maker and type"
@@ -220,17 +220,17 @@ def described(folder: Path, found: Sequence[str]) -> list[str]:
 
 
 def log_columns(said: Proposal, robot: str | None) -> dict[str, str]:
-    """Our names for the titles of both logs, with bars between them where they leave it open."""
+    """Our names for the titles of both logs, separated by bars where they are ambiguous."""
     return {**said.load_columns, **_joint_columns(said, robot)}
 
 
 def _told(columns: Mapping[str, str], known: Known) -> dict[str, str]:
-    """Our names for titles, those that a person chose in their place."""
+    """Our names for titles, replaced by those that a person chose."""
     return {title: known.columns.get(title, ours) for title, ours in columns.items()}
 
 
 def _joint_columns(said: Logs, robot: str | None) -> Mapping[str, str]:
-    """Our names for the titles of the joint log; of the first robot it fits, where none is said."""
+    """Our names for the titles of the joint log; for the first robot it fits if none is named."""
     first = next(iter(said.joint_columns.values()), {})
     return said.joint_columns.get(robot, {}) if robot else first
 
@@ -246,7 +246,7 @@ def _pairs(columns: Mapping[str, str]) -> list[str]:
 
 
 def _states(state_of: Mapping[str, str]) -> str:
-    """The words of the states as a table on one line, nothing where they are ours."""
+    """The words of the states as an inline table, empty if they are ours."""
     if all(own == ours for own, ours in state_of.items()):
         return ""
     return (
@@ -255,7 +255,7 @@ def _states(state_of: Mapping[str, str]) -> str:
 
 
 def _points(names: Sequence[str], known: Known) -> list[tuple[str, str | None]]:
-    """Each point with its place, None where it stays open."""
+    """Each point with its position, None where still open."""
     found = ((name, known.places.get(name)) for name in names)
     return [(_key(name), None if at is None else str(list(at))) for name, at in found]
 
@@ -269,10 +269,10 @@ def _quoted(names: Sequence[str]) -> str:
 
 
 def vacant(root: Path, name: str) -> Path:
-    """The folder that a campaign of this name gets; there may be files in it already.
+    """The folder for a campaign of this name; there may be files in it already.
 
     Raises:
-        UsageError: The name is no folder name, or there is a campaign in it already.
+        UsageError: The name cannot name a folder, or there is a campaign in it already.
     """
     if why := unfit(name):
         raise UsageError(f'"{printable(name, 80)}" cannot name a campaign ({why}): use {NAME}')
@@ -302,7 +302,7 @@ def _rehearsed(folder: Path) -> bool:
 
 
 def simulated(root: Path, name: str, there: Mapping[str, bytes]) -> list[str]:
-    """Files that are still those of the rehearsal of this name, by the digests beside its truth.
+    """Files unchanged since the rehearsal of this name, by the digests stored with its truth.
 
     Args:
         root: The project's root.
@@ -317,9 +317,9 @@ def simulated(root: Path, name: str, there: Mapping[str, bytes]) -> list[str]:
 
 
 def there(root: Path, folder: Path) -> dict[str, bytes]:
-    """Files that lie in a folder, but what other programs keep there; those not read are empty.
+    """Content of the files in a folder, except those of other programs; empty if unreadable.
 
-    Logs that `init` made and nobody filled in say nothing.
+    Logs that `init` made and that were not filled in are left out.
     """
     if not folder.is_dir():
         return {}
@@ -338,7 +338,7 @@ def _blank(name: str, data: bytes) -> bool:
 
 
 def brought(folder: Path, robot: str) -> str:
-    """What campaign.toml calls a robot: an own file that lies elsewhere is copied beside it."""
+    """Name of a robot in campaign.toml; a robot file elsewhere is copied into the folder."""
     path = Path(robot)
     if path.suffix != ".toml" or not path.is_file() or (folder / robot).is_file():
         return robot
@@ -347,7 +347,7 @@ def brought(folder: Path, robot: str) -> str:
 
 
 def known(root: Path, name: str, robot: str) -> Robot:
-    """The robot that is meant, beside a campaign that is still to be written.
+    """Load the named robot for a campaign that is still to be written.
 
     Raises:
         UsageError: There is no such robot.

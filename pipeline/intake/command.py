@@ -1,4 +1,4 @@
-"""Commands for files that are new: what they are, and the campaign.toml for them."""
+"""Commands for new files: recognise them, and write the campaign.toml for them."""
 
 from __future__ import annotations
 
@@ -25,12 +25,12 @@ from pipeline.base.doors import opened as behind
 from pipeline.base.errors import UsageError, listed
 from pipeline.base.shown import typed
 
-if TYPE_CHECKING:  # they bring the numerical libraries, which take a second
+if TYPE_CHECKING:  # they import the numerical libraries, which takes a second
     from pipeline.intake.blank import Known
     from pipeline.intake.files import Proposal
 
 _USUAL = "kr500_rail"
-"""The robot of a campaign that has no files yet, where nobody names another."""
+"""Default robot of a campaign that has no files yet."""
 
 _OPEN = "Enter leaves it open"
 
@@ -73,14 +73,14 @@ def init(
 
 
 def _all_known(said: Proposal, robot: str | None, given: Known, ask: bool) -> Known:
-    """What a sheet says, and what a person does who may be asked."""
+    """Data from a filled-in sheet, and from a person if one can be asked."""
     if ask:
         return _asked(said, robot, given)
     return replace(given, robot=robot, instrument=given.words.get("instrument.model"))
 
 
 def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
-    """A campaign.toml for what lies in the folder, with what is known or asked."""
+    """Write campaign.toml for the files in the folder, with known or asked data."""
     from pipeline.intake import blank
     from pipeline.intake.files import propose
     from pipeline.intake.filled import filled_in
@@ -110,7 +110,7 @@ def _propose(root: Path, folder: Path, robot: str | None, ask: bool) -> None:
 
 
 def _named(root: Path, folder: Path, given: Known) -> str | None:
-    """The robot that a filled-in sheet names, where it is there."""
+    """The robot named in a filled-in sheet, if its file is there."""
     from pipeline.intake import blank
 
     name = given.words.get("robot", "").replace("\\", "/").rpartition("/")[2]
@@ -124,7 +124,7 @@ def _named(root: Path, folder: Path, given: Known) -> str | None:
 
 
 def _settled(files: Mapping[str, bytes]) -> Proposal:
-    """What the files say, once all that they leave open of exports and names is asked."""
+    """What the files say, after asking for everything they leave open about exports and names."""
     from pipeline.intake import asking
     from pipeline.intake.files import propose
     from pipeline.readers import Hints
@@ -146,12 +146,12 @@ def _settled(files: Mapping[str, bytes]) -> Proposal:
 
 
 def _tell(words: str) -> None:
-    """One line beside the answer, on a terminal or not."""
+    """Show one line on stderr, on a terminal or not."""
     typer.secho(fitted(words, sys.stderr), err=True, dim=sys.stderr.isatty())
 
 
 def _robot(root: Path, folder: Path, said: Proposal, ask: bool) -> str | None:
-    """The only robot that fits, or the one that is typed; None where it stays open."""
+    """The only robot that fits, or the typed one; None if it stays open."""
     from pipeline.intake import blank
 
     fitting = said.robots
@@ -166,7 +166,7 @@ def _robot(root: Path, folder: Path, said: Proposal, ask: bool) -> str | None:
     while typed := _typed(f"Robot, {which}", usual):
         try:
             blank.known(root, folder.name, typed)
-        except UsageError as unknown:  # a brand name, as on the type plate: those like it are named
+        except UsageError as unknown:  # a brand name, as on the type plate: similar ones are named
             _tell(str(unknown).removeprefix("--robot: "))
         else:
             return typed
@@ -174,18 +174,18 @@ def _robot(root: Path, folder: Path, said: Proposal, ask: bool) -> str | None:
 
 
 def _typed(question: str, usual: str | None) -> str:
-    """What is typed, or what is usual where there is such."""
+    """The typed answer, or the usual one if there is one."""
     return str(typer.prompt(question, usual, err=True)) if usual else _answer(question)
 
 
 def _asked(said: Proposal, robot: str | None, given: Known) -> Known:
-    """What only a person knows, one question at a time; an empty answer leaves it open.
+    """Ask for data that only a person knows, one at a time; an empty answer leaves it open.
 
-    What a filled-in sheet says is not asked again.
+    What a filled-in sheet states is not asked again.
     """
     from pipeline.intake.blank import log_columns
     from pipeline.machine.instrument import sheet
-    from pipeline.readers._coordinates import USUAL_UNITS
+    from pipeline.readers._units import USUAL_UNITS
     from pipeline.readers.logs import LENGTH
 
     unit = None
@@ -218,7 +218,7 @@ def _asked(said: Proposal, robot: str | None, given: Known) -> Known:
 
 
 def _of_loads(said: Proposal, given: Known) -> tuple[float | None, float | None]:
-    """Standard uncertainties of the scale [N] and of weights [kg]; None where nobody says."""
+    """Standard uncertainties of the scale [N] and of weights [kg]; None if unknown."""
     from pipeline.readers.logs import FORCE, MASS
 
     sigma_n, mass_sigma_kg = given.sigma_n, None
@@ -234,7 +234,7 @@ def _of_loads(said: Proposal, given: Known) -> tuple[float | None, float | None]
 def _places(
     said: Proposal, known: Mapping[str, tuple[float, float, float]]
 ) -> dict[str, tuple[float, float, float]]:
-    """Where reflectors stand that were read [m]; what is known or stays open is left out."""
+    """Positions of the reflectors that were read [m]; known or open ones are left out."""
     from pipeline.readers.logs import LENGTH
     from pipeline.reduction.settings import HALL_M, REACH_M
 
@@ -254,7 +254,7 @@ def _places(
 
 
 def _instrument() -> str | None:
-    """The type of tracker, None where it stays open; one in no list is asked once more."""
+    """The type of tracker, None if it stays open; one that is in no list is asked once more."""
     from pipeline.machine.instrument import near, sheet
 
     typed = _answer("Tracker, as Leica AT960", "Enter: any other; its noise is asked instead")
@@ -269,10 +269,10 @@ def _instrument() -> str | None:
 
 
 def _columns(said: Mapping[str, str]) -> dict[str, str]:
-    """Our names for titles that state no unit, which those with the same units have in common.
+    """Our names for titles that state no unit; those with the same possible units share it.
 
     Args:
-        said: All our names by title, with bars between them.
+        said: All our names by title, separated by bars.
     """
     titles: dict[tuple[str, ...], list[str]] = {}
     for title, ours in said.items():
@@ -288,13 +288,13 @@ def _columns(said: Mapping[str, str]) -> dict[str, str]:
 
 
 def _answer(question: str, otherwise: str = _OPEN) -> str:
-    """What is typed, without blanks around it; empty where it stays open."""
+    """The typed answer, stripped; empty where it stays open."""
     asked = f"{question} ({otherwise})"
     return str(typer.prompt(asked, "", err=True, show_default=False)).strip()
 
 
 def _one_of(question: str, words: tuple[str, ...]) -> str | None:
-    """One of some words, asked until it is one."""
+    """One of some words, asked until it is valid."""
     while answer := _answer(f"{question}: {', '.join(words)}"):
         if meant := [word for word in words if word.lower() == answer.lower()]:
             return meant[0]
@@ -305,7 +305,7 @@ def _one_of(question: str, words: tuple[str, ...]) -> str | None:
 def _size(
     question: str, units: Mapping[str, float], usual: str, otherwise: str = _OPEN
 ) -> float | None:
-    """A number above zero in SI, asked until it is one; a decimal comma is as good as a point."""
+    """A number above zero in SI, asked until it is valid; decimal commas are accepted."""
     while answer := _answer(question, otherwise):
         with contextlib.suppress(ValueError):
             (size,) = _in_si(answer, units, usual)
@@ -316,7 +316,7 @@ def _size(
 
 
 def _in_si(answer: str, units: Mapping[str, float], usual: str) -> list[float]:
-    """Numbers with blanks or semicolons between them and perhaps a unit behind, in SI.
+    """Numbers separated by blanks or semicolons, perhaps followed by a unit, in SI.
 
     Raises:
         ValueError: They are no numbers, or the unit is none of these.
@@ -332,7 +332,7 @@ def _in_si(answer: str, units: Mapping[str, float], usual: str) -> list[float]:
 
 
 def _number(question: str, otherwise: str) -> float | None:
-    """A number, asked until it is one."""
+    """A number, asked until it is valid."""
     while answer := _answer(question, otherwise):
         with contextlib.suppress(ValueError):
             if math.isfinite(number := float(answer.replace(",", "."))):
@@ -342,7 +342,7 @@ def _number(question: str, otherwise: str) -> float | None:
 
 
 def _seen(said: Proposal) -> Iterator[str]:
-    """What the files are taken for, before anything is asked."""
+    """Interpretation of the files, shown before anything is asked."""
     logs = {"loads": said.loads, "joints": said.joints}
     files = {"exports": said.exports} | {what: [one] for what, one in logs.items() if one}
     names = {"measured targets": said.measured, "chain": said.chain, "base": said.base}
@@ -358,7 +358,7 @@ def _seen(said: Proposal) -> Iterator[str]:
 def _place(
     question: str, units: Mapping[str, float], most_m: float
 ) -> tuple[float, float, float] | None:
-    """Three coordinates [m], none beyond `most_m`, asked until they are; they are said again."""
+    """Three coordinates [m], none beyond `most_m`, asked until they are valid; they are echoed."""
     while answer := _answer(question):
         with contextlib.suppress(ValueError):
             x, y, z = _in_si(answer, units, "m")
@@ -412,7 +412,7 @@ def inspect(
     whatever the file leaves open.
     """
     from pipeline.intake import asking, look
-    from pipeline.readers._coordinates import USUAL_UNITS
+    from pipeline.readers._units import USUAL_UNITS
 
     said = {
         "unit": _known("unit", unit, USUAL_UNITS),
@@ -430,7 +430,7 @@ def inspect(
 
 
 def _known(what: str, word: str | None, known: Sequence[str]) -> str | None:
-    """A word of the command line that has to be one of a few."""
+    """Check that a word of the command line is one of a few."""
     if word is None or word in known:
         return word
     others = f"{', '.join(known[:-1])} or {known[-1]}"

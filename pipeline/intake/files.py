@@ -1,6 +1,6 @@
-"""What the files of a new campaign say themselves: which is which, names, states, units.
+"""What the files of a new campaign say: kind of each file, names, states, units.
 
-Nothing is made up: what only a person knows (places of reflectors, uncertainties, a unit that no
+Nothing is made up: what only a person knows (positions of reflectors, uncertainties, a unit that no
 file states) stays open.
 """
 
@@ -22,6 +22,7 @@ from pipeline.intake import log_columns
 from pipeline.intake._group_names import STATES, Group, states_of, ways_to_read
 from pipeline.intake._separators import LOOKED_AT, separators
 from pipeline.intake.offer import Offer, as_table, offer
+from pipeline.intake.question import Column
 from pipeline.intake.which_logs import Logs, propose_logs, unsure
 from pipeline.readers import Columns, Export, Hints, logs
 from pipeline.readers._names import split
@@ -30,28 +31,28 @@ from pipeline.readers.said import LogForm
 
 _UNIT = Hints(unit="mm")
 _SHOWN = 8
-"""Group names that are given on; their form shows in fewer."""
+"""Maximum number of group names that are passed on; fewer show their form."""
 
 
 @dataclass(frozen=True)
 class Proposal(Logs):
-    """What the files say: of the logs, and of exports and their names.
+    """What the files say about logs, exports and their names.
 
     Attributes:
         exports: Names of the tracker exports.
         reach: Largest number in an export that does not state its unit; None where all do.
-        offer: What else [tracker] has to say of the export, None where nothing else is open.
-        nameless: Whether an export does not say what its readings are: `names`, or only `groups`
-            where it names the targets; None where it does.
-        names: What [tracker] names may say of names that hold group and target in one; with
+        offer: Further entries of [tracker] for the export, None where nothing else is open.
+        nameless: What an export does not name: `names`, or only `groups` if it names the targets;
+            None if it names both.
+        names: Possible values of `names` in [tracker] for names that combine group and target; with
             several it is open which one.
-        unsure: Of `force` and `mass` those in the log whose uncertainty it does not say itself.
+        unsure: Those of `force` and `mass` in the log whose uncertainty it does not state.
         ways: How group names are read: one way for each word that may be the unloaded state, none
-            where nobody can tell.
-        groups: Group names, some of them; none where the log of the loads says what they are.
+            if it cannot be decided.
+        groups: Some of the group names; none if the log of the loads says what they are.
         measured: Targets read unloaded and loaded.
-        chain: Both ends of the chain, the one at the effector first; empty where there is none.
-        base: Reflectors in groups that are no state of a pose.
+        chain: Both ends of the chain, the one at the effector first; empty if there is none.
+        base: Reflectors in groups that are not states of a pose.
         apart_m: Distances between measured targets as read [m], by both names.
     """
 
@@ -70,12 +71,12 @@ class Proposal(Logs):
 
     @property
     def group(self) -> Group | None:
-        """How group names are read; None where that is open."""
+        """How group names are read; None if that is open."""
         return self.ways[0] if len(self.ways) == 1 else None
 
     @property
     def either(self) -> tuple[Group, ...]:
-        """The ways where several are open."""
+        """The possible ways, if there are several."""
         return self.ways if len(self.ways) > 1 else ()
 
     @property
@@ -87,11 +88,11 @@ class Proposal(Logs):
 def propose(
     files: Mapping[str, bytes], hints: Hints | None = None, unloaded: str | None = None
 ) -> Proposal:
-    """What the files of a campaign's folder say.
+    """Interpret the files of a campaign's folder.
 
     Args:
         files: Content by name; TOML files are taken for robots.
-        hints: What is said by now of an export that leaves more open than its unit.
+        hints: Statements so far on an export that leaves more open than its unit.
         unloaded: The word of the unloaded state in group names, where they leave it open.
     """
     hints = hints or Hints()
@@ -125,8 +126,8 @@ class _Exports:
     Attributes:
         exports: By name.
         reach: Largest number of each that does not state its unit.
-        refused: Why others are none.
-        offer: What else has to be said of the one that could not be read without.
+        refused: Why others are not exports.
+        offer: Interpretation of the one that could not be read without further statements.
     """
 
     exports: dict[str, Export]
@@ -136,7 +137,7 @@ class _Exports:
 
 
 def _exports(files: Mapping[str, bytes], logged: Logs) -> _Exports:
-    """The files that are exports; of workbooks those that are logs, too."""
+    """The files that are exports, including workbooks that are also logs."""
     known = {logged.loads, logged.joints, *logged.refused}
     exports: dict[str, Export] = {}
     refused: dict[str, str] = {}
@@ -154,7 +155,7 @@ def _exports(files: Mapping[str, bytes], logged: Logs) -> _Exports:
 
 
 def _export(name: str, data: bytes) -> tuple[Export, list[float]]:
-    """An export, and its largest number where it does not state its unit."""
+    """An export, and its largest number if it does not state its unit."""
     try:
         return readers.read(name, data), []
     except InputError:
@@ -163,16 +164,11 @@ def _export(name: str, data: bytes) -> tuple[Export, list[float]]:
 
 
 def _offered(files: Mapping[str, bytes], found: _Exports, hints: Hints) -> _Exports:
-    """With the one file that is an export if something is said of it, as it is most likely read.
+    """Add the one file that is an export with further statements, in its most likely reading.
 
     Of several it is the one whose groups can be read.
     """
-    offers: dict[str, tuple[Offer, Export]] = {}
-    books = [name for name in files if is_workbook(files[name]) and name not in found.refused]
-    for name in (*found.refused, *books):
-        with contextlib.suppress(InputError):
-            if one := offer(name, files[name], hints):
-                offers[name] = one, readers.read(name, files[name], one.hints)
+    offers = _offers(files, found, hints)
     told = {name: one for name, one in offers.items() if _tells(one[1])}
     offers = told if len(told) == 1 else offers
     if len(offers) != 1:
@@ -186,14 +182,27 @@ def _offered(files: Mapping[str, bytes], found: _Exports, hints: Hints) -> _Expo
     return _Exports({name: export}, (largest,) if unsaid else (), refused, one)
 
 
+def _offers(
+    files: Mapping[str, bytes], found: _Exports, hints: Hints
+) -> dict[str, tuple[Offer, Export]]:
+    """What is to be said of files that are refused, or of workbooks, and how they are read then."""
+    offers: dict[str, tuple[Offer, Export]] = {}
+    books = [name for name in files if is_workbook(files[name]) and name not in found.refused]
+    for name in (*found.refused, *books):
+        with contextlib.suppress(InputError):
+            if one := offer(name, files[name], hints):
+                offers[name] = one, readers.read(name, files[name], one.hints)
+    return offers
+
+
 def _tells(export: Export) -> bool:
-    """Whether the names of its groups say which of them are states of poses."""
+    """Whether the names of its groups show which of them are states of poses."""
     rows = _by_group([export])
     return bool(rows and ways_to_read(rows))
 
 
 def _named_by_groups(one: Offer) -> Offer:
-    """Without the question for the columns where titles tell the coordinates: the groups tell."""
+    """Drop the question about columns if titles name the coordinates: the groups confirm them."""
     told = all(c.why == "title" for c in one.columns if c.role in ("x", "y", "z"))
     left = [q for q in one.questions if q.about != "columns" or len(q.answers) > 1 or not told]
     return replace(one, questions=tuple(left))
@@ -202,9 +211,9 @@ def _named_by_groups(one: Offer) -> Offer:
 def _with_groups(
     files: Mapping[str, bytes], found: _Exports, hints: Hints, logged: Logs
 ) -> _Exports:
-    """With the columns of a table's groups that their names, or the log of loads, make sense of.
+    """Add the columns of a table's groups whose names, or the log of loads, make sense.
 
-    The same where it is not one export, its groups tell already, or no columns make them.
+    Unchanged if it is not a single export, its groups are already readable, or no columns qualify.
     """
     if len(found.exports) != 1:
         return found
@@ -226,19 +235,24 @@ def _with_groups(
 
 
 def _parts(one: Offer) -> list[dict[str, str]]:
-    """What may make up the groups of a table: one column, or those of pose, state and pull.
+    """Possible columns of the groups of a table: one column, or those of pose, state and pull.
 
-    A state is a word, the others are numbers, those of poses before those of pulls.
+    A state is a word, the others are numbers; a pose column precedes that of the pulls.
     """
-    mapping = one.hints.mapping.columns if one.hints.mapping else {}
-    taken = {mapping.get(role) for role in ("target", "x", "y", "z", "time", "date")}
-    left = [c for c in one.columns if c.title and c.title not in taken]
+    left = _untaken(one)
     numbers = [c.title for c in left if c.example.isdecimal()]
     words = [c.title for c in left if c.title not in numbers]
     alone = [{"group": c.title} for c in left]
     pairs = [{"pose": pose, "state": state} for state in words for pose in numbers]
     three = [{**two, "repeat": last} for two in pairs for last in numbers if last != two["pose"]]
     return [*alone, *three, *pairs]
+
+
+def _untaken(one: Offer) -> list[Column]:
+    """The columns with a title that hold neither names of targets, coordinates nor times."""
+    mapping = one.hints.mapping.columns if one.hints.mapping else {}
+    taken = {mapping.get(role) for role in ("target", "x", "y", "z", "time", "date")}
+    return [c for c in one.columns if c.title and c.title not in taken]
 
 
 def _sets_apart(export: Export, told: Mapping[str, str]) -> bool:
@@ -254,7 +268,7 @@ def _sets_apart(export: Export, told: Mapping[str, str]) -> bool:
 
 
 def _grouped_by(hints: Hints, mapping: Columns, parts: Mapping[str, str]) -> Hints:
-    """What is said of a table, with the columns of its groups in its mapping."""
+    """Statements on a table, with the columns of its groups in its mapping."""
     others = mapping.model_dump()["columns"].items()
     columns = {role: one for role, one in others if role != "group" and one not in parts.values()}
     mapping = mapping.model_copy(update={"columns": {**parts, **columns}})
@@ -266,7 +280,7 @@ def _grouped_by(hints: Hints, mapping: Columns, parts: Mapping[str, str]) -> Hin
 
 @dataclass(frozen=True)
 class _Told:
-    """What a log of loads says of the groups; nothing where it does not, or their names do.
+    """What a log of loads says about the groups; empty if it does not, or their names do.
 
     Attributes:
         columns: Our name for the title that names them, where it is not ours already.
@@ -280,7 +294,7 @@ class _Told:
 def _told(
     logged: Logs, files: Mapping[str, bytes], rows: Mapping[str, Mapping[str, Array]] | None
 ) -> _Told:
-    """The column is the one under our title, or one that makes sense of what was read."""
+    """Group states from the log: in the column with our title, or one that fits what was read."""
     if logged.loads is None or not rows or len(ways_to_read(rows)) == 1:
         return _Told()
     data = files[logged.loads]
@@ -314,12 +328,12 @@ def _makes_sense(states: Mapping[str, str], rows: Mapping[str, Mapping[str, Arra
 def _named(
     rows: dict[str, dict[str, Array]] | None, told: Mapping[str, str], word: str | None
 ) -> Proposal:
-    """What the names of groups and targets are, as far as they or a log tell.
+    """Roles of the names of groups and targets, as far as they or a log show.
 
     Args:
-        rows: Where the targets of each group were read; None where an export has no names.
+        rows: Position of each target in each group; None if an export has no names.
         told: State of each group that a log names.
-        word: That of the unloaded state, where somebody says it.
+        word: That of the unloaded state, if a person states it.
     """
     if rows is None:
         return Proposal()
@@ -346,7 +360,7 @@ def _named(
 def _ways(
     rows: Mapping[str, Mapping[str, Array]], told: Mapping[str, str], word: str | None
 ) -> tuple[Group, ...]:
-    """How group names are read where no log tells: by one word of the unloaded state, or by any."""
+    """How group names are read if no log says it: by one word of the unloaded state, or by any."""
     ways = () if told else ways_to_read(rows)
     return tuple(one for one in ways if one.states[0] == word) or ways
 
@@ -359,7 +373,7 @@ def _lacking(exports: Sequence[Export]) -> Literal["names", "groups"] | None:
 
 
 def _by_group(exports: Sequence[Export]) -> dict[str, dict[str, Array]] | None:
-    """Where the targets of each group were read; None where an export has no names."""
+    """Position of each target in each group; None if an export has no names."""
     rows: dict[str, dict[str, Array]] = {}
     for one in exports:
         if one.group is None or one.target is None:
@@ -379,7 +393,7 @@ def _targets(states: Sequence[Mapping[str, Array]]) -> list[str]:
 def _chain(
     ends: Sequence[str], measured: Sequence[str], loaded: Sequence[Mapping[str, Array]]
 ) -> tuple[str, ...]:
-    """Two ends, the one nearer to the effector first; none where there are not two."""
+    """Two ends, the one nearer to the effector first; empty if there are not two."""
     if len(ends) != 2:
         return ()
     nearer = Counter[str]()

@@ -1,7 +1,7 @@
-"""What a filled-in measurement sheet says beside its logs: the sheet `set-up` of the workbook.
+"""Data of a filled-in measurement sheet besides its logs: the sheet `set-up` of the workbook.
 
-Its rows are keys of campaign.toml with a value, or three of a place, and their unit; a row without
-a key is a note. Who fills it in writes numbers as people do.
+Its rows are keys of campaign.toml with a value, or three of a position, and their unit; a row
+without a key is a note. Numbers may be written in any common way.
 """
 
 from __future__ import annotations
@@ -35,13 +35,13 @@ _DAY = re.compile(r"(\d{4})-(\d\d?)-(\d\d?)|(\d\d?)\.\s?(\d\d?)\.\s?(\d{4})")
 
 @dataclass(frozen=True)
 class _Row:
-    """A row with something in it.
+    """A filled row.
 
     Attributes:
         line: Its line.
         key: Of campaign.toml; empty for a note.
         what: In words.
-        unit: As it stands there.
+        unit: As written.
         cells: Filled cells.
     """
 
@@ -53,7 +53,7 @@ class _Row:
 
 
 def filled_in(files: Mapping[str, bytes]) -> tuple[Known, list[str]]:
-    """What the first sheet `set-up` says, and what of it could not be taken, in sentences.
+    """Content of the first sheet `set-up`, and what of it could not be used, in sentences.
 
     Args:
         files: Content by name.
@@ -90,10 +90,10 @@ def _known(name: str, rows: list[_Row]) -> tuple[Known, list[str]]:
 
 
 def _with(known: Known, row: _Row) -> Known:
-    """What is known with one row more.
+    """The known data with one more row.
 
     Raises:
-        ValueError: It holds something else; in words.
+        ValueError: Its content is not valid; the reason in words.
     """
     table, _, name = row.key.rpartition(".")
     if row.key in _WORDS:
@@ -148,10 +148,10 @@ def _place(row: _Row, most_m: float) -> tuple[float, float, float]:
 def _numbers(
     row: _Row, units: Mapping[str, float], usual: str, count: int | None = None
 ) -> list[float]:
-    """Numbers of a row in SI, in a cell each or all in one.
+    """Numbers of a row in SI, one per cell or all in one.
 
     Raises:
-        ValueError: They are none, not as many, or in another unit.
+        ValueError: They are not numbers, too few or too many, or in another unit.
     """
     unit = (row.unit or usual).lower()
     factor = units.get(unit) if units else 1.0

@@ -1,4 +1,4 @@
-"""What a tracker export is: said before anybody computes with it."""
+"""Description of a tracker export, before anything is computed from it."""
 
 from __future__ import annotations
 
@@ -12,6 +12,7 @@ import pyarrow.compute as pc
 from pipeline import tables
 from pipeline.base.quantities import plain
 from pipeline.base.shown import in_toml
+from pipeline.dialects._coordinates import angles
 from pipeline.intake._separators import separators
 from pipeline.intake.known import rounds
 from pipeline.intake.offer import Offer, offer
@@ -19,7 +20,7 @@ from pipeline.readers import TABLE, Export, Hints, read
 from pipeline.readers._names import split
 
 _MOST_TARGETS = 50
-"""Names that are listed; more of them nobody reads."""
+"""Maximum number of names that are listed."""
 
 
 @dataclass(frozen=True)
@@ -35,21 +36,22 @@ class _Inspection:
         angle: Unit of angles, None for Cartesian coordinates.
         vertical: `zenith` or `elevation`, None where there is no vertical angle.
         horizontal: `clockwise` or `counter-clockwise`, None for Cartesian coordinates.
-        readings: How many can be used.
-        groups: How many groups they have, None where the file names none.
+        readings: Number of usable readings.
+        groups: Number of their groups, None where the file names none.
         targets: Names of the targets, None where the file has none.
         time_first: First time, ISO 8601 without zone, None where there are no times.
         time_last: Last time.
         covariance: Kind of the uncertainty that is used, None where the file has none.
-        unused: Columns that were not looked at.
-        rejected: Line and reason of what was left out.
-        rounds: How often the names begin again, None where groups say what belongs together.
-        two_faces: Pairs that were averaged, their largest difference, single ones; None for one.
-        untimed: Column that should hold times and does not, with one of its cells.
-        columns: What each column of a table without a dialect was taken for, and why.
+        unused: Columns that were not read.
+        rejected: Line and reason of rows that were left out.
+        rounds: Number of rounds of names, None where groups say what belongs together.
+        two_faces: Pairs that were averaged, their largest difference, single ones; None without two
+            faces.
+        untimed: Column that should contain times and does not, with one of its cells.
+        columns: Role of each column of a table without a dialect, and the evidence for it.
         preview: Its first rows as they are read.
         proposal: The same as [tracker.mapping] to paste.
-        settled: What the places of reflectors in campaign.toml settled, and how well.
+        settled: What the positions of reflectors in campaign.toml settled, and how well.
     """
 
     file: str
@@ -77,18 +79,18 @@ class _Inspection:
     settled: list[str] | None = None
 
     def to_json(self) -> dict[str, Any]:
-        """For `--json`; what few files have is there only where they have it."""
+        """Content for `--json`; rare entries are included only where the file has them."""
         rare = ("rounds", "two_faces", "untimed", "columns", "preview", "proposal", "settled")
         return {k: v for k, v in asdict(self).items() if k not in rare or v not in (None, [])}
 
     def to_text(self) -> str:
-        """For people, one line per fact."""
+        """Text for people, one line per fact."""
         lines = [f"{self.file}", *(f"  {name:12} {fact}" for name, fact in self._facts())]
         lines += _columns_in_words(self.columns or []) + rows_in_words(self.preview or [])
         return "\n".join([*lines, "", self.proposal.rstrip()] if self.proposal else lines)
 
     def _facts(self) -> Iterator[tuple[str, str]]:
-        """What is said of any file, then what only few have."""
+        """Facts of any file, then those that only few have."""
         yield from {
             "dialect": self.dialect,
             "encoding": self.encoding,
@@ -107,7 +109,7 @@ class _Inspection:
         yield from (("settled", one) for one in self.settled or [])
 
     def _kind(self) -> str:
-        """Kind of coordinates, with their angles where they have any."""
+        """Kind of coordinates, with their angles if they have any."""
         if not self.angle:
             return self.coordinates
         vertical = {"zenith": " from the zenith", "elevation": ", elevations", None: ""}
@@ -148,11 +150,11 @@ _WHY = {
     "untold": "",
     "untimed": "contains no reliable times",
 }
-"""What says what a column is, in words."""
+"""Evidence for the role of a column, in words."""
 
 
 def _columns_in_words(columns: Sequence[Mapping[str, Any]]) -> list[str]:
-    """One line for each column: number, title, first cell, what it is, and why."""
+    """One line for each column: number, title, first cell, role, and evidence."""
     out = []
     for one in columns:
         title = one["title"] or "no title"
@@ -163,7 +165,7 @@ def _columns_in_words(columns: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def offer_in_words(file: str, found: Offer) -> str:
-    """What a file seems to be, for people: its columns, first rows and what to paste."""
+    """Interpretation of a file, for people: its columns, first rows and the text to paste."""
     lines = [file, f"  {'dialect':12} {found.dialect}"]
     lines += _columns_in_words([vars(column) for column in found.columns])
     lines += rows_in_words(found.preview)
@@ -180,7 +182,7 @@ def rows_in_words(rows: Sequence[Mapping[str, Any]]) -> list[str]:
 
 
 def inspect(name: str, data: bytes, hints: Hints | None = None) -> _Inspection:
-    """Read an export and say what it is.
+    """Read an export and describe it.
 
     Args:
         name: File name, for messages.
@@ -188,13 +190,13 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> _Inspection:
         hints: What campaign.toml adds.
 
     Raises:
-        InputError: It is no export that can be read, or something has to be asked back.
+        InputError: It is not an export that can be read, or a question must be answered first.
     """
     export = read(name, data, hints)
     names = separators([export])
     if len(names) == 1:
         export = split(export, names[0])
-    meaning, angles = export.meaning, export.meaning.angles
+    meaning, turned = export.meaning, angles(export.meaning)
     span = pc.min_max(export.time).as_py()
     first, last = (None if span[end] is None else span[end].isoformat() for end in ("min", "max"))
     return _Inspection(
@@ -203,9 +205,9 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> _Inspection:
         encoding=export.encoding,
         unit=meaning.unit,
         coordinates=meaning.kind,
-        angle=angles.unit,
-        vertical=angles.vertical,
-        horizontal=angles.horizontal,
+        angle=turned.unit,
+        vertical=turned.vertical,
+        horizontal=turned.horizontal,
         readings=len(export.line),
         groups=None if export.group is None else len(pc.unique(export.group)),
         targets=None if export.target is None else _targets(export.target),
@@ -222,7 +224,7 @@ def inspect(name: str, data: bytes, hints: Hints | None = None) -> _Inspection:
 
 
 def _rounds(export: Export) -> int | None:
-    """How often the names begin again; None where groups say what belongs together."""
+    """Number of rounds of names; None where groups say what belongs together."""
     if export.group is not None or export.target is None:
         return None
     return int(rounds(export.target.indices.to_numpy())[-1]) if len(export.line) else 0
@@ -238,14 +240,14 @@ def _two_faces(export: Export) -> dict[str, Any] | None:
 def _as_proposed(
     name: str, data: bytes, hints: Hints, export: Export, names: Sequence[str]
 ) -> dict[str, Any]:
-    """How the columns of a table without a dialect were taken, and how names hold group and target.
+    """Columns of a table without a dialect as read, and how names combine group and target.
 
     Args:
         name: File name, for messages.
         data: Content of the file.
         hints: What campaign.toml adds.
         export: What was read.
-        names: What [tracker] names may say.
+        names: Possible values of `names` in [tracker].
     """
     if names:
         hints = hints.model_copy(update={"names": names[0]})
@@ -283,6 +285,6 @@ def as_csv(name: str, data: bytes, hints: Hints | None = None) -> bytes:
 
 
 def _targets(names: Any, most: int = _MOST_TARGETS) -> list[str]:
-    """Names of the targets, not more than one can read."""
+    """Names of the targets, at most `most`."""
     found = sorted(name for name in pc.unique(names.cast("string")).to_pylist())
     return found if len(found) <= most else [*found[:most], f"and {len(found) - most} more"]

@@ -1,8 +1,8 @@
-"""What an export leaves open is settled where one answer alone fits the places of reflectors.
+"""Settle ambiguities of an export where only one answer fits the positions of reflectors.
 
-Reflectors of one body keep their places to each other, whatever moves it. Moved rigidly onto where
-campaign.toml has them they miss by metres in a wrong unit, by wrong angles or in wrong columns; in
-a mirrored frame only if there are four that do not lie in one plane.
+Reflectors of one body keep their mutual positions, whatever moves it. Moved rigidly onto their
+positions in campaign.toml, they miss by metres in a wrong unit, by wrong angles or in wrong
+columns; in a mirrored frame only if there are four that are not in one plane.
 """
 
 from __future__ import annotations
@@ -16,16 +16,17 @@ from pipeline.base.arrays import Array, Ints
 from pipeline.base.errors import InputError
 from pipeline.base.linear import rigid
 from pipeline.base.quantities import plain
+from pipeline.dialects.mapped import until
 from pipeline.intake.offer import proposal
 from pipeline.intake.question import Proposal
 from pipeline.readers import Export, Hints, opened_as_text, read
-from pipeline.readers._text import until
 from pipeline.readers.known import BETTER, GROSS_M, ReflectorSet
 
 _LOOKED_AT = 1000
-"""Lines that tell: some hundred rounds of base reflectors, or thirty poses with their pulls."""
+"""Number of lines used: some hundred rounds of base reflectors, or thirty poses with their
+pulls."""
 _PAIR = 2
-"""Reflectors of a body that have a distance."""
+"""Minimum number of reflectors of a body that have a distance."""
 
 
 @dataclass(frozen=True)
@@ -34,10 +35,10 @@ class _Way:
 
     Attributes:
         chosen: Number of the answer to each question.
-        said: What they say.
-        hints: What [tracker] says after each.
-        off: How far reflectors are off then [m]; infinite where the export cannot be read so,
-            NaN where nothing known is in it.
+        said: Text of each answer.
+        hints: Statements of [tracker] after each.
+        off: Resulting residual of the reflectors [m]; infinite if the export cannot be read this
+            way, NaN if it contains no known reflectors.
     """
 
     chosen: tuple[int, ...]
@@ -49,15 +50,15 @@ class _Way:
 def settled(
     name: str, data: bytes, hints: Hints, bodies: Sequence[ReflectorSet]
 ) -> tuple[Hints, tuple[str, ...]]:
-    """What [tracker] says with all that known reflectors settle, and by what, in sentences.
+    """Statements of [tracker] with all that known reflectors settle, and the reasons, in sentences.
 
     Questions are settled in the order in which they are asked, up to the first that stays open.
 
     Args:
         name: File name, for messages.
         data: Content of the file.
-        hints: What is said of it by now.
-        bodies: What is known.
+        hints: Statements so far.
+        bodies: The known reflectors.
     """
     ways = _judged(name, data, hints, bodies) if bodies else []
     if not ways:
@@ -74,15 +75,15 @@ def settled(
 
 
 def _judged(name: str, data: bytes, hints: Hints, bodies: Sequence[ReflectorSet]) -> list[_Way]:
-    """Every answer to all questions with how far reflectors are off then.
+    """Every combination of answers with the resulting residual of the reflectors.
 
-    None where nothing is asked, and where one of the answers leaves nothing that is known.
+    Empty where nothing is asked, and where one of the combinations leaves no known reflectors.
     """
     try:
         sample = until(opened_as_text(name, data, hints), _LOOKED_AT).data
         if not _asked(name, sample, hints):
             return []
-    except InputError:  # the reader says it better
+    except InputError:  # the reader reports it better
         return []
     ways = []
     for way in _ways(_Way((), (), (hints,)), name, sample, bodies):
@@ -93,7 +94,7 @@ def _judged(name: str, data: bytes, hints: Hints, bodies: Sequence[ReflectorSet]
 
 
 def _nearest(ways: Sequence[_Way], depth: int) -> tuple[int, float, float]:
-    """The best answer to a question, how far reflectors are off with it, and with any other [m]."""
+    """The best answer to a question, its residual, and the smallest with any other answer [m]."""
     nearest: dict[int, float] = {}
     for way in ways:
         nearest[way.chosen[depth]] = min(way.off, nearest.get(way.chosen[depth], np.inf))
@@ -102,7 +103,7 @@ def _nearest(ways: Sequence[_Way], depth: int) -> tuple[int, float, float]:
 
 
 def _asked(name: str, data: bytes, hints: Hints) -> bool:
-    """Whether nothing but a question keeps an export from being read."""
+    """Whether only a question prevents an export from being read."""
     try:
         read(name, data, hints)
     except InputError as wrong:
@@ -131,7 +132,7 @@ def _ways(way: _Way, name: str, data: bytes, bodies: Sequence[ReflectorSet]) -> 
 
 
 def _said(hints: Hints, found: Proposal | None) -> Hints:
-    """What is said with what a table settles itself, of which its mapping alone says nothing."""
+    """Statements including what a table settles itself, which its mapping does not contain."""
     opened: set[str] = {question.about for question in found.questions} if found else set()
     if found is None or hints.mapping is None or not opened <= {*Hints.model_fields}:
         return hints
@@ -139,7 +140,7 @@ def _said(hints: Hints, found: Proposal | None) -> Hints:
 
 
 def _off(export: Export, bodies: Sequence[ReflectorSet]) -> float:
-    """How far reflectors read together are off, moved rigidly: of the worst body the median [m]."""
+    """Residual of reflectors read together, moved rigidly: median, of the worst body [m]."""
     if export.target is None or not len(export.line):
         return np.nan
     target = np.array(export.target.to_pylist())
@@ -159,7 +160,7 @@ def _off(export: Export, bodies: Sequence[ReflectorSet]) -> float:
 
 
 def _away(nominal: Array, position: Array) -> float:
-    """The largest distance that is left between points, moved rigidly onto each other [m]."""
+    """Largest residual distance between points after the best rigid motion [m]."""
     R, t = rigid(nominal, position)
     return float(np.linalg.norm(position - nominal @ R.T - t, axis=1).max())
 
@@ -169,7 +170,7 @@ def _length(metres: float) -> str:
 
 
 def rounds(target: Ints) -> Ints:
-    """Number of the round of each reading, from 1: a round ends where a name comes again."""
+    """Number of the round of each reading, from 1: a round ends where a name repeats."""
     out = np.ones(len(target), dtype=np.int64)
     seen: set[int] = set()
     for k, name in enumerate(target.tolist()):

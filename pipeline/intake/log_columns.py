@@ -1,4 +1,4 @@
-"""What [scale] and [joints] may say of a log that others wrote: our names for its titles."""
+"""Entries of [scale] and [joints] for a foreign log: our names for its titles."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ _Meaning = Callable[[Sequence[str], _log_words.Cells], dict[str, str] | None]
 
 
 def _understood(name: str, data: bytes, table: str, meaning: _Meaning) -> LogForm | None:
-    """What [scale] or [joints] may say of a log by its titles, None where they mean nothing.
+    """Entries of [scale] or [joints] for a log by its titles, None if they mean nothing.
 
     Args:
         name: Name of the file, for messages.
         data: Its content.
         table: `scale` or `joints`.
-        meaning: Our names for the titles of a line, and what stands below them; None where it is
-            no header of such a log.
+        meaning: From the titles of a line and the cells below them: our names; None if it is not a
+            header of such a log.
     """
 
     def meant(file: Text) -> dict[str, str] | None:
@@ -58,7 +58,7 @@ def _understood(name: str, data: bytes, table: str, meaning: _Meaning) -> LogFor
 
 
 def _below(file: Text, head: LogHeader) -> dict[str, list[str]]:
-    """The cells of each column by its title, of the rows that have one for each title."""
+    """The cells of each column by its title, of the rows that have one cell per title."""
     cut = str.split if head.delimiter == " " else partial(_cells, delimiter=head.delimiter)
     rows = [row for _, line in file.lines(head.first) if len(row := cut(line)) == len(head.written)]
     return dict(zip(head.written, map(list, zip(*rows, strict=True)), strict=False))
@@ -69,10 +69,10 @@ def _cells(line: str, delimiter: str) -> list[str]:
 
 
 def may_be_log(name: str, data: bytes) -> bool:
-    """Whether a file has a line with titles of a log; one look, at all sheets.
+    """Whether a file has a line with titles of a log; one pass over all sheets.
 
     Raises:
-        InputError: It is no text, or several sheets have one.
+        InputError: It is not text, or several sheets have one.
     """
 
     def log(titles: Sequence[str], _: _log_words.Cells) -> dict[str, str] | None:
@@ -82,7 +82,7 @@ def may_be_log(name: str, data: bytes) -> bool:
 
 
 def refuse_without_poses(name: str, data: bytes) -> None:
-    """Tell a joint log that does not say which pose a row is.
+    """Refuse a joint log whose rows do not name their poses.
 
     Raises:
         InputError: It is one.
@@ -102,7 +102,7 @@ def refuse_without_poses(name: str, data: bytes) -> None:
 
 
 def understood_loads(name: str, data: bytes) -> LogForm | None:
-    """What [scale] may say of a log of loads with the titles of others; None where it is none."""
+    """Entries of [scale] for a log of loads with foreign titles; None if it is not one."""
     units = {"force": tuple(SCALE), "mass": tuple(MASS)}
     form = _understood(name, data, "scale", partial(_log_words.of_loads, units=units))
     if form is None or "branch" not in form.columns.values():
@@ -111,19 +111,19 @@ def understood_loads(name: str, data: bytes) -> LogForm | None:
     without = LogForm(columns=left)
     try:
         lost = [len(loads(name, data, settled(one)).rejected) for one in (form, without)]
-    except InputError:  # a decimal mark that has to be asked, say: no row tells anything yet
+    except InputError:  # e.g. an open decimal mark: rows cannot be compared yet
         return form
     return form if lost[0] == lost[1] else without
 
 
 def settled(form: LogForm) -> LogForm:
-    """A form as it can be read: of several names for a title, which differ by unit, the first."""
+    """A form that can be read: of several names for a title, which differ by unit, the first."""
     columns = {title: ours.partition("|")[0] for title, ours in form.columns.items()}
     return form.model_copy(update={"columns": columns})
 
 
 def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
-    """What [joints] may say of a joint log with the titles of others; None where it is none."""
+    """Entries of [joints] for a joint log with foreign titles; None if it is not one."""
     axes = controller_axes(robot) or own_joints(robot)
     slides = [q.units is LENGTH for q in axes]
     names, units = [q.stem for q in axes], ([*LENGTH], [*ANGLE])
@@ -132,16 +132,16 @@ def understood_joints(name: str, data: bytes, robot: Robot) -> LogForm | None:
 
 
 def are_called(form: LogForm, robot: Robot) -> bool:
-    """Whether the titles of a joint log are what the robot's controller calls its axes."""
+    """Whether the titles of a joint log are the names of the axes in the robot's controller."""
     axes = controller_axes(robot) or own_joints(robot)
     return _log_words.are_called([*form.columns], [q.stem for q in axes])
 
 
 def numbered_joints(name: str, data: bytes, robot: Robot) -> list[LogForm]:
-    """What [joints] may say of a log with as many columns of numbers as joints.
+    """Entries of [joints] for a log with as many columns of numbers as joints.
 
-    Whatever their titles, the columns are in the order of the joints; one that slides may stand
-    behind those that turn. Nothing is said yet of whether the robot can take the poses.
+    Whatever their titles, the columns are in the order of the joints; a sliding joint may come
+    after those that turn. Whether the robot can take the poses is not checked here.
 
     Raises:
         InputError: The file cannot be read.
@@ -162,7 +162,7 @@ def numbered_joints(name: str, data: bytes, robot: Robot) -> list[LogForm]:
 
 
 def _of_numbers(file: Titled) -> list[str]:
-    """Titles of columns that hold nothing but numbers, without those of poses and the like."""
+    """Titles of columns that contain only numbers, except those of poses and the like."""
     fields = tuple(Field(str(k), "name", False) for k in range(len(file.titles)))
     read = rows(file.text, Layout(fields, file.delimiter, file.first, table="joints"))
     cells = [{*read.columns[one.name].cast(pa.string()).to_pylist()} for one in fields]
@@ -174,7 +174,7 @@ def _of_numbers(file: Titled) -> list[str]:
 
 
 def _as_called(titles: Sequence[str], axes: Sequence[Quantity]) -> dict[str, str]:
-    """Our names for titles, with bars between them where they state no unit."""
+    """Our names for titles, separated by bars where they state no unit."""
     return {
         title: "|".join(f"{q.stem}_{u}" for u in _log_words.stated_unit(title, [*q.units]))
         for title, q in zip(titles, axes, strict=True)
@@ -182,7 +182,7 @@ def _as_called(titles: Sequence[str], axes: Sequence[Quantity]) -> dict[str, str
 
 
 def unknown(name: str, data: bytes, said: LogForm) -> tuple[str, ...]:
-    """Titles of a log of loads that are no name of ours, as written."""
+    """Titles of a log of loads that are not ours, as written."""
     ours = {one for q in of_loads() for one in (*map(str.lower, names_of(q)), q.stem)}
     file = opened(name, data, said, "scale", POSE.stem, has_load)
     both = zip(file.titles, file.written, strict=True)

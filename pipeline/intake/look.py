@@ -1,4 +1,4 @@
-"""What one file is: an export, a log or neither, and what can be pasted for it to be read."""
+"""Recognise one file: an export, a log or neither, and what to paste for it to be read."""
 
 from __future__ import annotations
 
@@ -22,17 +22,17 @@ def inspect(
     mapping: Path | None = None,
     ask: _Ask | None = None,
 ) -> Outcome:
-    """Say what a tracker export or a log is, or with `csv` give an export's readings in SI.
+    """Describe a tracker export or a log, or with `csv` give an export's readings in SI.
 
-    A campaign.toml beside it says what the export does not; what is left open is asked, or said
-    with an answer to paste.
+    A campaign.toml in its folder adds what the export does not state; what is left open is asked,
+    or reported with an answer to paste.
 
     Args:
         path: The export.
-        said: What [tracker] would say, by its keys; None where nobody says it.
+        said: Entries of [tracker], by key; None where not given.
         csv: Whether to give its readings.
         mapping: A file with [tracker.mapping] to try.
-        ask: Answers a question; None where nobody can be asked.
+        ask: Answers a question; None if nobody can be asked.
     """
     from pipeline.answer.contract import Rejected
     from pipeline.intake.inspect import as_csv
@@ -68,13 +68,13 @@ def inspect(
 
 
 def _log(path: Path, data: bytes, folder: CampaignFolder) -> Outcome | None:
-    """What a file is that is a log beside the exports, None where it is none."""
+    """Description of a file that is a log, None if it is not one."""
     from pipeline.intake.blank import log_lines
     from pipeline.intake.which_logs import propose_logs
 
     robots = {}
     for one in sorted(path.parent.glob("*.toml")):
-        with contextlib.suppress(InputError):  # what cannot be read is no robot that matters here
+        with contextlib.suppress(InputError):  # a file that cannot be read does not matter here
             robots[one.name] = folder.content(one.name)
     said = propose_logs(robots | {path.name: data})
     if not (said.loads or said.joints):
@@ -88,7 +88,7 @@ def _log(path: Path, data: bytes, folder: CampaignFolder) -> Outcome | None:
 
 
 def _named_robot(data: bytes) -> str | None:
-    """The robot that a campaign.toml names; None where it names none, or cannot be read."""
+    """The robot that a campaign.toml names; None if it names none, or cannot be read."""
     from pipeline.base import toml
 
     with contextlib.suppress(InputError):
@@ -97,13 +97,13 @@ def _named_robot(data: bytes) -> str | None:
 
 
 _Ask = Callable[[Any], Mapping[str, Any]]
-"""What [tracker] says in answer to the question of a `readers.offer.Offer`."""
+"""From an `intake.offer.Offer`: entries of [tracker] that answer its question."""
 
 
 def _hints(folder: CampaignFolder, said: Mapping[str, Any], mapping: Path | None) -> Any:
-    """What campaign.toml, a mapping to try and the command line say, the last before the first.
+    """Statements of campaign.toml, of a mapping to try, of the command line; later ones override.
 
-    And the reflectors whose places campaign.toml has; while it is still to be filled in, none.
+    And the reflectors with positions in campaign.toml; none while it is still to be filled in.
     """
     from pipeline.base import toml
     from pipeline.readers import Hints
@@ -121,7 +121,11 @@ def _hints(folder: CampaignFolder, said: Mapping[str, Any], mapping: Path | None
 
 
 def _words(data: bytes, name: str, known: Any) -> Any:
-    """What is known of how an export is read, with what [tracker] of a file says of it."""
+    """The known statements on an export, updated from [tracker] of a file.
+
+    Raises:
+        InputError: [tracker] is not a table, or not valid.
+    """
     from pipeline.base import toml
     from pipeline.base.strict import checked
     from pipeline.readers import Hints
@@ -135,7 +139,7 @@ def _words(data: bytes, name: str, known: Any) -> Any:
 
 
 def _answered(name: str, data: bytes, hints: Any, ask: _Ask | None) -> Any:
-    """What is said of an export, with all that it leaves open asked."""
+    """Statements on an export after asking for everything it leaves open."""
     from pipeline.intake.offer import offer
 
     found = None
@@ -145,7 +149,7 @@ def _answered(name: str, data: bytes, hints: Any, ask: _Ask | None) -> Any:
 
 
 def _unread(name: str, data: bytes, hints: Any, problem: PipelineError) -> Outcome:
-    """Why an export cannot be read, and what can be pasted for it to be."""
+    """Why an export cannot be read, and what to paste for it to be."""
     from pipeline.intake.inspect import offer_in_words
     from pipeline.intake.offer import offer
 

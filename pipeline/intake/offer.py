@@ -1,4 +1,4 @@
-"""What a file that cannot be read yet seems to be, what is asked of it, and the answer to paste."""
+"""Interpretation of a file that cannot be read yet: questions, and the answer to paste."""
 
 from __future__ import annotations
 
@@ -11,14 +11,15 @@ import pyarrow as pa
 from pipeline.base.errors import InputError, at
 from pipeline.base.quantities import MM
 from pipeline.base.shown import in_toml
+from pipeline.dialects._circle import FULL
+from pipeline.dialects._coordinates import AXES, SENSES, ZEROS
 from pipeline.intake.proposal import propose
 from pipeline.intake.question import Answer, Column, Proposal, Question
 from pipeline.readers import TABLE, Columns, Export, Hints, Text, opened_as_text, read, recognise
-from pipeline.readers._circle import FULL
-from pipeline.readers._coordinates import AXES, SENSES, USUAL_UNITS, ZEROS
+from pipeline.readers._units import USUAL_UNITS
 
 _FIRST = 5
-"""Rows of a preview."""
+"""Number of rows of a preview."""
 _MAY_BE: dict[str, tuple[str, ...]] = {
     "unit": USUAL_UNITS,
     "coordinates": tuple(AXES),
@@ -27,19 +28,19 @@ _MAY_BE: dict[str, tuple[str, ...]] = {
     "horizontal": tuple(SENSES),
     "decimal": (".", ","),
 }
-"""Words of [tracker] that a dialect may leave open, with their answers."""
+"""Entries of [tracker] that a dialect may leave open, with their possible values."""
 
 
 @dataclass(frozen=True)
 class Offer:
-    """What a file seems to be.
+    """Interpretation of a file.
 
     Attributes:
         dialect: Name of its reader.
-        columns: What its columns seem to be; empty for dialects whose columns are known.
+        columns: Probable roles of its columns; empty for dialects whose columns are known.
         preview: The first rows as they would be read: group, target, x_mm, y_mm, z_mm, time.
         proposal: [tracker] and [tracker.mapping] for campaign.toml, as TOML.
-        questions: What is open, in the order in which it is asked.
+        questions: Open questions, in the order in which they are asked.
         hints: The same as `proposal`, as a record.
     """
 
@@ -52,11 +53,11 @@ class Offer:
 
     @property
     def question(self) -> Question | None:
-        """What has to be answered first, None where nothing is open."""
+        """The first open question, None if there is none."""
         return self.questions[0] if self.questions else None
 
     def to_json(self) -> dict[str, Any]:
-        """For `--json`."""
+        """Content for `--json`."""
         out: dict[str, Any] = {"dialect": self.dialect, "proposal": self.proposal}
         if self.question:
             answers = [answer.said for answer in self.question.answers]
@@ -67,21 +68,21 @@ class Offer:
 
 
 def offer(name: str, data: bytes, hints: Hints) -> Offer | None:
-    """What a file seems to be, None where nothing can be proposed.
+    """Interpretation of a file, None if nothing can be proposed.
 
     Args:
         name: File name, for messages.
         data: Content of the file.
-        hints: What is said of it by now.
+        hints: Statements so far.
 
     Raises:
-        InputError: It is no table, or it contradicts what is said of it.
+        InputError: It is not a table, or it contradicts the statements.
     """
     return _offered(name, data, proposal(name, data, hints))
 
 
 def as_table(name: str, data: bytes, hints: Hints) -> Offer | None:
-    """What a file is as a table of no dialect.
+    """Interpretation of a file as a table of no dialect.
 
     Raises:
         InputError: As for `offer`.
@@ -106,10 +107,10 @@ def _offered(name: str, data: bytes, found: Proposal | None) -> Offer | None:
 
 
 def proposal(name: str, data: bytes, hints: Hints) -> Proposal | None:
-    """How a file would be read and what is open, None where nothing can be proposed.
+    """How a file would be read and what is open, None if nothing can be proposed.
 
     Raises:
-        InputError: It is no table, or it contradicts what is said of it.
+        InputError: It is not a table, or it contradicts the statements.
     """
     with at(name):
         file = opened_as_text(name, data, hints)
@@ -118,7 +119,7 @@ def proposal(name: str, data: bytes, hints: Hints) -> Proposal | None:
 
 
 def _of_dialect(name: str, data: bytes, file: Text, hints: Hints) -> Proposal | None:
-    """What a dialect asks for: what its table leaves open, or else what its words do."""
+    """Open questions of a dialect: those that its table leaves open, else those of its entries."""
     wrong = _wrong(name, data, hints)
     found = propose(file, hints)
     asked = found if found and found.questions else None
@@ -128,12 +129,12 @@ def _of_dialect(name: str, data: bytes, file: Text, hints: Hints) -> Proposal | 
 
 
 def _says(one: InputError, other: InputError) -> bool:
-    """Whether two errors say the same, wherever they are."""
+    """Whether two errors have the same message, wherever they are."""
     return one.thing == other.thing
 
 
 def _of_words(name: str, data: bytes, hints: Hints, wrong: InputError | None) -> Proposal | None:
-    """The first word of [tracker] whose answers change what a reader says, and those after it."""
+    """The first entry of [tracker] whose values change a reader's complaint, and those after it."""
     questions: list[Question] = []
     while wrong is not None:
         found = _open(name, data, hints, wrong)
@@ -166,7 +167,7 @@ def _open(name: str, data: bytes, hints: Hints, wrong: InputError) -> Question |
 
 
 def _preview(name: str, data: bytes, hints: Hints) -> tuple[Mapping[str, Any], ...]:
-    """The first readings with what is proposed; none where that is refused."""
+    """The first readings as proposed; none if that is refused."""
     try:
         return _first_rows(read(name, data, hints))
     except InputError:
@@ -193,7 +194,7 @@ def _first_rows(export: Export) -> tuple[Mapping[str, Any], ...]:
 
 
 def _as_toml(found: Proposal) -> str:
-    """[tracker] and [tracker.mapping], what is open with its other answers behind it."""
+    """[tracker] and [tracker.mapping], with alternative answers of open questions as comments."""
     others: dict[str, list[str]] = {
         one.about: [in_toml(other.said) for other in one.answers[1:]] for one in found.questions
     }
@@ -210,7 +211,7 @@ def _as_toml(found: Proposal) -> str:
 
 
 def mapping_lines(mapping: Columns) -> list[str]:
-    """What stands below [tracker.mapping]."""
+    """The lines below [tracker.mapping]."""
     values = {word: getattr(mapping, word) for word in type(mapping).model_fields}
     columns = ", ".join(f"{role} = {_value(one)}" for role, one in values.pop("columns").items())
     lines = [f"{word} = {_value(one)}" for word, one in values.items() if one is not None]

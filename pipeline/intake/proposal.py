@@ -1,8 +1,8 @@
-"""How a table that no dialect knows would be read: one proposal, and what has to be asked first.
+"""How a table of no dialect would be read: one proposal, and the questions to be answered first.
 
-A table is cut into cells, every way to read its columns that makes sense is found, and what the
-file leaves open becomes a question with the answers that fit. The proposal is a [tracker.mapping]:
-what is read without a question is read by the same lines that somebody could paste.
+A table is cut into cells, every sensible way to read its columns is found, and what the file leaves
+open becomes a question with the answers that fit. The proposal is a [tracker.mapping]: what is read
+without a question is read by the same lines that a user could paste.
 """
 
 from __future__ import annotations
@@ -16,6 +16,24 @@ import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, at, listed
+from pipeline.dialects import _kinds
+from pipeline.dialects._circle import FULL
+from pipeline.dialects._coordinates import (
+    ANGULAR,
+    AXES,
+    PACKED,
+    ZEROS,
+    may_be_packed,
+    seem_packed,
+    settled,
+    settled_angle,
+    settled_horizontal,
+    settled_unit,
+    settled_vertical,
+    steeper_than_not,
+)
+from pipeline.dialects._named import is_unit_title, known_units
+from pipeline.dialects._titles import horizontal, titled
 from pipeline.intake import _roles
 from pipeline.intake._beside import Role, Table
 from pipeline.intake._contents import contents, mark_of
@@ -24,54 +42,31 @@ from pipeline.intake._roles import Reading
 from pipeline.intake._sheet import Sheet, cells_of, sheet
 from pipeline.intake._stated import Stated
 from pipeline.intake.question import About, Answer, Column, Proposal, Question
-from pipeline.readers import _kinds
 from pipeline.readers._cells import is_number, is_turn
-from pipeline.readers._circle import FULL
-from pipeline.readers._coordinates import (
-    ANGULAR,
-    AXES,
-    PACKED,
-    USUAL_UNITS,
-    ZEROS,
-    may_be_packed,
-    seem_packed,
-    settled,
-    settled_angle,
-    settled_horizontal,
-    settled_vertical,
-    steeper_than_not,
-)
 from pipeline.readers._layout import JOINT
-from pipeline.readers._named import (
-    ANGLE_WORDS,
-    UNIT_WORDS,
-    is_unit_title,
-    known_units,
-)
-from pipeline.readers._reader import settled_unit
 from pipeline.readers._text import Text
 from pipeline.readers._time import ISO
-from pipeline.readers._titles import horizontal, titled
+from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS, USUAL_UNITS
 from pipeline.readers.said import Columns, Hints
 
 _COORDINATES = 'coordinates = "cartesian" (or "spherical", "cylindrical")'
 _PACKED = re.compile(r"\bd+\.?m+\.?s+\b", re.IGNORECASE)
-"""What titles call degrees with minutes and seconds, behind the point where no signs part them."""
+"""Titles of degrees with minutes and seconds after the decimal point, without separating signs."""
 _METRES = 50.0
-"""Largest coordinate that is taken for metres first: no cell is longer by much, and no cell in
-millimetres or inches is so small."""
+"""Largest coordinate for which metres are proposed first: few cells are longer, and none is this
+small in millimetres or inches."""
 
 
 @dataclass
 class _Draft:
-    """A proposal in the making: what is settled by now, and what is open."""
+    """A proposal in preparation: what is settled so far, and what is open."""
 
     hints: Hints
     line: int
     questions: list[Question] = field(default_factory=list)
 
     def ask(self, about: About, answers: Sequence[Answer], wrong: InputError | None = None) -> None:
-        """Ask, and go on with the first answer; one answer alone is no question."""
+        """Add a question, and continue with its first answer; a single answer is not asked."""
         if len(answers) > 1 or about == "columns":
             self.questions.append(Question(about, tuple(answers), self.line, wrong))
         self.settle(answers[0].hints)
@@ -81,14 +76,14 @@ class _Draft:
 
 
 def propose(text: Text, hints: Hints) -> Proposal | None:
-    """How a table would be read, None where there is no table with three numbers in a row.
+    """How a table would be read, None if there is no table with three numbers in a row.
 
     Args:
         text: The file.
-        hints: What campaign.toml or somebody on the command line says.
+        hints: Statements of campaign.toml or the command line.
 
     Raises:
-        InputError: The file contradicts itself or what is said of it.
+        InputError: The file contradicts itself or the statements.
     """
     found = sheet(text)
     if found is None:
@@ -106,7 +101,7 @@ def propose(text: Text, hints: Hints) -> Proposal | None:
 
 
 def _ways(table: Table, stated: Stated, hints: Hints) -> list[Reading]:
-    """The ways to read a table that what is said of it allows.
+    """The ways to read a table that the statements allow.
 
     Raises:
         InputError: There is none.
@@ -130,7 +125,11 @@ def _ways(table: Table, stated: Stated, hints: Hints) -> list[Reading]:
 
 
 def _told(table: Table, mapping: Columns) -> Reading:
-    """The reading that a mapping describes."""
+    """The reading that a mapping describes.
+
+    Raises:
+        InputError: Its columns are not those of the table.
+    """
     titles = [title.lower() for title in table.sheet.titles]
     roles = {}
     for role, one in mapping.columns.items():
@@ -150,7 +149,7 @@ def _told(table: Table, mapping: Columns) -> Reading:
 
 
 def _table(found: Sheet, draft: _Draft) -> Table:
-    """Titles and cells; the decimal mark is asked where commas leave it open."""
+    """Titles and cells; the decimal mark is asked where commas are ambiguous."""
     content = contents(found)
     numbers = [one for one in content if one.kind == "number"]
     mark = draft.hints.decimal
@@ -163,7 +162,7 @@ def _table(found: Sheet, draft: _Draft) -> Table:
 
 
 def _said(table: Table, places: Sequence[int], known: Mapping[str, str]) -> set[str]:
-    """Units that titles and the line below them state of some columns."""
+    """Units that titles and the line below them state for some columns."""
     below = (table.sheet.units[k].strip("[]() ").lower() for k in places)
     found = {table.named[k].unit for k in places} | {known.get(word) for word in below}
     return {unit for unit in found if unit and unit in known.values()}
@@ -173,7 +172,7 @@ def _said(table: Table, places: Sequence[int], known: Mapping[str, str]) -> set[
 
 
 def _chosen(ways: list[Reading], table: Table, draft: _Draft) -> Reading:
-    """The reading that the proposal follows, its columns written into it where nobody has."""
+    """The reading that the proposal follows, with its columns written into it if not yet stated."""
     if draft.hints.mapping:
         return ways[0]
     answers = [Answer(_named(table, one), {"mapping": _mapping(table, one)}) for one in ways]
@@ -191,14 +190,14 @@ def _chosen(ways: list[Reading], table: Table, draft: _Draft) -> Reading:
 
 
 def _named(table: Table, reading: Reading) -> str:
-    """A reading in a word: which columns are the coordinates."""
+    """Short name of a reading: which columns are the coordinates."""
     axes = AXES[reading.kind]
     titles = [_called(table.sheet.titles, k) for k in reading.places(*axes)]
     return ", ".join(f"{axis} = {title}" for axis, title in zip(axes, titles, strict=True))
 
 
 def _called(titles: Sequence[str], place: int) -> str:
-    """A column by its title, by its number where that says no more than others do."""
+    """A column by its title, with its number if the title is missing or not unique."""
     title = titles[place]
     return title if title and titles.count(title) == 1 else f"{title} column {place + 1}".strip()
 
@@ -222,19 +221,19 @@ def _mapping(table: Table, reading: Reading) -> Columns:
 
 
 def _once(titles: Sequence[str], place: int) -> str:
-    """The title of a column, nothing where another has the same."""
+    """The title of a column, empty if another has the same."""
     alike = [title for title in titles if title.lower() == titles[place].lower()]
     return alike[0] if len(alike) == 1 else ""
 
 
 def _readable(found: Sheet) -> bool:
-    """Whether there are titles that are cut by the sign that cuts the rows, and no remark."""
+    """Whether there are titles, cut by the separator of the rows and not in a comment."""
     cut = found.delimiter != " " or not any(" " in title for title in found.titles)
     return cut and found.titled and found.commented is None
 
 
 def _instruments(table: Table, reading: Reading, draft: _Draft, text: Text) -> None:
-    """Readings of several instruments are in frames of their own, unless they are Cartesian."""
+    """Ask for one instrument: those of several have their own frames, unless they are Cartesian."""
     place = reading.place("instrument")
     mapping = draft.hints.mapping
     if mapping is None or mapping.instrument or mapping.last:
@@ -252,12 +251,12 @@ def _instruments(table: Table, reading: Reading, draft: _Draft, text: Text) -> N
 
 
 def _of_one(mapping: Columns, pick: Iterable[tuple[str, dict[str, Any]]]) -> list[Answer]:
-    """For each instrument the mapping that reads only what is of it."""
+    """For each instrument the mapping that reads only its rows."""
     return [Answer(name, {"mapping": mapping.model_copy(update=part)}) for name, part in pick]
 
 
 def _frames(table: Table, reading: Reading, mapping: Columns, draft: _Draft) -> None:
-    """Rows in which a column of words puts the same targets elsewhere are those of several."""
+    """Ask for one instrument if a column of words separates rows of the same targets elsewhere."""
     axes = reading.places(*AXES[reading.kind])
     rows = table.whole(axes)
     names = [table.cells(reading.place(role), rows) for role in ("group", "target")]
@@ -276,7 +275,7 @@ def _frames(table: Table, reading: Reading, mapping: Columns, draft: _Draft) -> 
 
 
 def _blocks(found: Sheet, text: Text) -> Iterator[tuple[str, dict[str, Any]]]:
-    """The parts of a file that begin with the same titles under different lines."""
+    """The parts of a file that begin with the same titles below different lines."""
     if not found.blocks:
         return
     ends = [*(line - 1 for line in found.blocks[1:]), len(text)]
@@ -296,10 +295,10 @@ def _is_row(line: str, found: Sheet) -> bool:
 
 
 def _whole_points(table: Table, reading: Reading, draft: _Draft) -> None:
-    """Rows that are called x, y and z hold one axis of a point each.
+    """Refuse rows named x, y and z that contain one coordinate of a point each.
 
     Raises:
-        InputError: They are.
+        InputError: They do.
     """
     place = reading.place("target")
     names = {cell.lower() for cell in table.content[place].cells} if place is not None else set()
@@ -313,7 +312,11 @@ def _whole_points(table: Table, reading: Reading, draft: _Draft) -> None:
 
 
 def _length(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
-    """The unit of length: what titles say, the lines above, or somebody; else it is asked."""
+    """The unit of length from titles, the lines above, or a statement; else it is asked.
+
+    Raises:
+        InputError: The file states several, or a unit of angles.
+    """
     angular = ANGULAR[reading.kind]
     lengths = reading.places(*(a for k, a in enumerate(AXES[reading.kind]) if k not in angular))
     with at(line=draft.line):
@@ -336,14 +339,18 @@ def _length(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> No
 
 
 def _unit_column(table: Table) -> set[str]:
-    """Units of length in a column that is called so."""
+    """Units of length in a column of units."""
     places = [k for k, c in enumerate(table.named) if is_unit_title(c.title)]
     cells = {cell.lower() for k in places for cell in table.content[k].cells}
     return {UNIT_WORDS[cell] for cell in cells if cell in UNIT_WORDS}
 
 
 def _angle(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
-    """Unit of angles and zero of the vertical one, likewise; ranges and faces may say them too."""
+    """Unit of angles and zero of the vertical one, likewise; ranges and faces may show them too.
+
+    Raises:
+        InputError: The file states several units.
+    """
     angular = reading.places("azimuth", "vertical")
     said = _said_of_angles(table, angular, draft.hints, stated)
     if len(said) > 1:
@@ -365,7 +372,7 @@ def _angle(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> Non
 def _said_of_angles(
     table: Table, angular: Sequence[int], hints: Hints, stated: Stated
 ) -> frozenset[str]:
-    """Units of angles that titles and lines above state, and those that are told by the cells."""
+    """Units of angles that titles and lines above state, and those that the cells show."""
     said = stated.angles | _said(table, angular, ANGLE_WORDS)
     if any(is_turn(cell) for k in angular for cell in table.content[k].cells):
         return said | {"deg"}
@@ -376,7 +383,7 @@ def _said_of_angles(
 
 
 def _possible_angles(values: Array, ways: Sequence[Polar]) -> list[str]:
-    """Units that angles may be in by their size, the most plausible one first; all if none may."""
+    """Possible units of angles by their size, the most plausible one first; all if none fits."""
     largest = np.nanmax(np.abs(values), initial=0.0)
     allowed = {way.angle for way in ways} or {unit for unit in FULL if largest <= FULL[unit]}
     allowed -= set() if may_be_packed(values) else {PACKED}
@@ -402,11 +409,12 @@ def _vertical(table: Table, reading: Reading, draft: _Draft) -> None:
 
 
 _RECORDS = {"SS", "TR", "BS", "FS", "BD", "BR", "FD", "FR"}
-"""How the lines of a total station's raw file begin: sideshot, traverse, back- and foresight."""
+"""First words of the lines of a total station's raw file: sideshot, traverse, back- and
+foresight."""
 
 
 def _horizontal(table: Table, reading: Reading, draft: _Draft, stated: Stated) -> None:
-    """Which way azimuths grow: what lines above say, titles or records; else it is asked."""
+    """Sense of azimuths from lines above, titles or records; else it is asked."""
     titled = horizontal(table.named, reading.place("azimuth"))
     said = stated.senses | ({titled} if titled else set())
     if any(all(JOINT in cell for cell in one.cells) for one in table.content):

@@ -1,4 +1,4 @@
-"""What a file leaves open, with the answers that fit, and the proposal that follows the first."""
+"""Open questions of a file, with the answers that fit, and the proposal that follows the first."""
 
 from __future__ import annotations
 
@@ -12,19 +12,19 @@ from pipeline.readers.said import Hints
 
 About = Literal["columns", "coordinates", "instrument", "unit", "angle", "vertical", "horizontal",
                 "decimal"]  # fmt: skip
-"""What is asked."""
+"""Subject of a question."""
 
 
 @dataclass(frozen=True)
 class Column:
-    """What a column seems to be.
+    """Probable role of a column.
 
     Attributes:
         number: Counted from 1.
         title: As written, empty where it has none.
-        example: Its first cell that is filled in.
+        example: Its first filled cell.
         role: A word of [tracker.mapping] columns, empty where it is not used.
-        why: What says so.
+        why: Evidence for the role.
     """
 
     number: int
@@ -40,7 +40,7 @@ class Answer:
 
     Attributes:
         said: The answer in a word: `mm`, `zenith`, or the columns it stands for.
-        hints: What [tracker] then says, by its keys.
+        hints: Resulting entries of [tracker], by key.
     """
 
     said: str
@@ -49,13 +49,13 @@ class Answer:
 
 @dataclass(frozen=True)
 class Question:
-    """What a file leaves open.
+    """An open question of a file.
 
     Attributes:
-        about: What is asked.
-        answers: Those that make sense, the most plausible one first.
+        about: Its subject.
+        answers: Sensible answers, the most plausible one first.
         line: Line of the file it is about.
-        wrong: What a reader says of it, None where nothing but the question has to be said.
+        wrong: A reader's error on it, None if the question is the only complaint.
     """
 
     about: About
@@ -102,10 +102,10 @@ class Proposal:
     """How a table would be read.
 
     Attributes:
-        hints: All of [tracker] that the reading needs, open questions answered by their first
-            answer.
-        columns: What each column seems to be.
-        questions: What is open, in the order in which it is asked.
+        hints: All entries of [tracker] that the reading needs, open questions answered by their
+            first answer.
+        columns: Probable role of each column.
+        questions: Open questions, in the order in which they are asked.
     """
 
     hints: Hints

@@ -1,4 +1,4 @@
-"""A table of no dialect: what [tracker] would say of it, or what has to be answered first."""
+"""A table of no dialect: its entries of [tracker], or the question to be answered first."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from pipeline.readers.said import Hints
 
 
 def holds_one(text: Text) -> bool:
-    """Whether there are rows with three numbers in a file."""
+    """Whether a file has rows with three numbers."""
     return sheet(text) is not None
 
 
 def described(text: Text, hints: Hints) -> tuple[Hints, str | None]:
-    """All of [tracker] that its reading needs, and a column that should hold times and does not.
+    """All entries of [tracker] that it needs, and a column that should contain times and does not.
 
     Raises:
-        InputError: There is no table, or something has to be answered first.
+        InputError: There is no table, or a question must be answered first.
     """
     found = propose(text, hints)
     if found is None:

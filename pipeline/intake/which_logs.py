@@ -1,4 +1,4 @@
-"""Which files of a new campaign are the logs beside the exports, and what their columns mean."""
+"""Which files of a new campaign are logs, and the meaning of their columns."""
 
 from __future__ import annotations
 
@@ -29,14 +29,14 @@ class Logs:
     """The logs among some files.
 
     Attributes:
-        loads: Log of the loads, None where there is none.
-        joints: Joint log, None where there is none.
+        loads: Log of the loads, None if there is none.
+        joints: Joint log, None if there is none.
         robots: Robots whose joints the log has; those that ship, and files in the folder.
         load_columns: Our names for the columns of the loads, by their titles; without those that
-            have ours; several, with bars between them, where a title does not state its unit.
-        joint_columns: The same of the joint log, by robot.
-        decimal_commas: Logs in which every comma might stand between thousands, beside files of
-            the folder that all have decimal commas.
+            have ours; several, separated by bars, where a title does not state its unit.
+        joint_columns: The same for the joint log, by robot.
+        decimal_commas: Logs in which every comma might be a thousands separator, while all other
+            files of the folder have decimal commas.
         refused: Why a file is not used.
     """
 
@@ -50,9 +50,9 @@ class Logs:
 
 
 def propose_logs(files: Mapping[str, bytes]) -> Logs:
-    """Which files are the logs beside the exports; of several alike the first.
+    """Find the logs among some files; of several of one kind the first.
 
-    A workbook may be both, and an export, too: on a sheet for each.
+    A workbook may be both, and an export, too, with one sheet for each.
 
     Args:
         files: Content by name; TOML files are taken for robots.
@@ -74,7 +74,7 @@ def propose_logs(files: Mapping[str, bytes]) -> Logs:
 
 
 def _with_commas(files: Mapping[str, bytes], said: Logs) -> tuple[str, ...]:
-    """Logs whose decimal mark only the other files of the folder tell: a comma in all of them."""
+    """Logs whose decimal mark only the other files of the folder show: a comma in all of them."""
     marks = {name: _mark(name, data) for name, data in files.items() if not name.endswith(".toml")}
     if {*marks.values()} - {"", "?"} != {","}:
         return ()
@@ -82,7 +82,7 @@ def _with_commas(files: Mapping[str, bytes], said: Logs) -> tuple[str, ...]:
 
 
 def _mark(name: str, data: bytes) -> str:
-    """The decimal mark of a table; `?` where commas leave it open, nothing where none can tell."""
+    """The decimal mark of a table; `?` if commas leave it open, empty if it has none."""
     with contextlib.suppress(InputError):
         found = None if is_workbook(data) else sheet(text(name, data))
         if found is not None and found.delimiter != ",":
@@ -99,11 +99,11 @@ def _may_be_log(name: str, data: bytes) -> bool:
     try:
         return not name.endswith(".toml") and log_columns.may_be_log(name, data)
     except InputError:
-        return is_workbook(data)  # several of its sheets may be meant: each log looks for its own
+        return is_workbook(data)  # several of its sheets may qualify: each log looks for its own
 
 
 def _added(said: Logs, name: str, new: Mapping[str, Any], earlier: str | None) -> Logs:
-    """The logs with one more, refused where an earlier one is of the same kind."""
+    """The logs with one more, which is refused if an earlier one is of the same kind."""
     if earlier is None:
         return replace(said, **new)
     return replace(said, refused=said.refused | {name: f"{earlier} is such a log, too"})
@@ -122,10 +122,10 @@ def _robots(files: Mapping[str, bytes]) -> Iterator[tuple[str, Robot]]:
 
 
 def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> dict[str, LogForm]:
-    """Robots all of whose joints a log has, and what has to be said of its columns.
+    """Robots all of whose joints a log has, with the entries needed for its columns.
 
-    Those of the folder come first, then those that call their axes as the log does, then those
-    that can take all its poses.
+    Those of the folder come first, then those whose names of axes are in the log, then those that
+    can take all its poses.
     """
     found, rank = {}, {}
     for key, robot in robots.items():
@@ -142,9 +142,9 @@ def _having(name: str, data: bytes, robots: Mapping[str, Robot]) -> dict[str, Lo
 
 
 def _in_units_of(form: LogForm, fitting: Sequence[LogForm]) -> LogForm:
-    """Titles that state no unit with the one that keeps all poses within the robot's limits.
+    """For titles that state no unit, the unit that keeps all poses within the robot's limits.
 
-    Where several do, those stay; where none does, all.
+    If several do, those remain; if none does, all.
     """
     said = {title: {one.columns[title] for one in fitting} for title in form.columns}
     left = {
@@ -168,7 +168,7 @@ def _by_number(
 
 
 def _possible(name: str, data: bytes, robot: Robot, form: LogForm) -> list[LogForm]:
-    """A log in each of the units that its titles leave open in which the robot takes all poses."""
+    """The log in each of the possible units in which the robot can take all poses."""
     open_ones = {ours for ours in form.columns.values() if "|" in ours}
     units = [{one.rpartition("_")[2] for one in ours.split("|")} for ours in open_ones]
     fitting = []
@@ -182,21 +182,21 @@ def _possible(name: str, data: bytes, robot: Robot, form: LogForm) -> list[LogFo
 
 
 def _in_one_of(ours: str, units: Sequence[str]) -> str:
-    """Of several names that differ by unit the one with a unit of these."""
+    """Of several names that differ by unit the one with one of these units."""
     return next((one for one in ours.split("|") if one.rpartition("_")[2] in units), ours)
 
 
 def _loads(name: str, data: bytes) -> LogForm | None:
-    """What has to be said of the columns of a log of loads, None where it is none."""
+    """Entries needed for the columns of a log of loads, None if it is not one."""
     return _form(partial(logs.loads, name, data), partial(log_columns.understood_loads, name, data))
 
 
 def unsure(
     name: str | None, files: Mapping[str, bytes], columns: Mapping[str, str]
 ) -> tuple[str, ...]:
-    """What a log of loads holds and whose uncertainty only a person knows.
+    """Quantities of a log of loads whose uncertainty only a person knows.
 
-    A scale shows forces wherever nothing else can be read.
+    Force, if nothing can be read.
     """
     with contextlib.suppress(InputError):
         form = log_columns.settled(LogForm(columns=dict(columns)))
@@ -209,9 +209,9 @@ def unsure(
 
 
 def _form(read: Callable[[LogForm], Log], meant: Callable[[], LogForm | None]) -> LogForm | None:
-    """How a log is read: as ours, else by what its titles mean; None where it is none.
+    """How a log is read: as ours, else by the meaning of its titles; None if it is not one.
 
-    A row that cannot be read, or a decimal mark that has to be asked, makes no other file of it.
+    An unreadable row, or an ambiguous decimal mark, does not make it another kind of file.
     """
     try:
         return OURS if _readable(read, OURS) else meant()
@@ -220,7 +220,7 @@ def _form(read: Callable[[LogForm], Log], meant: Callable[[], LogForm | None]) -
 
 
 def _readable(read: Callable[[LogForm], Log], form: LogForm) -> bool:
-    """Whether a log can be read; one without rows is one."""
+    """Whether a log can be read; one without rows counts."""
     try:
         read(form)
     except InputError as problem:

@@ -1,9 +1,10 @@
 """Outbuilding: what `import pipeline` offers, with arguments checked and results in SI.
 
-A campaign identified in this process, and what its model says of other poses: deflections,
-positions, Cartesian stiffness, offsets that compensate a path. `pipeline/__init__.py` hands its
-names out when they are asked for; other outbuildings come in here, too.
+A campaign identified in this process, and predictions of its model at other poses: deflections,
+positions, Cartesian stiffness, offsets that compensate a path. `pipeline/__init__.py` exports its
+names lazily; other outbuildings enter here, too.
 
-Door: `library.campaign`, `library.model`; for programs `library.compensate`.
+Door: `library.campaign`, `library.model`; for programs `library.compensate`, `library.standing`,
+`library.holds`.
 Tests: `tests/library/`.
 """

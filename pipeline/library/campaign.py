@@ -1,4 +1,4 @@
-"""A campaign from Python: loaded, identified in memory, or run as `pipeline run` does."""
+"""Campaigns in Python: loaded, identified in memory, or run as `pipeline run` does."""
 
 from __future__ import annotations
 
@@ -34,7 +34,7 @@ class _Stiffnesses(tuple[Stiffness, ...]):
     __slots__ = ()
 
     def __getitem__(self, key: Any) -> Any:
-        """By place; or by axis of the controller, joint or stiffness: `A3`, `theta4`, `k_theta4`.
+        """Stiffness by index, or by axis, joint or name: `A3`, `theta4`, `k_theta4`.
 
         Raises:
             InputError: There is none of that name.
@@ -48,7 +48,7 @@ class _Stiffnesses(tuple[Stiffness, ...]):
         raise InputError(f'there is no stiffness "{key}"', f"use one of {listed(known)}")
 
     def to_frame(self) -> pd.DataFrame:
-        """A row for each joint: axis, joint, value, std, both ends of ci95, unit, identifiable."""
+        """Table with a row per joint: axis, joint, value, std, ci95 bounds, unit, identifiable."""
         ends = zip(*(one.ci95 or (None, None) for one in self), strict=True) if self else ((), ())
         return pd.DataFrame(
             {
@@ -63,7 +63,7 @@ class _Stiffnesses(tuple[Stiffness, ...]):
         )
 
     def __repr__(self) -> str:
-        """A line for each joint."""
+        """One line per joint."""
         return "\n".join(f"{one.called:14} {_in_short(one)}" for one in self)
 
 
@@ -75,10 +75,10 @@ def _in_short(one: Stiffness) -> str:
 
 @dataclass(frozen=True, eq=False, repr=False)
 class Campaign:
-    """The files of a campaign, read and with campaign.toml checked; nothing is computed yet.
+    """Files of a campaign, read and with campaign.toml checked; nothing is computed yet.
 
     Attributes:
-        name: Of its folder.
+        name: Name of its folder.
         raw: Settings, robot and the bytes of every file that campaign.toml names.
     """
 
@@ -104,7 +104,7 @@ class Campaign:
         """Write its files to data/raw/NAME of a project, where `pipeline run` finds them.
 
         Raises:
-            UsageError: A folder of that name is there already.
+            UsageError: A folder of that name already exists.
             CannotWrite: The disk refuses.
         """
         folder = Path(root) / "data" / "raw" / self.name
@@ -119,15 +119,15 @@ class Picture:
     """A figure of a report.
 
     Attributes:
-        svg: The file.
-        caption: What to see in it.
+        svg: Content of the SVG file.
+        caption: Its caption.
     """
 
     svg: str
     caption: str
 
     def _repr_svg_(self) -> str:
-        """What a notebook shows."""
+        """SVG for display in a notebook."""
         return self.svg
 
     def __repr__(self) -> str:
@@ -135,7 +135,7 @@ class Picture:
         return f"Picture: {self.caption}"
 
     def save(self, path: Path | str) -> Path:
-        """Write it.
+        """Write the SVG file.
 
         Raises:
             CannotWrite: The disk refuses.
@@ -150,9 +150,9 @@ class Result:
 
     Attributes:
         answer: result.json as frozen records; `answer.as_json()` is the plain data.
-        model: The identified model, which predicts.
-        tables: The tables that a report shows, by name; columns wear their units.
-        positions: Where the robot stands, for a campaign of absolute positions; else None.
+        model: The identified model, for predictions.
+        tables: The tables of the report, by name; column names include units.
+        positions: Model of the robot's positions, for a campaign of absolute positions; else None.
     """
 
     answer: Answer
@@ -162,7 +162,7 @@ class Result:
 
     @property
     def verdict(self) -> str:
-        """adequate, explained, ambiguous, unexplained or bad_data."""
+        """Verdict: adequate, explained, ambiguous, unexplained or bad_data."""
         return str(self.answer.diagnosis.verdict)
 
     @property
@@ -171,10 +171,10 @@ class Result:
         return _Stiffnesses(self.answer.stiffness)
 
     def plot(self, name: str = "stiffness") -> Picture:
-        """A figure of the report, which a notebook shows; `save` writes it as SVG.
+        """A figure of the report, which a notebook displays; `save` writes it as SVG.
 
         Args:
-            name: As its file in reports/NAME/figures, without the ending.
+            name: Name of its file in reports/NAME/figures, without the extension.
 
         Raises:
             InputError: The report of this campaign has no such figure.
@@ -188,11 +188,11 @@ class Result:
         return Picture(draw(name, self.answer, self.tables).svg, words[name])
 
     def to_frame(self) -> pd.DataFrame:
-        """The stiffnesses as a table, a row for each joint."""
+        """The stiffnesses as a table with one row per joint."""
         return self.stiffness.to_frame()
 
     def __repr__(self) -> str:
-        """Verdict and stiffnesses, and where the rest is."""
+        """Verdict, stiffnesses, and names of the tables."""
         tables = ", ".join(self.tables)
         return f"Result: {self.verdict}\n{self.stiffness!r}\ntables: {tables}; all of it: .answer"
 
@@ -200,16 +200,16 @@ class Result:
 def load_campaign(
     source: Path | str | Mapping[str, bytes], *, root: Path | str = ".", name: str = "in_memory"
 ) -> Campaign:
-    """A campaign from its folder, or from the content of its files.
+    """Load a campaign from its folder, or from the content of its files.
 
     Args:
         source: The folder's path, its name under data/raw of `root`, or file contents by name,
-            campaign.toml among them.
+            including campaign.toml.
         root: The project's folder.
-        name: What a campaign in memory is called.
+        name: Name of a campaign in memory.
 
     Raises:
-        InputError: A file is missing or cannot be read, or campaign.toml is wrong; says which line.
+        InputError: A file is missing or cannot be read, or campaign.toml is wrong; states the line.
     """
     if not isinstance(source, Mapping):
         found = find(Path(root), str(source))
@@ -222,13 +222,13 @@ def load_campaign(
 
 
 def identify(campaign: Campaign) -> Result:
-    """Stiffnesses, diagnosis and model of a campaign, in memory: no file is written.
+    """Identify stiffnesses, diagnosis and model of a campaign in memory; no file is written.
 
     The numbers are those of `pipeline run`.
 
     Raises:
-        InputError: The data cannot be trusted; says file, line and way out.
-        UsageError: It is something else than a campaign.
+        InputError: The data cannot be trusted; states file, line and way out.
+        UsageError: The argument is not a campaign.
     """
     if not isinstance(campaign, Campaign):
         raise UsageError("identify takes a campaign: give it what load_campaign(...) returns")
@@ -239,7 +239,7 @@ def identify(campaign: Campaign) -> Result:
 
 
 def run_campaign(campaign: Path | str, *, root: Path | str = ".", force: bool = False) -> Result:
-    """What `pipeline run` does: tables, result.json and report on disk; computed only if new.
+    """Run a campaign as `pipeline run`: tables, result.json and report; computed only if new.
 
     Args:
         campaign: Name under data/raw of `root`, or the path of a folder.
@@ -247,7 +247,7 @@ def run_campaign(campaign: Path | str, *, root: Path | str = ".", force: bool = 
         force: Compute even if nothing changed.
 
     Raises:
-        InputError: The data cannot be trusted; says file, line and way out.
+        InputError: The data cannot be trusted; states file, line and way out.
         CannotWrite: The disk refuses.
     """
     found = find(Path(root), str(campaign))

@@ -1,4 +1,4 @@
-"""Offsets that put a loaded robot where its unloaded model would be, along a path."""
+"""Offsets that move a loaded robot to the positions of its unloaded model, along a path."""
 
 from __future__ import annotations
 
@@ -9,37 +9,38 @@ import numpy as np
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked
+from pipeline.library import holds
 from pipeline.library.each_way import Ways, along, each_way
-from pipeline.machine.robot import Robot, configure, rating
+from pipeline.machine.robot import Robot, configure
 from pipeline.machine.robot.configuration import velocity
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import ARM_M, Path, beside_pulls
 
-_FURTHEST = rating.TWIST_RAD
-"""A motion of the tool for which joints would have to turn further is left: the arm is at a
-singularity."""
+_FURTHEST = holds.TWIST_RAD
+"""Maximum joint rotation for a correction [rad]; tool motions that need more are left uncorrected,
+as the arm is near a singularity."""
 
 _ROUNDING = 1e-9
-"""Motion of the tool in a direction, over that in the best one, that is rounding [1]."""
+"""Singular value relative to the largest that is treated as zero [1]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Compensation(Locked):
-    """What to add to each point of a path.
+    """Offsets to be added to each point of a path.
 
     Attributes:
         joints: Joint offsets [m] or [rad], shape (m, n).
         shift: Cartesian offset of the tip [m], F_b, shape (m, 3).
         turn: Cartesian offset of the tool's orientation as rotation vector [rad], F_b, (m, 3).
-        deflection: How far the load moves the tip without offsets [m], shape (m,).
-        left: What the joint offsets leave of it by the model itself [m], shape (m,).
+        deflection: Displacement of the tip by the load without offsets [m], shape (m,).
+        left: Residual displacement with the joint offsets, according to the model [m], shape (m,).
         std: Standard uncertainty of the predicted deflection per axis [m], F_b, shape (m, 3).
-        held_out: By how much the model missed poses that were left out, rms per axis [m]; None
-            where the campaign does not say.
-        force: Size of the forces [N], shape (m,).
-        pulled: The gentlest and the hardest pull that the model is from [N]; None where it does
-            not say.
-        each_way: Joints with another stiffness each way of their torque, at these points.
+        held_out: Held-out error of the model, rms per axis [m]; None if the campaign does not state
+            it.
+        force: Magnitude of the forces [N], shape (m,).
+        pulled: Smallest and largest pull from which the model was estimated [N]; None if not
+            stated.
+        each_way: Joints whose stiffness depends on the sign of the torque, at these points.
     """
 
     joints: Array
@@ -54,14 +55,14 @@ class Compensation(Locked):
     each_way: tuple[Ways, ...] = ()
 
     def part(self, rows: Sequence[int] | Ints) -> Compensation:
-        """That of some of the points, in this order."""
+        """Compensation of some of the points, in this order."""
         of_each = {one.name: getattr(self, one.name) for one in fields(self)}
         picked = {k: v[rows] for k, v in of_each.items() if isinstance(v, np.ndarray)}
         return Compensation(**of_each | picked)
 
     @classmethod
     def joined(cls, parts: Sequence[Compensation]) -> Compensation:
-        """Several paths of one model, one behind the other."""
+        """Concatenate several paths of one model."""
         of_each = {one.name: [getattr(part, one.name) for part in parts] for one in fields(cls)}
         joined = {k: np.concatenate(v) for k, v in of_each.items() if isinstance(v[0], np.ndarray)}
         ways = along(of_each["each_way"])
@@ -69,7 +70,7 @@ class Compensation(Locked):
 
     @property
     def summary(self) -> str:
-        """How far the tip is off before and after, in one sentence."""
+        """Displacement of the tip before and after, in one sentence."""
         return (
             f"{len(self.left)} points: the load moves the tip by up to "
             f"{1e3 * self.deflection.max():.3f} mm; with the offsets the model leaves "
@@ -78,13 +79,13 @@ class Compensation(Locked):
 
     @property
     def remarks(self) -> list[str]:
-        """The summary, and how the forces compare with those that the model is from."""
+        """Summary, and comparison of the forces with the range of the pulls."""
         ways = [one.sentence for one in self.each_way]
         return [self.summary, *ways, *beside_pulls(self.force, self.pulled)]
 
     @property
     def _known(self) -> str:
-        """How well that is known: by the model's own word, and by what left-out poses showed."""
+        """Uncertainty in words: as stated by the model, and from held-out poses."""
         lost = int(np.sum(~np.isfinite(self.std).all(axis=1)))
         if lost:
             return f"but at {lost} of them a stiffness acts that the campaign did not determine"
@@ -110,20 +111,21 @@ def compensate(
 ) -> Compensation:
     """Offsets that cancel the deflection of the tip, in joint values and in the base frame.
 
-    Among all joint offsets that do it, the ones taken cost the least energy in the joints'
-    springs: with joint springs alone, each joint turns back by just what its spring gives way.
+    Among all joint offsets that do so, those with the least elastic energy in the joints' springs
+    are chosen: with joint springs alone, each joint turns back by exactly the deflection of its
+    spring.
 
     Args:
         model: The identified model.
-        path: Where and under which force.
-        tip: The point that matters, where the force acts, in the flange frame [m]; the
-            campaign's load point when not given.
-        held: Joints that stay where they are, shape (n,); none where not given.
-        rounds: Newton steps; each gains about three digits.
+        path: Poses and forces.
+        tip: Point to be corrected, at which the force acts, in the flange frame [m]; the campaign's
+            load point when not given.
+        held: Joints that are not corrected, shape (n,); none when not given.
+        rounds: Number of Newton steps; each gains about three digits.
     """
     tip = model.tool.load_point if tip is None else np.asarray(tip, float)
     points = tip + ARM_M * np.vstack([np.zeros(3), np.eye(3)])
-    rating.refuse_unheld(model.robot, path.q, path.force, tip, path.file, path.line)
+    holds.refuse_unheld(model.robot, path.q, path.force, tip, path.file, path.line)
     before = model.positions(path.q, path.force, points)
     offset = np.zeros_like(path.q)
     soft = np.sqrt(model.robot.nominal_compliance)
@@ -148,14 +150,14 @@ def compensate(
 
 
 def _least(robot: Robot, q: Array, points: Array, missed: Array, soft: Array) -> Array:
-    """Joint motion (m, n) that moves the points by `missed`, least energy first.
+    """Joint motion (m, n) of least elastic energy that moves the points by `missed`.
 
     Args:
-        robot: Whose joints they are.
-        q: Where they are [m] or [rad], shape (m, n).
-        points: In the flange frame [m], shape (t, 3).
+        robot: The robot.
+        q: Joint values [m] or [rad], shape (m, n).
+        points: Points in the flange frame [m], shape (t, 3).
         missed: Motion of the points [m], F_b, shape (m, t, 3).
-        soft: Roots of the compliances, 0 for a joint that stays, shape (n,).
+        soft: Square roots of the compliances, 0 for a joint that is held, shape (n,).
     """
     configuration = configure(robot, q)
     J = velocity(configuration.twists, configuration.points(points))
@@ -173,6 +175,6 @@ def _least(robot: Robot, q: Array, points: Array, missed: Array, soft: Array) ->
 
 
 def _turned(points: Array, moved: Array) -> Array:
-    """Rotation vector (m, 3) of a small rigid motion: tip and three arms at right angles."""
+    """Rotation vector (m, 3) of a small rigid motion of the tip and three orthogonal arms."""
     arms = points[:, 1:] - points[:, :1]
     return np.cross(arms, moved[:, 1:] - moved[:, :1]).sum(axis=1) / (2 * ARM_M**2)

@@ -14,14 +14,16 @@ from pipeline.machine.robot.configuration import torque, velocity
 from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 
 _KILO = 1e3
-"""A wrench of kN and kN m: what moves a point by less than a nanometre under it is nothing."""
+"""Scale of the wrench, 1 kN or 1 kN m [1]: displacements below a nanometre under it are treated as
+zero."""
 _STEP = 1e-3
-"""Of a torque, over 1 + |torque| [N m]: the tangent of a law is its difference over this."""
+"""Relative step for the tangent of a law [1]: the torque is changed by this times 1 + |torque| [N
+m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class CartesianStiffness(Locked):
-    """How a tool resists forces and moments at a point; without the axis m of one pose asked for.
+    """Resistance of a tool to forces and moments at a point; for a single pose without axis m.
 
     Small motions d = (translation of the point [m], rotation [rad]) under a wrench
     w = (force [N], moment about the point [N m]), all in F_b: d = C w, w = K d.
@@ -30,12 +32,12 @@ class CartesianStiffness(Locked):
         compliance: C, shape (m, 6, 6): [m/N], [m/(N m)]; [rad/N], [rad/(N m)].
         compliance_cov: Covariance of its entries, row by row, shape (m, 36, 36); infinite on the
             diagonal where a spring acts that the campaign did not determine.
-        stiffness: K = C^-1, shape (m, 6, 6): [N/m], [N/rad]; [N m/m], [N m/rad]. It resists a
-            translation while the orientation is held. NaN where C has no inverse: fewer than
-            six springs act, or the arm is at a singularity.
+        stiffness: K = C^-1, shape (m, 6, 6): [N/m], [N/rad]; [N m/m], [N m/rad]. Its translational
+            part applies with the orientation held. NaN if C is singular: fewer than six springs
+            act, or the arm is at a singularity.
         stiffness_std: Standard uncertainty of each entry, by dK = -K dC K, shape (m, 6, 6).
         translational: Inverse of the upper left 3 x 3 of C [N/m], shape (m, 3, 3): force over
-            translation while the tool is free to turn, which is what a dial gauge sees.
+            translation while the tool is free to rotate, as measured by a dial gauge.
         translational_std: Standard uncertainty of each entry [N/m], shape (m, 3, 3).
     """
 
@@ -50,17 +52,17 @@ class CartesianStiffness(Locked):
 def cartesian_stiffness(
     model: IdentifiedModel, q: Array, force: Array, point: Array | None = None
 ) -> CartesianStiffness:
-    """C = sum_v s_v D_vw s_w' over the virtual joints v, w of all that yields, and its inverse.
+    """C = sum_vw s_v D_vw s_w' over the virtual joints v, w of all elastic effects; inverse.
 
     s_v is the motion of the point per unit of virtual joint v, D the derivative of the deflections
     by the torques; with linear springs alone C = J diag(x) J', Eq. (7) with J for all six motions.
-    Over several hypotheses C is their mean by weight, and what they differ by is in its covariance.
+    Over several hypotheses C is their weighted mean, and their spread is part of its covariance.
 
     Args:
         model: The identified model.
         q: Joint values [m] or [rad], shape (m, n).
-        force: Working load [N], F_b, about which laws that are not linear are linearised, (m, 3).
-        point: In the flange frame [m], shape (3,); the campaign's load point when not given.
+        force: Working load [N], F_b, about which nonlinear laws are linearised, (m, 3).
+        point: Point in the flange frame [m], shape (3,); the campaign's load point when not given.
     """
     pulls = Pulls.at(q, force)
     points = None if point is None else np.atleast_2d(np.asarray(point, float))
@@ -97,14 +99,14 @@ def _tangent(one: ModelHypothesis, pulls: Pulls, points: Array | None) -> Array:
 
 
 def _motions(effect: Elastic, loaded: Loaded) -> Array:
-    """Translation of the load point and rotation per unit of each virtual joint, (m, v, 6)."""
+    """Translation of the load point, and rotation, per unit of each virtual joint, (m, v, 6)."""
     twists = effect.screws(loaded)
     moved = velocity(twists, loaded.load_point[:, None])[:, 0]
     return np.concatenate([moved, twists[..., :3]], axis=-1)
 
 
 def _law(effect: Elastic, loaded: Loaded) -> Array:
-    """Derivative of each deflection per unit parameter by each torque, shape (m, v, v)."""
+    """Derivative of each deflection (per unit parameter) by each torque, shape (m, v, v)."""
     tau = torque(effect.screws(loaded), loaded.load_point, loaded.force)
     out = np.empty((*tau.shape, tau.shape[1]))
     for w in range(tau.shape[1]):
@@ -116,7 +118,7 @@ def _law(effect: Elastic, loaded: Loaded) -> Array:
 
 
 def _inverse(C: Array, cov: Array) -> tuple[Array, Array]:
-    """K = C^-1 (m, j, j) and the standard uncertainty of its entries; NaN where there is none."""
+    """K = C^-1 (m, j, j) and the standard uncertainty of its entries; NaN if C is singular."""
     K = np.stack([linear.regular_inverse(one[None])[0] if _regular(one) else one * np.nan
                   for one in C])  # fmt: skip
     known = np.isfinite(np.einsum("mii->mi", cov)).all(axis=1)

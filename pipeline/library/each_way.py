@@ -1,4 +1,4 @@
-"""Joints with another stiffness each way of their torque, along a path: both numbers, and where."""
+"""Joints whose stiffness depends on the sign of the torque: values, and where each applies."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from pipeline.prediction.model import IdentifiedModel, ModelHypothesis
 
 @dataclass(frozen=True)
 class Ways:
-    """One such joint over a path, for the likeliest hypothesis that has it.
+    """One such joint along a path, for the most probable hypothesis that has it.
 
     Attributes:
         joint: Its index.
-        called: The axis of the controller, or the joint of the robot file.
-        plus: Stiffness and its standard uncertainty where the torque turns it towards plus
-            [N m/rad], in the sense of what it is called by.
+        called: Axis of the controller, or joint of the robot file.
+        plus: Stiffness and its standard uncertainty where the torque turns it towards plus [N
+            m/rad], in the sense of `called`.
         minus: The same towards minus.
-        unit: Of both.
+        unit: Unit of both.
         weight: Probability of the hypotheses that have it.
-        towards_plus: Points of the path where the torque turns it towards plus.
-        towards_minus: The others.
+        towards_plus: Number of points of the path at which the torque turns it towards plus.
+        towards_minus: Number of the other points.
     """
 
     joint: int
@@ -41,7 +41,7 @@ class Ways:
 
     @property
     def sentence(self) -> str:
-        """Both numbers with the points at which each is used."""
+        """Both values with the number of points at which each is used."""
         factor, letter = common_prefix([self.plus[0], self.minus[0]])
         unit = prefixed(self.unit, letter)
         plus, minus = (
@@ -57,7 +57,7 @@ class Ways:
 
 
 _SURE = 0.99
-"""Probability beyond which none is told."""
+"""Probability above which it is not stated [1]."""
 
 
 def _points(count: int) -> str:
@@ -82,7 +82,7 @@ def each_way(model: IdentifiedModel, q: Array, force: Array) -> tuple[Ways, ...]
 
 
 def along(parts: Sequence[tuple[Ways, ...]]) -> tuple[Ways, ...]:
-    """The same over several paths of one model."""
+    """Combine several paths of one model."""
     return tuple(
         replace(
             own[0],
@@ -96,7 +96,7 @@ def along(parts: Sequence[tuple[Ways, ...]]) -> tuple[Ways, ...]:
 def _ways(
     model: IdentifiedModel, one: ModelHypothesis, joint: int, weight: float, q: Array, force: Array
 ) -> Ways:
-    """Both compliances c + dc and c - dc of a joint, and which side holds where."""
+    """Both stiffnesses 1/(c + dc) and 1/(c - dc) of a joint, and which one applies where."""
     column = sides.columns(model.robot.n, one.more)[joint]
     robot = model.robot
     held = sides.along(one.cell, one.value, q, force)[joint]

@@ -1,4 +1,4 @@
-"""Joint values, forces and points as somebody gives them: checked, in SI."""
+"""User-supplied joint values, forces and points: checked, in SI."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ import numpy.typing as npt
 
 from pipeline.base.arrays import Array
 from pipeline.base.errors import InputError, listed
-from pipeline.machine.robot import Joint, Robot, rating
+from pipeline.library import holds
+from pipeline.machine.robot import Joint, Robot
 from pipeline.machine.robot.axes import LIMIT_SLACK
 
 if TYPE_CHECKING:
@@ -19,20 +20,20 @@ if TYPE_CHECKING:
     _Found = TypeVar("_Found", bound=DataclassInstance)
 
 _TURN = 2 * np.pi
-"""[rad]: what is beyond its limits by more than a turn from its zero is in degrees."""
+"""Joint angle beyond its limits from which degrees are suspected [rad]."""
 _TURNS = 4 * np.pi
-"""[rad]: no joint stands two turns from its zero, whether its file has limits or not."""
+"""Maximum angle of a joint from its zero [rad], whether its file has limits or not."""
 
 
 def joint_values(robot: Robot, q: npt.ArrayLike) -> Array:
-    """Joint values [m] or [rad], shape (m, n), within the limits of the robot file.
+    """Joint values [m] or [rad], shape (m, n), checked against the limits of the robot file.
 
     Args:
-        robot: Whose joints.
+        robot: The robot.
         q: Prismatic joints in m, revolute joints in rad, shape (n,) or (m, n).
 
     Raises:
-        InputError: Not n numbers a row, not finite, beyond a limit, or in degrees or mm.
+        InputError: Not n numbers per row, not finite, beyond a limit, or in degrees or mm.
     """
     values = _numbers("q", q)
     if values.ndim not in (1, 2) or values.shape[-1] != robot.n or not values.size:
@@ -51,7 +52,7 @@ def joint_values(robot: Robot, q: npt.ArrayLike) -> Array:
 
 
 def _beyond(robot: Robot, row: Array, j: int, number: int | None) -> InputError:
-    """Why this joint cannot stand there, with a way out that fits the unit it seems to be in."""
+    """Error for a joint beyond its limits, with a way out that fits the apparent unit."""
     joint, value = robot.joints[j], float(row[j])
     where = f"joint {j + 1} ({joint.name})" + ("" if number is None else f" of row {number}")
     if joint.prismatic:
@@ -73,13 +74,13 @@ def loaded(robot: Robot, q: npt.ArrayLike, force_n: npt.ArrayLike) -> tuple[Arra
     """Joint values (m, n) and the force at each [N], (m, 3), from one or many of either.
 
     Args:
-        robot: Whose joints.
+        robot: The robot.
         q: Joint values [m] or [rad], shape (n,) or (m, n).
         force_n: Force on the robot [N], F_b, shape (3,) or (m, 3).
 
     Raises:
-        InputError: As `joint_values`; or forces are not finite, not as many as poses, or more
-            than any such robot holds.
+        InputError: As `joint_values`; or forces are not finite, do not match the poses in number,
+            or exceed what such a robot can hold.
     """
     rows, force = joint_values(robot, q), _numbers("force_n", force_n)
     if force.ndim not in (1, 2) or force.shape[-1] != 3 or not force.size:
@@ -94,12 +95,12 @@ def loaded(robot: Robot, q: npt.ArrayLike, force_n: npt.ArrayLike) -> tuple[Arra
             "give one force for all poses, or one for each",
         )
     hardest = float(np.linalg.norm(forces, axis=1).max())
-    rating.refuse_absurd(robot, hardest, "forces are in N")
+    holds.refuse_absurd(robot, hardest, "forces are in N")
     return np.broadcast_to(rows, (m, robot.n)), np.broadcast_to(forces, (m, 3))
 
 
 def as_asked(found: _Found, *given: npt.ArrayLike) -> _Found:
-    """What is found of one pose without the axis of the poses, where one was asked for as a row."""
+    """Drop the axis of the poses from all arrays if a single pose was given without it."""
     if any(np.ndim(one) != 1 for one in given):
         return found
     own = {one.name: getattr(found, one.name) for one in fields(found)}
@@ -107,10 +108,10 @@ def as_asked(found: _Found, *given: npt.ArrayLike) -> _Found:
 
 
 def point(name: str, values: npt.ArrayLike | None) -> Array | None:
-    """A point of the tool in the flange frame [m], shape (3,); None where none is given.
+    """A point of the tool in the flange frame [m], shape (3,); None if none is given.
 
     Raises:
-        InputError: It is no point, or so far away that it is in mm.
+        InputError: It is not a point, or so far away that it must be in mm.
     """
     if values is None:
         return None
@@ -127,7 +128,7 @@ def point(name: str, values: npt.ArrayLike | None) -> Array | None:
 
 
 _FAR_M = 10.0
-"""[m]: no effector reaches further from its flange."""
+"""Maximum distance of a point of the effector from its flange [m]."""
 
 
 def _numbers(name: str, values: npt.ArrayLike) -> Array:

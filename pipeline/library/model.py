@@ -1,4 +1,4 @@
-"""The identified model as a library has it: arguments checked, results with their units."""
+"""The identified model for users of the library: arguments checked, results with units."""
 
 from __future__ import annotations
 
@@ -12,12 +12,11 @@ from pipeline.base import files
 from pipeline.base.arrays import Array, Locked
 from pipeline.base.errors import InputError, listed
 from pipeline.library import compensate as offsets
-from pipeline.library import compliance
+from pipeline.library import compliance, standing
 from pipeline.library.compensate import Compensation
 from pipeline.library.compliance import CartesianStiffness
 from pipeline.library.joints import as_asked, loaded, point
 from pipeline.machine.robot import Robot
-from pipeline.prediction import standing
 from pipeline.prediction.model import IdentifiedModel as Identified
 from pipeline.prediction.path import Path as JointPath
 from pipeline.prediction.standing import Standing
@@ -25,14 +24,14 @@ from pipeline.prediction.standing import Standing
 
 @dataclass(frozen=True, eq=False)
 class Deflection(Locked):
-    """How the loaded point of the tool moves, in F_b; without the axis m where one pose was asked.
+    """Displacement of the loaded point of the tool, in F_b; for a single pose without axis m.
 
     Attributes:
         displacement_m: Loaded minus unloaded [m], shape (m, 3).
         cov_m2: Covariance of each [m^2], shape (m, 3, 3); infinite on the diagonal where a spring
             acts that the campaign did not determine.
-        left_out_rms_m: By how much poses that were left out of the estimate were missed, rms per
-            axis [m], noise of the readings included; None where nothing was left out.
+        left_out_rms_m: Held-out error of the model, rms per axis [m], noise of the readings
+            included; None if nothing was left out.
     """
 
     displacement_m: Array
@@ -52,11 +51,11 @@ class Deflection(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Positions(Locked):
-    """Where the targets of a campaign are, in F_b; without the axis m where one pose was asked.
+    """Positions of the targets of a campaign, in F_b; for a single pose without axis m.
 
     Attributes:
         targets: Their names, t of them.
-        position_m: [m], shape (m, t, 3).
+        position_m: Positions [m], shape (m, t, 3).
         rotation: Orientation of each, shape (m, t, 3, 3).
         std_m: Standard uncertainty of the true position per axis [m], shape (m, t, 3).
         std_rad: Standard uncertainty of a rotation about the axes of F_b [rad], shape (m, t, 3).
@@ -71,14 +70,14 @@ class Positions(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Model:
-    """An identified robot: what its joints and whatever else yields do under load.
+    """An identified robot: its joints and other elastic causes under load.
 
     Joint values q are in m for prismatic and in rad for revolute joints, shape (n,) or (m, n);
     `robot.from_degrees` converts. A value beyond the limits of the robot file, or one that can only
-    be in degrees or mm, is refused.
+    be in degrees or mm, is rejected.
 
     Attributes:
-        identified: What model.toml holds, hypotheses with weights and covariances included.
+        identified: Content of model.toml, including hypotheses with weights and covariances.
     """
 
     identified: Identified
@@ -110,7 +109,7 @@ class Model:
                 not given.
 
         Raises:
-            InputError: A shape, a unit or a joint limit is broken; says which joint.
+            InputError: Invalid shape, unit or joint limit; states which joint.
         """
         rows, force = loaded(self.robot, q, force_n)
         found = self.identified.predict(rows, force, point("point_m", point_m))
@@ -129,11 +128,11 @@ class Model:
             q: Joint values [m] or [rad], shape (n,) or (m, n).
             point_m: The point in the flange frame [m], shape (3,); the campaign's load point when
                 not given.
-            force_n: Working load [N], F_b, about which laws that are not linear are linearised,
-                shape (3,) or (m, 3); none when not given.
+            force_n: Working load [N], F_b, about which nonlinear laws are linearised, shape (3,) or
+                (m, 3); none when not given.
 
         Raises:
-            InputError: A shape, a unit or a joint limit is broken; says which joint.
+            InputError: Invalid shape, unit or joint limit; states which joint.
         """
         rows, force = loaded(self.robot, q, force_n)
         at = point("point_m", point_m)
@@ -143,7 +142,7 @@ class Model:
     def compensate(
         self, q: npt.ArrayLike, force_n: npt.ArrayLike, tip_m: npt.ArrayLike | None = None
     ) -> Compensation:
-        """Offsets that put the loaded tip where the unloaded robot would have it.
+        """Offsets that move the loaded tip to where the unloaded robot would have it.
 
         Args:
             q: Joint values of each point of a path [m] or [rad], shape (n,) or (m, n).
@@ -152,7 +151,7 @@ class Model:
                 given.
 
         Raises:
-            InputError: A shape, a unit or a joint limit is broken; says which joint.
+            InputError: Invalid shape, unit or joint limit; states which joint.
         """
         rows, force = loaded(self.robot, q, force_n)
         path = JointPath(np.arange(1, len(rows) + 1), rows, force, controller=False)
@@ -161,17 +160,17 @@ class Model:
 
 @dataclass(frozen=True, eq=False)
 class PositionModel:
-    """Where a robot stands, by a campaign of absolute positions.
+    """Model of a robot's positions, from a campaign of absolute positions.
 
     Attributes:
-        standing: What positions.npz holds.
+        standing: Content of positions.npz.
     """
 
     standing: Standing
 
     @property
     def robot(self) -> Robot:
-        """The robot by its table as delivered."""
+        """The robot with its table as delivered."""
         return self.standing.mechanism.table
 
     def predict(
@@ -181,17 +180,17 @@ class PositionModel:
         payload: str | None = None,
         temperature_c: float = np.nan,
     ) -> Positions:
-        """Where the targets are, with the uncertainty of the true position.
+        """Predict the targets, with the uncertainty of the true position.
 
         Args:
             q: Joint values [m] or [rad], shape (n,) or (m, n).
-            force_n: Force at the load point, or at the first target where nothing was pulled [N],
-                F_b, shape (3,) or (m, 3).
-            payload: One that campaign.toml knows; None for none.
-            temperature_c: Of the air [degC]; NaN unknown.
+            force_n: Force at the load point, or at the first target if nothing was pulled [N], F_b,
+                shape (3,) or (m, 3).
+            payload: Name of a payload defined in campaign.toml; None for no payload.
+            temperature_c: Temperature of the air [degC]; NaN if unknown.
 
         Raises:
-            InputError: A shape, a unit or a joint limit is broken, or the payload is not known.
+            InputError: Invalid shape, unit or joint limit, or an unknown payload.
         """
         rows, force = loaded(self.robot, q, force_n)
         carried = np.full(len(rows), self._number(payload), dtype=np.int64)
@@ -212,19 +211,19 @@ class PositionModel:
 
 
 def load_model(path: Path | str) -> Model:
-    """The model in a model.toml, as `pipeline run` writes it beside the report.
+    """Load the model from a model.toml, as `pipeline run` writes it with the report.
 
     Raises:
-        InputError: There is no such file, or it is no model.
+        InputError: There is no such file, or it is not a model.
     """
     return Model(Identified.load(path))
 
 
 def load_position_model(path: Path | str) -> PositionModel:
-    """The model in a positions.npz, as `pipeline run` writes it for a campaign of positions.
+    """Load a positions.npz, as `pipeline run` writes it for a campaign of positions.
 
     Raises:
-        InputError: There is no such file, or it is no model.
+        InputError: There is no such file, or it is not a model.
     """
     missing = InputError(
         "there is no such file", "give the path of a positions.npz", file=str(path)
@@ -233,9 +232,9 @@ def load_position_model(path: Path | str) -> PositionModel:
 
 
 def position_model(data: bytes, name: str = "positions.npz") -> PositionModel:
-    """The model in the bytes of a positions.npz.
+    """Load the model from the bytes of a positions.npz.
 
     Raises:
-        InputError: They are no model.
+        InputError: They are not a model.
     """
     return PositionModel(standing.loads(data, name))

@@ -1,1 +1,1 @@
-"""The machine and what moves it: robot, elastic effects, cell, instrument."""
+"""Forward model of the machine: robot, elastic effects, cell and instrument."""

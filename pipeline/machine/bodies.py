@@ -1,4 +1,4 @@
-"""What stands in a cell as capsules in F_b: base, arm, tool and reflectors at each pose."""
+"""Bodies of a cell as capsules in F_b: base, arm, tool and reflectors at each pose."""
 
 from __future__ import annotations
 
@@ -15,21 +15,21 @@ BASE, CARRIAGE, ARM, TOOL = "base", "carriage", "arm", "tool"
 TRACKER, REFLECTOR = "tracker", "reflector"
 
 _THICK = 0.04
-"""Radius of a link of which no shape is known, over the length of the arm."""
+"""Assumed radius of a link without a known shape, as a fraction of the length of the arm [1]."""
 
 SHORT_M = 1e-3
-"""Origins of joint frames nearer than this have nothing between them."""
+"""Distance [m] between origins of joint frames below which no link body is drawn between them."""
 
 
 @dataclass(frozen=True, eq=False)
 class Bodies(Locked):
-    """Capsules of one kind at m poses, c of them.
+    """Capsules of one kind, c of them at m poses.
 
     Attributes:
         part: `BASE`, `CARRIAGE`, `ARM`, `TOOL`, `TRACKER` or `REFLECTOR`.
-        names: Of each, shape (c,).
-        ends: Both ends in F_b [m], shape (m, c, 2, 3); the same for a point.
-        radius: [m], shape (c,).
+        names: Name of each capsule, shape (c,).
+        ends: Both end points in F_b [m], shape (m, c, 2, 3); identical for a point.
+        radius: Radius of each capsule [m], shape (c,).
     """
 
     part: str
@@ -39,7 +39,7 @@ class Bodies(Locked):
 
 
 def links(robot: Robot, here: Configuration) -> tuple[Bodies, Bodies, Bodies]:
-    """Base, carriage and arm of a robot; straight lines where it has no capsules."""
+    """Base, carriage and arm of a robot; straight lines between joints if it has no capsules."""
     known = robot.capsules
     if not len(known):
         return _straight(robot, here)
@@ -59,10 +59,10 @@ def _called(robot: Robot, known: Capsules, which: Bools) -> Strings:
 
 
 def _straight(robot: Robot, here: Configuration) -> tuple[Bodies, Bodies, Bodies]:
-    """Lines between the origins of the joint frames, the first from F_b."""
+    """Straight lines between origins of successive joint frames, the first one from F_b."""
     origin = np.concatenate([here.origin, here.flange_origin[:, None]], axis=1)
     first = np.zeros_like(origin[:, :1])
-    if robot.joints[0].prismatic:  # the carriage comes along its rail, not out of F_b
+    if robot.joints[0].prismatic:  # the carriage moves along its rail; no link joins it to F_b
         first = origin[:, :1]
     lines = np.stack([np.concatenate([first, origin[:, :-1]], axis=1), origin], axis=2)
     length = np.linalg.norm(lines[:, :, 1] - lines[:, :, 0], axis=-1).max(axis=0)
@@ -78,7 +78,7 @@ def _none(part: str, m: int) -> Bodies:
 
 
 def _bed(robot: Robot, here: Configuration, thick: Array) -> Bodies:
-    """The rail over the joint's range where it is known, else over the poses; none without one."""
+    """The rail over the joint's range, or over the poses where a limit is infinite; else empty."""
     if not robot.joints[0].prismatic:
         return _none(BASE, len(here.q))
     q, along = here.q[:, 0], here.axes[0, 0, :, 2]
@@ -92,7 +92,7 @@ def _bed(robot: Robot, here: Configuration, thick: Array) -> Bodies:
 
 
 def effector(here: Configuration, tool: Tool, thick: float) -> Bodies:
-    """From the flange to load point and targets."""
+    """Lines from the flange to the load point and each target."""
     named = {name: at for name, at in tool.named.items() if np.isfinite(at).all()}
     ends = here.points(np.array(list(named.values())))
     start = np.broadcast_to(here.flange_origin[:, None], ends.shape)
@@ -101,7 +101,7 @@ def effector(here: Configuration, tool: Tool, thick: float) -> Bodies:
 
 
 def points(part: str, named: dict[str, Array]) -> Bodies:
-    """Points that stand still."""
+    """Points that are fixed in F_b, such as tracker and reflectors."""
     at = np.array(list(named.values()), dtype=float).reshape(1, -1, 1, 3)
     both = np.repeat(at, 2, axis=2)
     return Bodies(part, np.array(list(named), dtype=object), both, np.zeros(len(named)))

@@ -1,6 +1,6 @@
-"""The one forward model: a cell with effects in it, and what the tracker would read.
+"""The one forward model: a cell with its effects, and what the tracker would read.
 
-Simulator, B of Eq. (19), score tests, extended model and pose design all use this file.
+The simulator, B of Eq. (19), score tests, the extended model and pose design all use this file.
 """
 
 from __future__ import annotations
@@ -40,7 +40,7 @@ class Tool(Locked):
         load_point: Where the chain pulls and weights hang [m], shape (3,).
         targets: Names of the reflectors, shape (t,).
         points: Their coordinates [m], shape (t, 3).
-        six: They were computed from one measured pose, of which `six` tells what is read.
+        six: True if the targets were computed from one measured 6-DOF pose (module `six`).
     """
 
     load_point: Array
@@ -50,18 +50,18 @@ class Tool(Locked):
 
     @classmethod
     def of(cls, points: Mapping[str, Sequence[float]]) -> Tool:
-        """From points by name [m]: load_point, and the reflectors in their order."""
+        """Create a tool from points by name [m]: load_point, and the reflectors in their order."""
         targets = [name for name in points if name != "load_point"]
         at = np.array([points[name] for name in targets])
         return cls(np.array(points["load_point"]), np.array(targets, dtype=object), at)
 
     @property
     def read(self) -> Strings:
-        """What is read of it: its targets, or position and rotation of a pose."""
+        """Names of the observed vectors: targets, or position and rotation of a pose."""
         return np.array(six.ROWS, dtype=object) if self.six else self.targets
 
     def coordinates(self, here: Configuration, moved: Array) -> Array:
-        """What is read of small motions of its targets, (m, t, 3) or (m, t, 3, k) [m], F_b."""
+        """Observed components of small target motions, (m, t, 3[, k]) [m], F_b."""
         if not self.six:
             return moved
         middle = self.points - self.points.mean(axis=0)
@@ -81,10 +81,10 @@ class Cell:
     Attributes:
         robot: Geometry.
         tool: Load point and reflectors.
-        effects: What acts, in any order.
+        effects: Effects with unknown parameters, in any order.
         equilibrium: `undeformed`: geometry of the unloaded pose, c = B x as in the paper.
             `deformed`: the wrench acts on the deflected robot (second order in the load).
-        held: What acts beside them by as much as is known from elsewhere: no unknowns.
+        held: Further effects with known, fixed parameter values; they add no unknowns.
     """
 
     robot: Robot
@@ -95,15 +95,15 @@ class Cell:
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """The unknowns of all effects, in their order."""
+        """Unknown parameters of all effects, in the order of the effects."""
         return tuple(p for effect in self.effects for p in effect.parameters)
 
     def with_effects(self, *more: Effect) -> Cell:
-        """This cell with further effects in it."""
+        """Copy of this cell with further effects appended."""
         return replace(self, effects=self.effects + more)
 
     def split(self, values: Array) -> list[tuple[Effect, Array]]:
-        """Each facet of each effect with its part of the parameter vector."""
+        """Pair each facet of each effect with its parameters, known effects last."""
         values, parts, end = np.asarray(values, float), [], 0
         for effect in self.effects:
             begin, end = end, end + len(effect.parameters)
@@ -113,13 +113,13 @@ class Cell:
 
 @dataclass(frozen=True, eq=False)
 class Prediction(Locked):
-    """What the cell does under the pulls, in F_b as the tracker sees it.
+    """Response of the cell to the pulls, in F_b as observed by the tracker.
 
     Attributes:
         unloaded: Positions of the targets before the pull [m], shape (m, t, 3).
         loaded: Positions under load [m], shape (m, t, 3).
-        displacement: loaded - unloaded [m], free of cancellation, shape (m, t, 3); what is read of
-            it, (m, 2, 3), where the tool's targets are those of one measured pose.
+        displacement: loaded - unloaded [m], computed without cancellation, shape (m, t, 3); for a
+            tool that was measured as one 6-DOF pose its six coordinates, shape (m, 2, 3).
         load_point: Load point under load [m], shape (m, 3).
     """
 
@@ -151,12 +151,12 @@ def baseline(robot: Robot) -> tuple[Elastic, ...]:
 
 
 def paper_cell(robot: Robot, tool: Tool) -> Cell:
-    """The paper's model of a robot: its joint springs and nothing else."""
+    """The paper's model of a robot: joint springs only."""
     return Cell(robot, tool, baseline(robot))
 
 
 def load(cell: Cell, pulls: Pulls, values: Array) -> Loaded:
-    """Compute the kinematics and apply the wrench: geometry first, then the force chain."""
+    """Compute the kinematics and the acting wrench: geometry first, then the force chain."""
     acting = [
         (effect, part)
         for effect, part in cell.split(values)
@@ -168,7 +168,7 @@ def load(cell: Cell, pulls: Pulls, values: Array) -> Loaded:
 
 
 class _Same(tuple[_E, ...]):
-    """Effects that are equal where they are the same objects: what they hold may have no hash."""
+    """Tuple of effects compared by identity, since their contents need not be hashable."""
 
     __slots__ = ()
 
@@ -183,7 +183,7 @@ class _Same(tuple[_E, ...]):
 def _loaded(
     cell_robot: Robot, tool: Tool, pulls: Pulls, effects: _Same[Effect], values: tuple[bytes, ...]
 ) -> Loaded:
-    """`load` by what it depends on: derivatives by all else ask for the same a hundred times."""
+    """Cached `load`, keyed by all it depends on; derivatives repeat it with unchanged arguments."""
     parts = [
         (effect, np.frombuffer(part).copy()) for effect, part in zip(effects, values, strict=True)
     ]
@@ -213,7 +213,7 @@ def _loaded(
 
 
 def _acts_at(configuration: Configuration, pulls: Pulls, load_point: Array) -> Array:
-    """Where each force acts in F_b [m], (m, 3): its own point of the flange, or the load point."""
+    """Point of application of each force in F_b [m], (m, 3): its own flange point or load_point."""
     own = np.isfinite(pulls.acts_at)
     if not own.any():
         return load_point
@@ -231,7 +231,7 @@ def columns(effect: Elastic, loaded: Loaded) -> Array:
 
 
 def _columns(effects: _Same[Elastic], loaded: Loaded) -> tuple[Array, ...]:
-    """`columns` of many elastic effects at once, as numpy likes it."""
+    """`columns` of several elastic effects in one vectorised evaluation."""
     own = [effect.screws(loaded) for effect in effects]
     ends = np.cumsum([twists.shape[1] for twists in own])[:-1]
     twists = np.concatenate(own, axis=1)
@@ -247,16 +247,16 @@ def _columns(effects: _Same[Elastic], loaded: Loaded) -> tuple[Array, ...]:
 
 
 _of_springs, _of_suspects = lru_cache(maxsize=256)(_columns), lru_cache(maxsize=4)(_columns)
-"""`_columns`, kept: they do not depend on the values at which a derivative is asked for."""
+"""Cached `_columns`; they do not depend on the parameter values at which derivatives are taken."""
 
 
 def predict(cell: Cell, pulls: Pulls, values: Array) -> Prediction:
-    """Where the targets are, unloaded and under load.
+    """Predict the positions of the targets, unloaded and under load.
 
     Args:
         cell: The cell.
-        pulls: What was set and read.
-        values: Parameters of all its effects, shape (k,), SI.
+        pulls: Commanded and measured inputs.
+        values: Parameters of all effects, shape (k,), SI.
     """
     loaded = load(cell, pulls, values)
     if cell.equilibrium == "deformed":
@@ -274,7 +274,7 @@ def predict(cell: Cell, pulls: Pulls, values: Array) -> Prediction:
 
 
 def _read(cell: Cell, pulls: Pulls, moved: Array) -> Array:
-    """What is read of motions of the targets at the logged joint values, `Tool.coordinates`."""
+    """Observed components of target motions at the logged joint values, as `Tool.coordinates`."""
     if not cell.tool.six:
         return moved
     return cell.tool.coordinates(configure(cell.robot, pulls.q), moved)
@@ -286,7 +286,7 @@ def _elastic(cell: Cell, values: Array) -> list[tuple[Elastic, Array]]:
 
 @lru_cache(maxsize=256)
 def _with_load_point(loaded: Loaded) -> Loaded:
-    """The load point as the last of the targets."""
+    """Append the load point to the targets."""
     ends = np.concatenate([loaded.points, loaded.load_point[:, None]], axis=1)
     return replace(loaded, points=ends)
 
@@ -305,7 +305,7 @@ def _undeformed(cell: Cell, loaded: Loaded, values: Array) -> tuple[Array, Array
 
 
 def _deformed(cell: Cell, loaded: Loaded, values: Array, rounds: int = 30) -> tuple[Array, Array]:
-    """Equilibrium on the deflected robot, by products of exponentials of the virtual screws."""
+    """Equilibrium of the deflected robot, by products of exponentials of the virtual screws."""
     parts = _elastic(cell, values)
     twists = np.concatenate([effect.screws(loaded) for effect, _ in parts], axis=1)
     order = np.argsort(np.concatenate([effect.carrier for effect, _ in parts]), kind="stable")
@@ -325,7 +325,7 @@ def _deformed(cell: Cell, loaded: Loaded, values: Array, rounds: int = 30) -> tu
             axis=1,
         ).clip(-_FARTHEST, _FARTHEST)
         change = np.max(np.abs(amount - deflection), axis=1, initial=0.0)
-        # a step that is no smaller than the last is rounding, or a load without equilibrium
+        # a step no smaller than the previous one is rounding, or there is no equilibrium
         still |= (change < 1e-15) | (change >= before)
         deflection, before = amount, change
         bent, motion = _chain(twists, deflection, order)
@@ -338,7 +338,7 @@ def _deformed(cell: Cell, loaded: Loaded, values: Array, rounds: int = 30) -> tu
 
 
 def _chain(twists: Array, deflection: Array, order: Ints) -> tuple[Array, Array]:
-    """Each screw after the deflection of all before it, and the motion behind the last."""
+    """Each screw displaced by the deflections of all preceding ones, and the total end motion."""
     motion = np.broadcast_to(np.eye(4), (len(twists), 4, 4))
     bent = np.empty_like(twists)
     steps = _exponential(twists, deflection)
@@ -352,7 +352,7 @@ def _chain(twists: Array, deflection: Array, order: Ints) -> tuple[Array, Array]
 
 
 def _exponential(twists: Array, amount: Array) -> Array:
-    """Rigid motions of screws by amounts, (m, k, 6) and (m, k) -> (m, k, 4, 4)."""
+    """Matrix exponentials of screws times amounts, (m, k, 6) and (m, k) -> (m, k, 4, 4)."""
     S = np.zeros((*amount.shape, 4, 4))
     a, b, c = np.moveaxis(twists[..., :3], -1, 0)
     S[..., 0, 1], S[..., 0, 2], S[..., 1, 2] = -c, b, -a
@@ -366,21 +366,21 @@ def _exponential(twists: Array, amount: Array) -> Array:
 
 
 _FARTHEST = 1.0
-"""No joint or link gives way by more [m] or [rad]. A force that asks for it is in another unit, and
-beyond a radian the equilibrium runs away and the series of `_exponential` is none."""
+"""Bound on the deflection of one virtual joint [m] or [rad]; a force that exceeds it has a wrong
+unit, and beyond a radian the fixed-point iteration and the series of `_exponential` diverge."""
 
 _FEW = 256
-"""Pulls up to which loads and columns are kept, in some 50 MB at most."""
+"""Maximum number of pulls whose loads and columns are cached, about 50 MB in total."""
 
 _BLOCK = 1024
-"""Pulls computed together: their frames stay in the processor's cache."""
+"""Number of pulls computed at a time, so that their frames fit into the processor's cache."""
 
 
 def jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
-    """Derivative of the displacements by the parameters at `values`: B of Eq. (19).
+    """Derivative of the displacements with respect to the parameters at `values`: B of Eq. (19).
 
-    Exact for elastic effects of an undeformed cell, whose displacement is linear in their
-    parameters; central differences, scaled by the typical size, for all others.
+    Exact for elastic effects of an undeformed cell, which are linear in their parameters; central
+    differences with steps scaled by the typical magnitude for all others.
 
     Returns:
         Shape (m, t, 3, k).
@@ -411,16 +411,17 @@ def _jacobian(cell: Cell, pulls: Pulls, values: Array) -> Array:
 
 
 def sensitivity(cell: Cell, pulls: Pulls, values: Array, effects: Sequence[Effect]) -> Array:
-    """Derivative of the displacements by effects that are not in the cell, where they are zero.
+    """Derivative of the displacements with respect to additional effects, at zero magnitude.
 
     Args:
-        cell: The model without them.
-        pulls: What was set and read.
+        cell: The model without these effects.
+        pulls: Commanded and measured inputs.
         values: Parameters of the cell, shape (k,).
-        effects: The effects, with K parameters in all; effects of noise have none that move.
+        effects: The additional effects, with K parameters in total; noise effects have zero
+            columns.
 
     Returns:
-        Shape (m, t, 3, K), zero in the columns of effects that move nothing.
+        Shape (m, t, 3, K), zero in the columns of effects that displace nothing.
     """
     loaded = load(cell, pulls, values)
     linear = _linear(cell, effects, loaded)
@@ -436,7 +437,7 @@ def sensitivity(cell: Cell, pulls: Pulls, values: Array, effects: Sequence[Effec
 
 
 def _linear(cell: Cell, effects: Sequence[Effect], loaded: Loaded) -> dict[int, Array]:
-    """Exact derivatives by the elastic ones among the effects, by index; all at once."""
+    """Exact derivatives for the elastic effects, by index; empty for a deformed cell."""
     if cell.equilibrium != "undeformed":
         return {}
     elastic = {i: effect for i, effect in enumerate(effects) if isinstance(effect, Elastic)}
@@ -448,7 +449,7 @@ def _linear(cell: Cell, effects: Sequence[Effect], loaded: Loaded) -> dict[int, 
 
 
 def _derivative(cell: Cell, effect: Effect, first: int, loaded: Loaded, values: Array) -> Array:
-    """Derivative of the displacements by the parameters of one effect, from `first` on."""
+    """Central differences with respect to the parameters of one effect, from index `first` on."""
     if isinstance(effect, Noise):
         return np.zeros((len(loaded.pulls), len(cell.tool.read), 3, len(effect.parameters)))
     out = []

@@ -1,7 +1,7 @@
-"""The shape of an effect: what can act on a cell, at one of five places, written once.
+"""Definition of an effect: something that acts on a cell at a defined stage of the forward model.
 
-From the one definition come the simulator's data, the columns of B (derivative at the fitted
-baseline), the score that tests for it, the extended model and the smallest size a plan sees.
+One definition yields the simulated data, the columns of B (derivative at the fitted baseline), the
+score test, the extended model and the minimal detectable magnitude of a plan.
 """
 
 from __future__ import annotations
@@ -17,25 +17,26 @@ from pipeline.machine.robot import Configuration, Robot
 from pipeline.machine.robot.letters import Letter, changed
 
 PULLED, HUNG, MOUNTED = 0, 1, 2
-"""What loads the robot: a chain with a scale, a weight at the load point, a payload on the flange;
-codes of `Pulls.by`."""
+"""Codes of `Pulls.by`: load by a chain with a scale, by a weight at the load point, or by a payload
+mounted on the flange."""
 
 
 @dataclass(frozen=True, eq=False)
 class Pulls(Locked):
-    """One row per pull: what was set and read, in F_b, SI. A weight pulls, too.
+    """One row per pull: commanded and measured inputs in F_b, SI. Weights count as pulls.
 
     Attributes:
         pose: Pose number, shape (m,).
         repeat: Pull number within the pose, shape (m,).
         q: Joint values of the controller [m] or [rad], shape (m, n).
-        force: Force on the robot as read, |f| u of Eqs. (10), (11) [N], shape (m, 3).
-        branch: Which way the turnbuckle was last turned, +1 up, -1 down, 0 unknown, (m,).
-        approach: Which way the carriage came along the rail, +1, -1, 0 unknown, (m,).
-        time: Time of the loaded readings after the first reading [s], NaN unknown, (m,).
-        time_zero: Time of the pose's unloaded readings [s], NaN unknown, (m,).
-        by: `PULLED`, `HUNG` or `MOUNTED`, shape (m,); by a chain where nothing is said.
-        acts_at: Where the force acts, flange frame [m]; NaN is the tool's load point, shape (m, 3).
+        force: Measured force on the robot, |f| u of Eqs. (10), (11) [N], shape (m, 3).
+        branch: Direction in which the turnbuckle was last turned, +1 up, -1 down, 0 unknown, (m,).
+        approach: Direction in which the carriage came along the rail, +1, -1, 0 unknown, (m,).
+        time: Time of the loaded readings since the first reading [s], NaN if unknown, (m,).
+        time_zero: Time of the pose's unloaded readings [s], NaN if unknown, (m,).
+        by: `PULLED`, `HUNG` or `MOUNTED`, shape (m,); `PULLED` by default.
+        acts_at: Point of application in the flange frame [m], shape (m, 3); NaN for the tool's load
+            point.
         body: Name of the payload, empty for other loads, shape (m,).
     """
 
@@ -52,7 +53,7 @@ class Pulls(Locked):
     body: Strings = field(default_factory=lambda: np.zeros(0, dtype=object))
 
     def __post_init__(self) -> None:
-        """Pulls of which nothing else is said are those of a chain at the load point."""
+        """Fill in the defaults: pulls by a chain at the load point, without a payload."""
         if len(self.by) != len(self.pose):
             object.__setattr__(self, "by", np.full(len(self.pose), PULLED))
         if len(self.acts_at) != len(self.pose):
@@ -67,12 +68,12 @@ class Pulls(Locked):
 
     @classmethod
     def at(cls, q: Array, force: Array, branch: float = 0.0) -> Pulls:
-        """Loads outside of any campaign: nothing is known of approach and time.
+        """Loads outside of any campaign; approach is unknown and all times are zero.
 
         Args:
             q: Joint values [m] or [rad], shape (m, n) or (n,).
-            force: [N], F_b, shape (m, 3) or (3,).
-            branch: Which way the turnbuckle was turned, 0 unknown.
+            force: Force on the robot [N], F_b, shape (m, 3) or (3,).
+            branch: Direction in which the turnbuckle was turned, 0 unknown.
         """
         q, force = np.atleast_2d(np.asarray(q, float)), np.atleast_2d(np.asarray(force, float))
         m = max(len(q), len(force))
@@ -95,27 +96,27 @@ class Pulls(Locked):
 
     @property
     def range_n(self) -> tuple[float, float]:
-        """The gentlest and the hardest of them [N]."""
+        """Smallest and largest force magnitude [N]."""
         size = np.linalg.norm(self.force, axis=1)
         return float(size.min()), float(size.max())
 
     def part(self, which: slice | Ints) -> Pulls:
-        """Some of the pulls."""
+        """Subset of the pulls."""
         return Pulls(**{one.name: getattr(self, one.name)[which] for one in fields(self)})
 
     def and_then(self, others: Pulls) -> Pulls:
-        """These and others behind them."""
+        """These pulls followed by others."""
         pairs = {f.name: (getattr(self, f.name), getattr(others, f.name)) for f in fields(self)}
         return Pulls(**{name: np.concatenate(pair) for name, pair in pairs.items()})
 
     def under(self, forces: Array) -> Pulls:
         """The same pulls under n sets of forces, one set after the other.
 
-        Poses are numbered on from set to set: what remembers the pulls of a pose, as hysteresis
-        does, remembers none of another set.
+        Pose numbers are shifted from set to set, so that effects with memory within a pose, such as
+        hysteresis, do not carry over from one set to the next.
 
         Args:
-            forces: [N], F_b, shape (n, m, 3).
+            forces: Forces on the robot [N], F_b, shape (n, m, 3).
         """
         n = len(forces)
         tiled = {one.name: np.concatenate([getattr(self, one.name)] * n) for one in fields(self)}
@@ -124,10 +125,10 @@ class Pulls(Locked):
 
 
 def branches(steps: Array) -> Array:
-    """Which way the turnbuckle is last turned before each step: +1 tightened, -1 slackened.
+    """Sense in which the turnbuckle is last turned before each step: +1 tightened, -1 slackened.
 
     Args:
-        steps: Load steps [N]; negative where it is slackened to the first step from above.
+        steps: Load steps [N]; negative if the first step is reached from above by slackening.
     """
     out = np.sign(steps)
     for k in range(1, len(steps)):
@@ -141,10 +142,10 @@ class Loaded(Locked):
     """A robot with its kinematics computed and its wrench applied, in F_b.
 
     Attributes:
-        pulls: What was set and read.
+        pulls: Commanded and measured inputs.
         configuration: Frames of the unloaded robot.
-        load_point: Where the force acts [m], shape (m, 3).
-        force: The force that acts [N], shape (m, 3).
+        load_point: Point at which the force acts [m], shape (m, 3).
+        force: Acting force [N], shape (m, 3).
         points: Unloaded positions of the targets [m], shape (m, t, 3).
         targets: Names of the targets, shape (t,).
     """
@@ -158,15 +159,15 @@ class Loaded(Locked):
 
 
 _OWNED = ("payload_mass", "payload_center")
-"""Causes of a thing and not at a place."""
+"""Names of effects that belong to a thing, such as a payload, rather than to a place."""
 
 
 _WHOLE = ("rail", "scale", "tracker")
-"""Where a law that nobody listed sits, if not in a joint."""
+"""Places other than joints at which an unlisted law can sit."""
 
 
 def in_place(where: int | str | None, name: str = "", axis: str | None = None) -> str:
-    """` in joint 3 (A2)`, ` in the forearm`, ` at P2`, ` of ballast`, or nothing."""
+    """Place in words: ` in joint 3 (A2)`, ` in the forearm`, ` at P2`, ` of ballast`, or empty."""
     if where is None:
         return ""
     if isinstance(where, int):
@@ -178,31 +179,31 @@ def in_place(where: int | str | None, name: str = "", axis: str | None = None) -
 
 @dataclass(frozen=True, kw_only=True)
 class Effect:
-    """What every effect states of itself.
+    """Attributes common to all effects.
 
-    One cause may be in the catalogue in several mathematical forms (a dead zone, a rounded
-    step): they share name and place, and the diagnosis names the cause, not the form.
+    A cause may be in the catalogue in several mathematical forms (a dead zone, a rounded step):
+    they share name and place, and the diagnosis names the cause, not the form.
 
     Attributes:
-        name: A word of the list of causes, `rail_roll`.
-        where: Joint number, `upper_arm`, `forearm`, or None where it can act in one place only.
-        noun: What an engineer calls it, as a noun, so that it fits into any sentence.
-        place: Where in the cell it acts: rail, joint, link, tool, shoulder, wrist, force, metrology
-            or noise.
-        parameters: Its unknowns; zero of all of them means that the effect is absent.
-        signature: What an engineer sees when it is there, and what separates it from similar ones.
-        needs: The measurement or sensor that would settle it.
-        source: Where formula and typical size come from.
-        form: Which of several mathematical forms of this cause it is; empty for the only one.
-        tolerance: How far the true law may lie from the formula, as a fraction of what it moves.
-        element: What of the machine the law is of: effects of one element at one place are laws of
-            one thing. Empty where it is alone.
-        shows_unloaded: It moves the unloaded reflectors by far more than it changes displacements.
-        of: Kinds of load that it takes part in; with no load of these it can act on nothing.
-        odds: How likely it is before the data speak, over any other cause [1].
-        size: Its expected size over the typical one of its parameters [1].
-        axis: Axis of the controller that moves the joint of `where`, if one does.
-        law: What it is of, where nobody listed it.
+        name: Identifier of the cause, such as `rail_roll`.
+        where: Joint number, `upper_arm`, `forearm`, ..., or None if only one place is possible.
+        noun: Engineering term for it, as a noun that fits into any sentence.
+        place: Part of the cell it acts on: rail, joint, link, tool, shoulder, wrist, force,
+            metrology or noise.
+        parameters: Its unknowns; the effect is absent if all are zero.
+        signature: Observable behaviour, and what separates it from similar effects.
+        needs: Measurement or sensor that would settle it.
+        source: Source of the formula and of the typical magnitude.
+        form: Mathematical form of the cause; empty if there is only one.
+        tolerance: Model error of the formula, as a fraction of the displacement it causes.
+        element: Machine element that the law describes: effects of one element at one place are
+            alternative laws of the same thing. Empty if there are no others.
+        shows_unloaded: It moves the unloaded reflectors far more than it changes displacements.
+        of: Kinds of load on which it acts; without such a load it has no influence.
+        odds: Prior odds relative to any other cause [1].
+        size: Expected magnitude relative to the typical one of its parameters [1].
+        axis: Name of the controller axis that moves the joint `where`, if there is one.
+        law: The law of an unlisted effect; None for effects of the catalogue.
     """
 
     name: str
@@ -224,27 +225,27 @@ class Effect:
     law: Law | None = None
 
     def everywhere(self, robot: Robot) -> tuple[Effect, ...]:
-        """An entry of the catalogue: the effect, the same on any robot."""
+        """Catalogue entry of an effect that is the same on any robot."""
         return (self,)
 
     @property
     def facets(self) -> tuple[Effect, ...]:
-        """The places of the cell where it acts, all with the same parameters."""
+        """Its effects on the individual stages of the model, all with the same parameters."""
         return (self,)
 
     @property
     def label(self) -> str:
-        """`rail_roll`, or `joint_tilt:2` where it has a place."""
+        """`rail_roll`, or `joint_tilt:2` if it has several possible places."""
         return self.name if self.where is None else f"{self.name}:{self.where}"
 
     @property
     def called(self) -> str:
-        """`tilt of the bearing in joint 2 (A1)`: in words, as it stands in any sentence."""
+        """Description in words for use in a sentence: `tilt of the bearing in joint 2 (A1)`."""
         return self.noun + in_place(self.where, self.name, self.axis)
 
     @property
     def location(self) -> str:
-        """Where in the cell it sits: `rail`, `joint 3`, `upper_arm`, `force`, `metrology` ..."""
+        """Part of the cell: `rail`, `joint 3`, `upper_arm`, `force`, `metrology` ..."""
         if self.where is None or self.place == "metrology" or self.where in _WHOLE:
             return self.place
         return f"joint {self.where}" if self.place == "joint" else str(self.where)
@@ -256,34 +257,34 @@ def linear(loaded: Loaded, tau: Array) -> Array:
 
 
 def same_element(one: Effect, other: Effect) -> bool:
-    """True when both are laws of one thing of the machine, such as how one gear turns."""
+    """True if both are laws of the same machine element, such as the torsion of one gear."""
     return bool(one.element) and (one.element, one.where) == (other.element, other.where)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Elastic(Effect):
-    """Virtual joints that yield under load: parameter k moves virtual joint k.
+    """Virtual joints that deflect under load; parameter k is the compliance of virtual joint k.
 
     The deflection of virtual joint v is its parameter times `response(loaded, tau)[:, v]`, where
-    tau is the torque (force) that the pull exerts about (along) each of them.
+    tau is the torque (force) that the pull exerts about (along) each virtual joint.
 
     Attributes:
-        carrier: The joint 0..n that carries each virtual joint (0 is the rail's bed);
-            virtual joints of one carrier come after its own motion.
-        twists: loaded -> unit screws of the virtual joints in F_b, shape (m, v, 6); None where
-            each turns or slides as the joint that carries it.
-        response: loaded, tau (m, v) -> deflection per unit parameter, shape (m, v); that of a
-            linear spring where nothing else is said.
-        shared: Parameter of each virtual joint where several have one; empty for one each.
-        under_weight: tau (m, v) -> the same under whatever torque they bear, weight and pull alike;
-            None where that is `response`.
-        bears: The joint from which on the arm's own weight loads them; that which carries each
-            where 0.
-        between: Of each body from the carrier to before that joint, the part of its weight that
-            loads them as if it hung where that joint sits [1].
-        side: Of a law that is another one each way of the torque: loaded, tau (m, 1) -> 1 where its
-            one parameter adds to the compliance of the joint that carries it, -1 where it takes
-            from it, shape (m, 1); None where the joint has one compliance.
+        carrier: Joint 0..n that carries each virtual joint (0 is the bed of the rail); virtual
+            joints of one carrier come after its own motion.
+        twists: loaded -> unit screws of the virtual joints in F_b, shape (m, v, 6); None if each
+            has the screw of the joint that carries it.
+        response: loaded, tau (m, v) -> deflection per unit parameter, shape (m, v); by default that
+            of a linear spring.
+        shared: Parameter index of each virtual joint if several share one; empty for one each.
+        under_weight: tau (m, v) -> the same as a function of the total torque, weight and pull
+            together; None if that is `response`.
+        bears: Joint from which on the arm's own weight loads the virtual joints; 0 for the joint
+            that carries each.
+        between: For each body from the carrier up to before that joint, the fraction of its weight
+            that loads them as if it were suspended at that joint [1].
+        side: For a compliance that depends on the sign of the torque: loaded, tau (m, 1) -> 1 where
+            its one parameter adds to the compliance of the joint that carries it, -1 where it is
+            subtracted, shape (m, 1); None if the joint has one compliance.
     """
 
     carrier: tuple[int, ...]
@@ -300,7 +301,7 @@ class Elastic(Effect):
         if self.twists is not None:
             return self.twists(loaded)
         at = np.array(self.carrier) - 1
-        neighbours = (np.diff(at) == 1).all()  # a slice of an array is no copy
+        neighbours = (np.diff(at) == 1).all()  # a slice of an array is a view, not a copy
         return loaded.configuration.twists[:, slice(at[0], at[-1] + 1) if neighbours else at]
 
     @property
@@ -311,10 +312,10 @@ class Elastic(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Wrench(Effect):
-    """The force that acts is not the force that was read.
+    """The acting force differs from the measured one.
 
     Attributes:
-        wrench: loaded, values (k,) -> load point (m, 3) [m] and force (m, 3) [N] that act.
+        wrench: loaded, values (k,) -> acting load point (m, 3) [m] and force (m, 3) [N].
     """
 
     wrench: Callable[[Loaded, Array], tuple[Array, Array]]
@@ -322,7 +323,7 @@ class Wrench(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Reflectors(Effect):
-    """What is measured sits elsewhere on the tool than campaign.toml says.
+    """The targets sit elsewhere on the tool than campaign.toml states.
 
     Attributes:
         points: loaded, values (k,) -> unloaded positions of the targets [m], shape (m, t, 3).
@@ -333,10 +334,10 @@ class Reflectors(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Geometry(Effect):
-    """The robot is not where its joint log and table say.
+    """The configuration of the robot differs from its joint log.
 
     Attributes:
-        geometry: robot, pulls, values (k,) -> joint values that are true, shape (m, n).
+        geometry: robot, pulls, values (k,) -> true joint values [m] or [rad], shape (m, n).
     """
 
     geometry: Callable[[Robot, Pulls, Array], Array]
@@ -344,29 +345,29 @@ class Geometry(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Table(Effect):
-    """An entry of the robot's table is not that of the robot.
+    """An entry of the kinematic table deviates from the robot's true value.
 
     Attributes:
-        letter: Which.
-        nominal: What the table has [m] or [rad].
+        letter: The entry.
+        nominal: Its tabulated value [m] or [rad].
     """
 
     letter: Letter
     nominal: float = 0.0
 
     def true(self, robot: Robot, values: Array) -> Robot:
-        """The robot as it is, one value (1,) [m] or [rad] beside its table."""
+        """The true robot: values (1,) [m] or [rad] are added to the nominal entry."""
         return changed(robot, (self.letter,), values)
 
 
 @dataclass(frozen=True, kw_only=True)
 class Observation(Effect):
-    """What is read is not where the point is.
+    """The measured position differs from the position of the point.
 
     Attributes:
-        observe: loaded, points (m, t, 3) in F_b, time (m,) [s], values (k,) -> points as read.
-        instrument: The base reflectors are read in the same way (the tracker moves); False when
-            only the robot is concerned (F_b is not where the base reflectors say).
+        observe: loaded, points (m, t, 3) in F_b, time (m,) [s], values (k,) -> measured points.
+        instrument: True if the base reflectors are affected in the same way (the tracker moves);
+            False if only the robot is (F_b is not where the base reflectors define it).
     """
 
     observe: Callable[[Loaded, Array, Array, Array], Array]
@@ -375,11 +376,11 @@ class Observation(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Noise(Effect):
-    """Readings scatter differently from what is stated.
+    """The scatter of the readings differs from the stated one.
 
     Attributes:
-        source_scaled: The sources of error (`tracker`, `force_reading`) whose standard
-            uncertainty is multiplied by 1 + value.
+        source_scaled: Sources of error (`tracker`, `force_reading`) whose standard uncertainty is
+            multiplied by 1 + value.
     """
 
     source_scaled: tuple[str, ...]
@@ -387,15 +388,15 @@ class Noise(Effect):
 
 @dataclass(frozen=True, kw_only=True)
 class Compound(Effect):
-    """One cause that acts in several places of the cell at once.
+    """One cause that acts at several stages of the model at once.
 
     Attributes:
-        acts: Its facets; each gets all the parameters.
+        acts: Its facets; each takes all the parameters.
     """
 
     acts: tuple[Effect, ...]
 
     @property
     def facets(self) -> tuple[Effect, ...]:
-        """The places of the cell where it acts, all with the same parameters."""
+        """Its effects on the individual stages of the model, all with the same parameters."""
         return self.acts

@@ -1,7 +1,7 @@
-"""What a laser tracker's reading is worth: its 3x3 covariance, beam frame included.
+"""Uncertainty of a laser tracker's reading: its 3x3 covariance from the beam frame.
 
-Six numbers per reading, in the order of `covariance.PAIRS`, [m^2]. Of trackers whose data sheets
-are known, `instruments.toml` has the printed figures.
+Six numbers per reading, in the order of `covariance.PAIRS`, [m^2]. `instruments.toml` has the
+printed figures of trackers whose data sheets are known.
 """
 
 from __future__ import annotations
@@ -22,7 +22,7 @@ from pipeline.base.strict import Scatter, Strict, Uncertainty
 
 
 class InstrumentNoise(Strict):
-    """Standard uncertainty of one reading in the beam's frame, constant and per metre of range."""
+    """Standard uncertainty of one reading in the beam frame, constant and per metre of range."""
 
     range_m: Scatter
     range_per_m: Uncertainty = 0.0
@@ -31,27 +31,27 @@ class InstrumentNoise(Strict):
 
 
 _WORTH = {"mpe": 1 / np.sqrt(3), "two_sigma": 0.5}
-"""Standard uncertainty over the printed figure [1]: of a bound beyond which no error is, a
-rectangular distribution (GUM, JCGM 100:2008, 4.3.7); of two standard deviations, a half."""
+"""Standard uncertainty over the printed figure [1]: for a maximum permissible error that of a
+rectangular distribution (GUM, JCGM 100:2008, 4.3.7); for two standard deviations, a half."""
 
 _MICRON = 1e-6
-"""[m]."""
+"""Micrometre [m]."""
 
 _MAKERS = r"leica|hexagon|faro|api|absolute|laser|tracker(?!3)|geosystems|metrology"
-"""Words of a name that say nothing of the type."""
+"""Words in a name that do not identify the type."""
 
 _NEAR = 3
-"""Names that are offered in place of one that is in no list."""
+"""Maximum number of similar names suggested for an unknown type."""
 
 
 class Sheet(Strict):
     """A data sheet.
 
     Attributes:
-        names: Types of instrument that it holds for.
-        figure: What its figures are: maximum permissible errors, or two standard deviations.
-        along: Printed bound along the beam [um], and per metre of distance [um/m].
-        across: The same across it.
+        names: Types of instrument to which it applies.
+        figure: Meaning of its figures: maximum permissible errors, or two standard deviations.
+        along: Printed figure along the beam [um], and per metre of distance [um/m].
+        across: The same across the beam.
         source: Its title and year, and the figures as printed.
     """
 
@@ -63,11 +63,11 @@ class Sheet(Strict):
 
     @property
     def noise(self) -> InstrumentNoise:
-        """Standard uncertainties of a reading that follow from it [m]."""
+        """Resulting standard uncertainties of a reading [m], and per metre of range."""
         worth = _MICRON * _WORTH[self.figure]
         (range_m, range_per_m), (transverse_m, transverse_per_m) = self.along, self.across
         return InstrumentNoise(
-            range_m=worth * range_m,
+            range_m=worth * range_m or _LEAST_M,
             range_per_m=worth * range_per_m,
             transverse_m=worth * transverse_m or _LEAST_M,
             transverse_per_m=worth * transverse_per_m,
@@ -80,39 +80,39 @@ _LEAST_M = 1e-6
 
 @cache
 def sheets() -> tuple[Sheet, ...]:
-    """The data sheets that are known."""
+    """All known data sheets."""
     text = (resources.files(__package__) / "instruments.toml").read_text("utf-8")
     return tuple(Sheet.model_validate(one) for one in tomllib.loads(text)["sheet"])
 
 
 def sheet(model: str) -> Sheet | None:
-    """The data sheet of a type of instrument, however its name is written; None if unknown."""
+    """Data sheet of a type of instrument, regardless of spelling; None if unknown."""
     mine = _type(model)
     return next((one for one in sheets() if mine in map(_type, one.names)), None)
 
 
 def near(model: str) -> list[str]:
-    """Names in the list that are like one that is not."""
+    """Known names that are similar to an unknown one."""
     names = {_type(name): name for one in sheets() for name in one.names}
     return [names[one] for one in get_close_matches(_type(model), names, _NEAR, 0.5)]
 
 
 def _type(name: str) -> str:
-    """Letters and digits of a type, its maker apart."""
+    """Letters and digits of a type, without its maker."""
     return re.sub(r"[^a-z0-9]", "", re.sub(_MAKERS, "", name.lower()))
 
 
 PAPER_SIGMA_M = 3e-5
-"""Eq. (18): the radius is N(0, 0.03 mm)."""
+"""Standard deviation of the radius in Eq. (18) [m]: N(0, 0.03 mm)."""
 
 PAPER_SHARE = np.array([0.25, 0.0, 0.0, 0.25, 0.0, 0.5])
-"""Eq. (18): theta uniform on [0, pi/2], phi uniform give E[u u'] = diag(1/4, 1/4, 1/2)."""
+"""Eq. (18): theta uniform on [0, pi/2] and phi uniform give E[u u'] = diag(1/4, 1/4, 1/2)."""
 
 ISOTROPIC = np.array([1.0, 0.0, 0.0, 1.0, 0.0, 1.0])
 
 
 def beam_covariance(position: Array, noise: InstrumentNoise) -> Array:
-    """Covariance from the instrument's specification, in the frame of the reading.
+    """Covariance of readings from the instrument's specification, in the frame of the readings.
 
     sigma = constant + part * range, added linearly: data sheets state "15 um + 6 um/m", one bound
     that grows with the range, and not two independent contributions. With d along the beam,
@@ -123,7 +123,8 @@ def beam_covariance(position: Array, noise: InstrumentNoise) -> Array:
         noise: Range and transverse parts.
 
     Returns:
-        Shape (n, 6). A reading at the origin has no beam and gets the larger part all round.
+        Shape (n, 6) [m^2]. A reading at the origin has no beam direction and gets the larger of the
+        two parts in all directions.
     """
     reach = np.linalg.norm(position, axis=1)
     along = (noise.range_m + noise.range_per_m * reach) ** 2
@@ -138,38 +139,36 @@ def beam_covariance(position: Array, noise: InstrumentNoise) -> Array:
 
 
 _BEAM = 0.05
-"""Part of three variances that the digits of a file may move [1]: one of 5 um to 0.1 um."""
+"""Relative misfit of three variances that rounding in a file may cause [1]: 5 um to 0.1 um."""
 
 
 def correlated(position: Array, variance: Array) -> Array | None:
-    """Covariances whose variances along the axes are stated and whose correlations are not.
+    """Covariances of readings whose axis variances are stated but whose correlations are not.
 
-    C = b I + (a - b) d d' has v_i = b + (a - b) d_i^2, least squares of each reading: a and b along
-    the beam and across it, whose correlations a tracker's software leaves out where it states
-    three standard uncertainties.
+    C = b I + (a - b) d d' has v_i = b + (a - b) d_i^2, where a and b are the variances along the
+    beam and across it, fitted to each reading by least squares: software of trackers leaves out the
+    correlations where it states three standard uncertainties.
 
     Args:
         position: Readings in a frame whose origin is the instrument [m], shape (n, 3).
-        variance: Along its axes [m^2], shape (n, 3).
+        variance: Variances along its axes [m^2], shape (n, 3).
 
     Returns:
-        Shape (n, 6), uncorrelated where a reading has no beam; None where the variances are those
-        of no beam, or alike along all axes.
+        Shape (n, 6) [m^2], uncorrelated for readings that do not fit; None if most variances do not
+        fit a beam, or are alike along all axes.
     """
     reach = np.linalg.norm(position, axis=1, keepdims=True)
     away = (position / np.where(reach > 0, reach, 1.0)) ** 2 - (reach > 0) / 3
     mean = variance.mean(axis=1, keepdims=True)
     lever = np.sum(away**2, axis=1, keepdims=True)
     slope = np.sum(away * variance, axis=1, keepdims=True) / np.where(lever > 0, lever, 1.0)
-    left = np.linalg.norm(variance - mean - slope * away, axis=1) / mean[:, 0]
-    if (
-        not len(mean)
-        or np.median(left) > _BEAM
-        or np.median(np.ptp(variance, axis=1) / mean[:, 0]) < _BEAM
-    ):
+    left = np.linalg.norm(variance - mean - slope * away, axis=1)
+    apart, told = np.ptp(variance, axis=1), mean[:, 0] > 0
+    part = np.column_stack([left, apart])[told] / mean[told]
+    if not told.any() or np.median(part[:, 0]) > _BEAM or np.median(part[:, 1]) < _BEAM:
         return None
     d, b = position / np.where(reach > 0, reach, 1.0), mean - slope / 3
-    sound = (left <= _BEAM) & (np.minimum(b, b + slope)[:, 0] > 0)
+    sound = (left <= _BEAM * mean[:, 0]) & (np.minimum(b, b + slope)[:, 0] > 0)
     cross = np.where(sound, slope[:, 0], 0.0)
     return np.column_stack(
         [

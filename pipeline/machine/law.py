@@ -1,4 +1,4 @@
-"""What a law that nobody listed is of, in words and numbers that a file can hold."""
+"""An unlisted law: its place, variable and shape, in words and numbers that a file can hold."""
 
 from __future__ import annotations
 
@@ -16,20 +16,20 @@ class Law:
     """One law of one place, without its amplitudes.
 
     Attributes:
-        where: The place: joint number from 1, `rail`, `scale` or `tracker`.
-        part: What of that place follows the law: `spring`, `friction`, `roll`, ...
+        where: Its place: joint number from 1, `rail`, `scale` or `tracker`.
+        part: Part of that place that follows the law: `spring`, `friction`, `roll`, ...
         kind: `periodic`, `smooth`, `step` or `coupling`.
-        variable: What it is of: angle [rad], torque [N m], position [m] along the rail, direction
-            of the force [1], time [s], force [N].
+        variable: Independent variable: angle [rad], torque [N m], position [m] along the rail,
+            direction of the force [1], time [s], force [N].
         source: Joint whose angle, torque or position that is, from 1; 0 for all else.
-        order: Periods per turn, or per metre; power of a smooth law; of a step
-            0 where it is there beyond its place, 1 where it is there up to it.
-        low: Smallest value of the variable where it was taught.
-        high: The largest.
-        at: Where a step or a knee sits, in the unit of the variable.
-        beyond: It stands for what the law may be outside of where it was taught.
-        more: A further shape of the same part and variable, with amplitudes of its own behind those
-            of this one, as the second harmonic of a wave is; None where there is none.
+        order: Periods per turn, or per metre; power of a smooth law; of a step 0 if it acts above
+            `at`, 1 if it acts below.
+        low: Smallest value of the variable in the data.
+        high: Largest value of the variable in the data.
+        at: Position of a step or a knee, in the unit of the variable.
+        beyond: It represents the law outside the range of the data.
+        more: A further shape of the same part and variable, such as the second harmonic of a wave;
+            its amplitudes follow those of this one. None if there is none.
     """
 
     where: int | str
@@ -46,38 +46,38 @@ class Law:
 
     @property
     def form(self) -> str:
-        """The law as a word for a file; `parse` reads it."""
+        """The law as text for a file; `parse` reads it."""
         what = f"{self.part} {self.kind} {self.variable} {self.source}"
         own = f"{what} {self.order} {self.low} {self.high} {self.at} {self.beyond}"
         return own if self.more is None else f"{own}{_AND}{self.more.form}"
 
     @property
     def shapes(self) -> tuple[Law, ...]:
-        """Each of its shapes as a law by itself."""
+        """Each of its shapes as a separate law."""
         if self.more is None:
             return (self,)
         return (replace(self, more=None), *self.more.shapes)
 
     @property
     def of(self) -> tuple[object, ...]:
-        """What it is a law of: place, part, variable and whose that is."""
+        """Key of what the law describes: place, part, variable and source joint."""
         return self.where, self.part, self.variable, self.source
 
     def extends(self, other: Law) -> bool:
-        """Whether it is another law with a further shape."""
+        """Whether it is the other law plus one further shape."""
         return self.more is not None and self.shapes[:-1] == other.shapes
 
     @property
     def family(self) -> tuple[object, ...]:
-        """Laws of one family differ in their order, or in where they step."""
+        """Key of its family, whose laws differ only in order or in the position of a step."""
         return self.where, self.part, self.kind, self.variable, self.source
 
 
 def parse(where: str, form: str) -> Law:
-    """A law from the place of its label and its form.
+    """Create a law from the place of its label and its form.
 
     Raises:
-        ValueError: It is none.
+        ValueError: The form does not describe a law.
     """
     own, _, more = form.partition(_AND)
     part, kind, variable, source, order, low, high, at, beyond = own.split()

@@ -1,4 +1,4 @@
-"""What a pose must leave free: beams, chain, the arm itself and the floor."""
+"""Clearance conditions of a pose: beams, chain, self-collision and floor."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ from pipeline.machine.segments import closest, length, nearest
 from pipeline.machine.surroundings import Surrounded
 
 _SEAT_M = 0.01905
-"""The centre of a reflector of 1.5 inch is so far [m] from what it is mounted on: nearer to a hull
-of the flange it sits on it."""
+"""Height of the centre of a 1.5 inch reflector above its mounting surface [m]: a point no further
+than this from a hull of the flange is mounted on it."""
 _STILL = 1e-9
-"""What a joint lifts by less, per metre or radian [m], it does not lift."""
+"""Rate of lift per metre or radian [m] below which a joint does not lift a body."""
 _AXIS_M = 1e-6
-"""A point nearer to the line of a capsule [m] has no side that is outward."""
+"""Distance from the axis of a capsule below which a point has no outward direction [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Cone(Locked):
-    """From where a point of the effector can be reached.
+    """Directions from which a point of the effector can be reached.
 
     Attributes:
-        rule: What is kept, in words.
+        rule: The condition, in words.
         point: 0 for the load point, whose line is the chain; k for the k-th reflector.
         axis: Unit vector, flange frame, shape (3,).
-        half_angle: [rad].
+        half_angle: Half angle of the cone [rad].
     """
 
     rule: str
@@ -44,19 +44,18 @@ class _Cone(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Room(Locked):
-    """What a pose must leave free.
+    """Clearance conditions of a pose.
 
     Attributes:
-        joints: Number of joints; what the last one carries are flange and effector.
-        lower: Joint limits [m] or [rad] within what cables and hoses allow, shape (n,).
-        upper: The same, shape (n,).
-        tracker: Where beams come from in F_b [m], shape (3,), None where nobody says.
-        floor: Height of the floor in F_b [m], None where nobody says.
-        cones: From where reflectors and load point can be reached.
+        joints: Number of joints; the last one carries flange and effector.
+        lower: Lower joint limits [m] or [rad], reduced by cables and hoses, shape (n,).
+        upper: Upper limits, likewise, shape (n,).
+        tracker: Origin of the beams in F_b [m], shape (3,), None if not given.
+        floor: Height of the floor in F_b [m], None if not given.
+        cones: Directions from which reflectors and load point can be reached.
         bodies: Capsules of robot and effector.
-        pairs: Capsules that may not touch each other, the shorter one first, shape (2, p).
-        crossed: Which capsules the line of each point may not cross, points as of `_Cone`,
-            shape (1 + t, c).
+        pairs: Capsules that must not touch each other, the shorter one first, shape (2, p).
+        crossed: Capsules that the line of each point (as in `_Cone`) must not cross, (1 + t, c).
         lifted: Capsules that some joint lifts, shape (c,): the others stand on the floor.
     """
 
@@ -77,7 +76,7 @@ class Room(Locked):
     lifted: Bools
 
     def only(self, rule: str) -> Room:
-        """The room that asks for one rule alone."""
+        """The room with one rule alone."""
         none = np.zeros((2, 0), dtype=np.int64)
         return replace(
             self,
@@ -89,7 +88,7 @@ class Room(Locked):
 
     @property
     def rules(self) -> tuple[str, ...]:
-        """What is kept, in words."""
+        """The conditions, in words."""
         ground = [self.FLOOR] * (self.floor is not None)
         itself = [self.ITSELF] * bool(self.pairs.size)
         every = [
@@ -101,7 +100,7 @@ class Room(Locked):
         return tuple(dict.fromkeys(every))
 
     def kept(self, robot: Robot) -> tuple[str, ...]:
-        """All that poses of this room keep, in words, cables included."""
+        """All conditions in words, including joint limits reduced by cables."""
         turned = [
             f"{joint.name} within {np.rad2deg(low):g} to {np.rad2deg(high):g} deg"
             for joint, low, high in zip(robot.joints, self.lower, self.upper, strict=True)
@@ -111,24 +110,25 @@ class Room(Locked):
 
 
 def _line(point: int) -> str:
-    """The rule that keeps a line free: the chain, or a beam."""
+    """Rule for the line of a point: the chain, or a beam."""
     return Room.BEAM if point else Room.CHAIN
 
 
 def room_of(
     robot: Robot, points: Mapping[str, Array], said: Surrounded, hardest_n: float
 ) -> Room | None:
-    """What the cell of a file leaves free; None where the file has no `[cell]`.
+    """Clearance conditions of the cell in a file; None if the file has no `[cell]`.
 
     Args:
         robot: The robot.
         points: load_point, then the reflectors, flange frame [m].
-        said: What the file says of cell and effector.
-        hardest_n: The hardest pull [N]: a reflector is to be shot unloaded and loaded, and its
-            acceptance is narrower by what that pull turns the beam against the flange.
+        said: Statements of the file about cell and effector.
+        hardest_n: Largest pull [N]: a reflector must be visible unloaded and loaded, so that its
+            acceptance is narrowed by the rotation of the beam relative to the flange under this
+            pull.
 
     Raises:
-        InputError: `[cell]` has a turn of a joint that the robot has not.
+        InputError: `[cell]` limits a joint that the robot does not have.
     """
     if said.cell is None:
         return None
@@ -155,10 +155,11 @@ def room_of(
 
 
 def turns(robot: Robot, said: Surrounded) -> tuple[Array, Array]:
-    """Joint limits [m] or [rad], shape (n,) each, within what cables and hoses allow.
+    """Joint limits [m] or [rad], shape (n,) each, within those of cables and hoses.
 
     Raises:
-        InputError: `[cell] max_turn_deg` has a joint that does not turn, or that is none.
+        InputError: `[cell] max_turn_deg` names a joint that is not revolute or does not exist, or
+            leaves no range.
     """
     lower, upper = robot.lower.copy(), robot.upper.copy()
     names = [joint.name for joint in robot.joints if not joint.prismatic]
@@ -183,7 +184,7 @@ def turns(robot: Robot, said: Surrounded) -> tuple[Array, Array]:
 
 
 def unchecked(robot: Robot, targets: Sequence[str], said: Surrounded) -> tuple[str, ...]:
-    """What nobody gives, and a pose is therefore not checked for, in words."""
+    """Conditions that are not checked for lack of input, in words."""
     if said.cell is None:
         return ("beams, collisions, floor and cables: there is no [cell]",)
     cell, out = said.cell, list[str]()
@@ -207,7 +208,7 @@ def unchecked(robot: Robot, targets: Sequence[str], said: Surrounded) -> tuple[s
 
 
 def accepted(points: Mapping[str, Array], said: Surrounded) -> list[_Cone]:
-    """From where each reflector can be shot, as stated; `points` as of `room_of`."""
+    """Stated acceptance cone of each reflector; `points` as in `room_of`."""
     names = list(points)
     return [
         _Cone(
@@ -223,19 +224,19 @@ def accepted(points: Mapping[str, Array], said: Surrounded) -> list[_Cone]:
 def _turned_by(
     robot: Robot, tool: Array, lower: Array, upper: Array, force_n: float, tracker: Array
 ) -> float:
-    """Largest turn of a beam against the flange between unloaded and loaded [rad].
+    """Largest rotation of a beam relative to the flange between unloaded and loaded [rad].
 
-    By the nominal stiffnesses, |sum_j c_j tau_j omega_j| + |sum_j c_j tau_j J_j| / L, Eqs. (4) to
-    (7): the flange turns, and the reflector moves across its beam of length L. In a thousand poses,
-    each pulled some way.
+    With nominal stiffnesses, |sum_j c_j tau_j omega_j| + |sum_j c_j tau_j J_j| / L, Eqs. (4) to
+    (7): the flange rotates, and the reflector moves across its beam of length L. Evaluated in a
+    thousand random poses with random directions of the pull.
 
     Args:
         robot: The robot.
         tool: Load point, then reflectors, flange frame [m], shape (1 + t, 3).
-        lower: Joint limits [m] or [rad], shape (n,).
-        upper: The same.
-        force_n: On the load point [N].
-        tracker: F_b [m], shape (3,).
+        lower: Lower joint limits [m] or [rad], shape (n,).
+        upper: Upper joint limits, shape (n,).
+        force_n: Magnitude of the pull at the load point [N].
+        tracker: Position in F_b [m], shape (3,).
     """
     rng, at = np.random.default_rng(0), _anywhere(robot, lower, upper, 1000)
     pull = rng.normal(size=(1000, 3))
@@ -249,7 +250,7 @@ def _turned_by(
 
 
 def _anywhere(robot: Robot, lower: Array, upper: Array, count: int) -> Configuration:
-    """Random poses, of a joint without limits within one turn or a metre of its zero."""
+    """Random poses; joints without limits stay within half a turn or a metre of zero."""
     rng = np.random.default_rng(0)
     lower = np.where(np.isfinite(lower), lower, np.where(robot.prismatic, -1.0, -np.pi))
     upper = np.where(np.isfinite(upper), upper, np.where(robot.prismatic, 1.0, np.pi))
@@ -268,10 +269,11 @@ def _effector(robot: Robot, said: Surrounded) -> Capsules:
 
 
 def _reached(robot: Robot, tool: Array, bodies: Capsules, seen: bool) -> tuple[list[_Cone], Bools]:
-    """What the line from each point of the effector may not cross.
+    """Directions and capsules that restrict the line from each point of the effector.
 
-    The capsules of its own link hold a point that sits in or on them. Its line leaves these
-    outwards, into the half space beyond the point: further along it is only farther away.
+    A point that sits in or on capsules of its own link is restricted to leave them outwards, into
+    the half space beyond the point, where the distance only grows. Its line must not cross any of
+    the other capsules.
     """
     cones, crossed = list[_Cone](), np.zeros((len(tool), len(bodies)), dtype=bool)
     flange = robot.flange
@@ -290,10 +292,10 @@ def _reached(robot: Robot, tool: Array, bodies: Capsules, seen: bool) -> tuple[l
 
 
 def _pairs(robot: Robot, bodies: Capsules) -> tuple[Ints, list[tuple[str, str]]]:
-    """Capsules that may not touch, (2, p), and links whose capsules cannot be told to.
+    """Capsules that must not touch, (2, p), and pairs of links that cannot be checked.
 
-    Left out are capsules of one link, those of links that follow each other among the links that
-    have any, and those that touch with every joint at zero, or at the limit next to it.
+    Left out are capsules of the same link, of adjacent links among those that have capsules, and
+    pairs that touch with every joint at zero, or at the limit nearest to it.
     """
     at = configure(robot, np.clip(np.zeros(robot.n), robot.lower, robot.upper)[None])
     order = np.unique(bodies.carrier, return_inverse=True)[1]
@@ -313,7 +315,7 @@ def _pairs(robot: Robot, bodies: Capsules) -> tuple[Ints, list[tuple[str, str]]]
 
 
 def _lifted(robot: Robot, bodies: Capsules) -> Bools:
-    """Capsules whose height some joint changes, looked at in 64 poses, shape (c,)."""
+    """Capsules whose height some joint changes, tested in 64 poses, shape (c,)."""
     at = _anywhere(robot, robot.lower, robot.upper, 64)
     ends = np.moveaxis(at.placed(bodies), (0, 1, 2, 3), (1, 3, 2, 0))  # pose, end, capsule, xyz
     lift = np.abs(velocity(at.twists, ends.reshape(64, -1, 3))[..., 2])

@@ -1,6 +1,6 @@
-"""How near straight lines of finite length come to each other, many pairs at once.
+"""Closest points of line segments, vectorised over many pairs.
 
-Arrays have x, y, z on the first axis and the pairs on the last, where numpy works on long rows.
+Arrays have x, y, z on the first axis and the pairs on the last, so that numpy works on long rows.
 """
 
 from __future__ import annotations
@@ -10,26 +10,27 @@ import numpy as np
 from pipeline.base.arrays import Array
 
 _POINT_M2 = 1e-18
-"""Squared length [m^2] from which a segment is one: a shorter one, of a nanometre, is a point."""
+"""Squared length [m^2] up to which a segment, shorter than a nanometre, is treated as a point."""
 _PARALLEL = 1e-14
-"""Squared sine of the angle below which rounding says where on parallel segments they are near."""
+"""Squared sine of the angle [1] below which segments count as parallel, as rounding would
+dominate."""
 
 
 def closest(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
-    """Shares along the segments ab and cd at which they are closest.
+    """Positions along the segments ab and cd at which they are closest, as fractions.
 
-    Where both shares are free, s = (uv vw - vv uw) / (uu vv - uv^2) with u = b - a, v = d - c and
-    w = a - c; then each is held to its segment and the other one follows (Ericson, Real-Time
+    For unconstrained fractions s = (uv vw - vv uw) / (uu vv - uv^2) with u = b - a, v = d - c and
+    w = a - c; then each is clamped to its segment and the other one follows (Ericson, Real-Time
     Collision Detection, 2005, 5.1.9).
 
     Args:
-        a: Beginnings of the first segments [m], shape (3, k).
-        b: Their ends.
-        c: Beginnings of the second ones.
-        d: Their ends.
+        a: Start points of the first segments [m], shape (3, k).
+        b: Their end points.
+        c: Start points of the second segments.
+        d: Their end points.
 
     Returns:
-        Share along ab and share along cd, 0 to 1, shape (k,) each.
+        Fraction along ab and fraction along cd, 0 to 1, shape (k,) each.
     """
     u, v, w = b - a, d - c, a - c
     uu, vv, uv = dot(u, u), dot(v, v), dot(u, v)
@@ -43,13 +44,13 @@ def closest(a: Array, b: Array, c: Array, d: Array) -> tuple[Array, Array]:
 
 
 def nearest(a: Array, b: Array, p: Array) -> Array:
-    """Share along the segment ab at which it is closest to the point p, all (3, k); shape (k,)."""
+    """Fraction along the segment ab closest to the point p, all (3, k); shape (k,)."""
     u = b - a
     return _held(dot(u, p - a), dot(u, u))
 
 
 def length(v: Array) -> Array:
-    """Of vectors (3, ...), shape (...)."""
+    """Norms of vectors (3, ...), shape (...)."""
     return np.asarray(np.sqrt(dot(v, v)))
 
 
@@ -59,6 +60,6 @@ def dot(a: Array, b: Array) -> Array:
 
 
 def _held(part: Array, whole: Array) -> Array:
-    """Part / whole, 0 to 1; 0 on a segment that is a point."""
+    """Part / whole, clamped to 0 to 1; 0 for a segment that is a point."""
     there = whole > _POINT_M2
     return np.where(there, np.clip(part / np.where(there, whole, 1.0), 0, 1), 0.0)

@@ -1,9 +1,8 @@
-"""Joints that have another compliance each way of the torque, and which one holds where.
+"""Joints whose compliance depends on the sign of the torque, and which value applies where.
 
-Such a joint is written as the mean c of both ways and half of their difference dc, with the law of
-`Elastic.side`. What is stated of it is c + dc where the torque is positive and c - dc where it is
-negative: x' = T x and V' = T V T', T the identity with a 1 or -1 in the row of c and the column of
-dc.
+Such a joint is parametrised by the mean c of both compliances and half of their difference dc, with
+the law of `Elastic.side`. Reported are c + dc for positive and c - dc for negative torque:
+x' = T x and V' = T V T', T the identity with a 1 or -1 in the row of c and the column of dc.
 """
 
 from __future__ import annotations
@@ -22,8 +21,8 @@ def columns(springs: int, effects: Sequence[Effect]) -> dict[int, int]:
     """Column of dc by the index of its joint.
 
     Args:
-        springs: How many parameters stand before those of the effects.
-        effects: In the order of their parameters.
+        springs: Number of parameters before those of the effects.
+        effects: Effects in the order of their parameters.
     """
     out, at = {}, springs
     for effect in effects:
@@ -34,7 +33,7 @@ def columns(springs: int, effects: Sequence[Effect]) -> dict[int, int]:
 
 
 def at_pose(cell: Cell, values: Array, q: Array, force: Array) -> dict[int, float]:
-    """1 or -1 by the index of each such joint: the side that holds at a pose.
+    """Sign of the torque, 1 or -1, at a pose, by the index of each such joint.
 
     Args:
         cell: Joint springs and effects.
@@ -47,7 +46,7 @@ def at_pose(cell: Cell, values: Array, q: Array, force: Array) -> dict[int, floa
 
 
 def along(cell: Cell, values: Array, q: Array, force: Array) -> dict[int, Array]:
-    """The same at many poses (m, n) under forces (m, 3), shape (m,) of each joint."""
+    """The same at many poses (m, n) under forces (m, 3); shape (m,) for each joint."""
     out, loaded = {}, None
     for effect in cell.effects:
         if isinstance(effect, Elastic) and effect.side is not None:
@@ -58,7 +57,7 @@ def along(cell: Cell, values: Array, q: Array, force: Array) -> dict[int, Array]
 
 
 def taken(value: Array, cov: Array, T: Array) -> tuple[Array, Array]:
-    """T x and T V T' of estimates (k,), (k, k) whose variance may be infinite, T (j, k)."""
+    """T x and T V T' of estimates (k,), (k, k) with possibly infinite variances, T (j, k)."""
     lost = np.isinf(np.diag(cov))
     finite = cov.copy()
     finite[lost, lost] = 0.0

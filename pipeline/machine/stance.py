@@ -1,13 +1,13 @@
-"""What absolute positions say of a robot, for pulls of the same robot.
+"""Results of absolute positions of a robot, as prior information for pulls of the same robot.
 
-Of the robot's table, of points of its tool and of what yields under its own weight they know
+For the robot's table, points of its tool and compliances under its own weight, positions give
 
     estimate = truth + e,    e ~ N(0, C),
 
-with the full covariance C of all of these together. Pulls take it as it is: what they know no
-better (table and tool) are errors common to all pulls, and what they know, too (springs, elements),
-are rows beside theirs. Both together are then the least squares of all readings at once, as both
-are linear where the positions ended.
+with the full joint covariance C. Pulls use it in two ways: quantities about which they have no
+better information (table and tool) are errors common to all pulls, and quantities they also
+determine (springs, elements) become additional rows. Together this is the least-squares estimate
+from all readings, as both are linear about the estimate from positions.
 """
 
 from __future__ import annotations
@@ -28,16 +28,19 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.robot.letters import Letter, changed
 
 _KNOWN = 1e-9
-"""Part of the largest variance, each error in its own standard uncertainty, that is rounding."""
+"""Eigenvalues below this fraction of the largest, of the correlation matrix, are treated as zero
+[1]."""
 
 _ROUNDS = 20
-"""Of weighing anew, at most; each but the first changes the factor less than the last."""
+"""Maximum number of reweighting iterations; each after the first changes the factor less than the
+previous one."""
 _LEAST = 0.01
-"""An arm that is a hundred times lighter or heavier than usual is none."""
+"""Lower bound of the common factor of all springs [1]; an arm a hundred times heavier than usual is
+implausible."""
 
 
 class CommonSoftness(NamedTuple):
-    """A factor between springs by pulls and by weight, what it leaves, and of how many."""
+    """Common factor of springs by pulls over those by weight, with chi-square misfit and dof."""
 
     factor: float
     std: float
@@ -46,15 +49,15 @@ class CommonSoftness(NamedTuple):
 
 
 def called_for(elements: Sequence[Elastic], by: Sequence[Effect]) -> tuple[int, ...]:
-    """Which elements are among some effects, of this or of another robot's table."""
+    """Indices of the elements that are among some effects, matched by label and form."""
     keys = {(one.label, one.form) for one in by}
     return tuple(k for k, one in enumerate(elements) if (one.label, one.form) in keys)
 
 
 def laws_of_gears(effects: Sequence[Effect], elements: Sequence[Elastic] = ()) -> set[int]:
-    """Joints with a law in their gear beside the spring, of which weight shows something else.
+    """Joints with a law in their gear besides the spring, whose compliance under weight differs.
 
-    That is none of some elements, which are the same law under weight and pull.
+    Laws among `elements`, which are the same under weight and pull, are excepted.
     """
     told = {(one.label, one.form) for one in elements}
     laws = [one for one in effects if one.element == "gear" and (one.label, one.form) not in told]
@@ -62,33 +65,35 @@ def laws_of_gears(effects: Sequence[Effect], elements: Sequence[Elastic] = ()) -
 
 
 def soften(effects: Sequence[Effect]) -> Bools:
-    """Parameters that are compliances, larger as all springs are under a lighter arm, (e,)."""
+    """Mask of parameters that are compliances and scale with all springs, (e,)."""
     return np.array(["N" in one.unit for e in effects for one in e.parameters], dtype=bool)
 
 
 @dataclass(frozen=True, eq=False)
 class Stance(Locked):
-    """Where a robot stands and what bends it, as its absolute positions have it.
+    """Geometry and compliance of a robot as estimated from absolute positions.
 
     Attributes:
-        robot: With its table corrected.
-        letters: Entries of that table that may be off, k of them.
-        points: Points of the tool that were read [m], flange frame, by name, t of them.
-        compliance: Of each joint [m/N] or [rad/(N m)], shape (n,).
-        told: Joints of which the weight tells the compliance, shape (n,).
-        held: Elements beside the joints of which it tells how they yield.
+        robot: Robot with its table corrected.
+        letters: Uncertain entries of that table, k of them.
+        points: Measured points of the tool [m], flange frame, by name, t of them.
+        compliance: Compliance of each joint [m/N] or [rad/(N m)], shape (n,).
+        told: Joints whose compliance the weight determines, shape (n,).
+        held: Elastic elements besides the joints that the data call for, with estimated parameters.
         yields: Their parameters, one after the other, shape (e,).
         cov: C, of springs, elements, letters of the table and points, (n + e + k + 3 t) squared.
-        unloaded: Joint values of the controller (m, n) -> how far the joints are from them (m, n)
-            and the points from where the corrected table then has them [m], F_b, (m, t, 3); where
-            no pull reads one of the points, all that were read.
-        factor: Variance of the factor by which all springs may be softer under masses lighter by
-            it, which moves nothing; 0 where the robot file states the masses [1].
+        unloaded: Controller joint values (m, n) -> deviation of the joints from them (m, n), and of
+            the points from where the corrected table puts them [m], F_b, (m, t, 3); of all targets
+            if `points` is empty.
+        factor: Variance of the common factor by which all springs may be softer with masses lighter
+            by the same factor, which leaves positions unchanged; 0 if the robot file states the
+            masses [1].
         moments: Mass [kg] and first moment in its frame [kg m] of each link, shape (n, 4).
         gravity: Acceleration in F_b [m/s^2], shape (3,).
-        elements: All that could yield beside the joints; those that are not held are none.
-        reopened: What positions say where some of these, by number, are free; None: they stay none.
-        scaled: Springs over those that the positions alone have.
+        elements: All candidate elastic elements besides the joints; those not in `held` are taken
+            as rigid.
+        reopened: Re-estimate with the candidates of given indices free; None if they stay rigid.
+        scaled: Springs relative to those estimated from positions alone [1].
     """
 
     robot: Robot
@@ -108,7 +113,7 @@ class Stance(Locked):
     scaled: float = 1.0
 
     def holding(self, called: Sequence[Effect]) -> Stance:
-        """The same with elements held that pulls call for, of whatever size readings have them."""
+        """This stance with the elements estimated that pulls call for, whatever their size."""
         more = called_for(self.elements, called)
         if self.reopened is None or all(self.elements[k] in self.held for k in more):
             return self
@@ -116,31 +121,31 @@ class Stance(Locked):
 
     @property
     def springs(self) -> int:
-        """How many of the parameters springs and elements are."""
+        """Number of parameters of springs and elements, n + e."""
         return len(self.compliance) + len(self.yields)
 
     @property
     def effects(self) -> tuple[tuple[Elastic, Array], ...]:
-        """The elements with their values."""
+        """Estimated elements with their values."""
         ends = np.cumsum([len(one.parameters) for one in self.held])[:-1]
         return tuple(zip(self.held, np.split(self.yields, ends), strict=True)) if self.held else ()
 
     @property
     def _soft(self) -> Bools:
-        """Which of springs and elements are compliances, (n + e,)."""
+        """Mask of the compliances among springs and elements, (n + e,)."""
         return np.append(np.ones(len(self.compliance), dtype=bool), soften(self.held))
 
     @property
     def apart(self) -> Array:
-        """Covariance of springs and elements but for that factor, (n + e, n + e)."""
+        """Covariance of springs and elements without the common factor, (n + e, n + e)."""
         both = np.append(self.compliance, self.yields) * self._soft
         return self.cov[: self.springs, : self.springs] - self.factor * np.outer(both, both)
 
     def lighter(self, value: Array, cov: Array, known: Bools) -> float:
-        """The factor that pulls tell; 1 where none has to be told, or no joint tells it.
+        """Common factor estimated from pulls; 1 if it is not needed, or no joint determines it.
 
         Args:
-            value: Compliances c by the pulls alone, shape (n,).
+            value: Compliances c estimated from pulls alone, shape (n,).
             cov: Their covariance V, shape (n, n).
             known: Joints that these determine, shape (n,).
         """
@@ -148,10 +153,10 @@ class Stance(Locked):
         return 1.0 if one is None else one.factor
 
     def common(self, value: Array, cov: Array, known: Bools) -> CommonSoftness | None:
-        """By how much all springs by the pulls are softer; None where no joint tells it.
+        """Common factor by which springs by pulls are softer; None if no joint determines it.
 
-        s for which (c - s c0)' (V + s^2 V0)^-1 (c - s c0) is smallest, V0 as of `apart`. Args as
-        of `lighter`.
+        The s that minimises (c - s c0)' (V + s^2 V0)^-1 (c - s c0), V0 as in `apart`, by iterative
+        reweighting. Args as in `lighter`.
         """
         mine = np.flatnonzero(known & self.told & (self.compliance > 0) & (value > 0))
         if not len(mine):
@@ -167,7 +172,7 @@ class Stance(Locked):
         )
 
     def softer(self, factor: float) -> Stance:
-        """The same of an arm that is lighter by a factor, which the positions cannot tell."""
+        """This stance for an arm lighter by a factor, which positions cannot resolve."""
         scale = np.ones(len(self.cov))
         scale[: self.springs] = np.where(self._soft, factor, 1.0)
         return replace(
@@ -181,7 +186,7 @@ class Stance(Locked):
 
     @cached_property
     def parts(self) -> tuple[Array, Array, Array]:
-        """F, K and W: table and points err by F a, springs and elements by K a + W w.
+        """F, K and W: errors of table and points are F a, those of springs and elements K a + W w.
 
         a and w are independent unit errors; shapes (k + 3 t, r), (n + e, r), (n + e, n + e).
         """
@@ -198,7 +203,7 @@ class Stance(Locked):
 
     @cached_property
     def variants(self) -> tuple[tuple[Robot, dict[str, Array]], ...]:
-        """Robot and points off by each of the errors a, one standard uncertainty."""
+        """Robot and points displaced by each of the errors a, by one standard uncertainty."""
         k = len(self.letters)
         return tuple(
             (changed(self.robot, self.letters, one[:k]), self._moved(one[k:].reshape(-1, 3)))
@@ -209,11 +214,12 @@ class Stance(Locked):
         return {name: at + by for (name, at), by in zip(self.points.items(), off, strict=True)}
 
     def moved(self, q: Array, names: Strings) -> Array:
-        """How far points are from where the corrected table has them [m], F_b, (m, 3).
+        """Deviation of points from where the corrected table puts them [m], F_b, (m, 3).
 
         Args:
             q: Joint values [m] or [rad], shape (m, n).
-            names: Of one point each, shape (m,); one that was not read moves as the others' mean.
+            names: Name of one point each, shape (m,); a point that was not read has the mean
+                deviation of the others.
         """
         off = self.unloaded(q)[1]
         out = off.mean(axis=1)
@@ -222,12 +228,12 @@ class Stance(Locked):
         return np.asarray(out)
 
     def on(self, cell: Cell) -> Cell:
-        """A cell in which the elements act as the weight shows them, and it under pulls."""
+        """The cell with these elements at their estimated values, and the weight moved by pulls."""
         return replace(cell, held=(*self.effects, *self.weighs))
 
     @property
     def weighs(self) -> tuple[tuple[Elastic, Array], ...]:
-        """The weight that turns the joints further where pulls have moved it."""
+        """Effect of the weight that pulls have displaced; empty if link masses are unknown."""
         if not self.moments.any():
             return ()
         return ((under_pulls(self.compliance, self.moments, self.gravity), np.ones(1)),)

@@ -1,4 +1,4 @@
-"""What campaign.toml, a plan and a design problem say of the cell that a pose must fit into."""
+"""Description of the cell in campaign.toml, a plan or a design problem: constraints on poses."""
 
 from __future__ import annotations
 
@@ -14,11 +14,11 @@ from pipeline.base.strict import Length, Misplaced, Name, Positive, Strict
 _Point = tuple[Length, Length, Length]
 
 _NO_DIRECTION = 1e-9
-"""A direction is longer; its length does not count."""
+"""Length below which a vector gives no direction; longer ones are normalised."""
 
 
 class Acceptance(Strict):
-    """From where a reflector can be shot: a cone about a direction, flange frame."""
+    """Acceptance cone of a reflector about a direction, flange frame."""
 
     direction: _Point
     half_angle_deg: Annotated[float, Field(gt=0, le=180)]
@@ -26,20 +26,20 @@ class Acceptance(Strict):
     @field_validator("direction")
     @classmethod
     def points_somewhere(cls, direction: _Point) -> _Point:
-        """Its length does not count, but it has one."""
+        """Reject a zero vector; otherwise its length is irrelevant."""
         if np.linalg.norm(direction) < _NO_DIRECTION:
             raise ValueError("the direction is zero; give the one that the reflector faces")
         return direction
 
 
 class Surroundings(Strict):
-    """`[cell]`: what stands around the robot, F_b; what is not given is not checked.
+    """`[cell]`: surroundings of the robot, F_b; entries that are missing are not checked.
 
     Attributes:
-        tracker_m: Where the tracker's beam comes from [m].
+        tracker_m: Origin of the tracker's beam [m].
         floor_z_m: Height of the floor [m]: arm, effector and reflectors stay above it.
-        max_turn_deg: How far a joint may stand from its zero either way, for cables and hoses
-            that are led along it: never more than the joint's own limits [deg].
+        max_turn_deg: Maximum angle of a joint from its zero in either direction, because of cables
+            and hoses along it; joint limits apply in addition [deg].
     """
 
     tracker_m: _Point | None = None
@@ -60,13 +60,13 @@ class EffectorCapsule(Strict):
 
 
 def _is_table(value: object) -> bool:
-    """Whether it is a table or a list of tables, as no point is."""
+    """Whether it is a table or a list of tables, unlike a point."""
     first = next(iter(value), None) if isinstance(value, list) else value
     return isinstance(first, Mapping)
 
 
 def _nothing(value: object) -> bool:
-    """Said by nobody."""
+    """Whether a value is empty, so that it is not written."""
     return not value
 
 
@@ -74,8 +74,8 @@ class Surrounded(Strict):
     """A file with a tool in a cell.
 
     Attributes:
-        cell: The cell; None where the file has none, and then nothing of it is checked.
-        tool_acceptance: From where each reflector can be shot.
+        cell: The cell; None if the file has none, and then nothing of it is checked.
+        tool_acceptance: Acceptance cone of each reflector, by name.
         tool_capsules: Bodies of the effector.
     """
 
@@ -92,7 +92,7 @@ class Surrounded(Strict):
     @model_validator(mode="before")
     @classmethod
     def points_and_bodies_apart(cls, content: Any) -> Any:
-        """`[tool]` holds points by name; its tables of other kinds stand beside it from here on."""
+        """Separate the points of `[tool]` from its other tables, which become top-level keys."""
         tool = content.get("tool") if isinstance(content, Mapping) else None
         if not isinstance(tool, Mapping):
             return content
@@ -102,7 +102,7 @@ class Surrounded(Strict):
 
     @property
     def around(self) -> dict[str, Any]:
-        """`[cell]` and the tables of `[tool]` that are no points, as another file takes them."""
+        """`[cell]` and the tables of `[tool]` other than points, ready for another file."""
         said = self.model_dump(
             include={"cell", "tool_acceptance", "tool_capsules"}, exclude_none=True
         )
@@ -111,7 +111,7 @@ class Surrounded(Strict):
         return said
 
     def accepts_only(self, targets: list[str]) -> None:
-        """Only reflectors have an acceptance.
+        """Check that only reflectors have an acceptance.
 
         Raises:
             ValueError: Another name has one.
@@ -124,7 +124,7 @@ class Surrounded(Strict):
 
 
 def tooled(points: Mapping[str, Any], said: Surrounded) -> dict[str, Any]:
-    """`[tool]` with its points and what else it holds, and `[cell]`, as a file has them."""
+    """`[tool]` with its points and other tables, and `[cell]`, as written in a file."""
     around = said.around
     inner = {key.removeprefix("tool."): around.pop(key) for key in list(around) if key != "cell"}
     return {"tool": {**points, **inner}, **around}

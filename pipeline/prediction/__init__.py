@@ -1,1 +1,1 @@
-"""What the identified model predicts, and how far to trust it."""
+"""Predictions of the identified model, and their uncertainty."""

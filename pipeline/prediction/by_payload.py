@@ -1,4 +1,4 @@
-"""How well each weight or payload is predicted by springs that only the other loads determine."""
+"""Prediction of each weight or payload by springs estimated from the other loads only."""
 
 from __future__ import annotations
 
@@ -15,15 +15,15 @@ from pipeline.system.system import System
 
 
 def by_payload(settings: Settings, data: Measured, system: System) -> dict[str, float | None]:
-    """Rms [m] over coordinates of the rows of each payload or weight, held out; {} with one load.
+    """Held-out rms error [m] per coordinate for each payload or weight; {} with one load.
 
-    r = c_k - B_k x, x from the rows of all other loads by their own covariance; None where these
-    leave open what moves the rows of k.
+    r = c_k - B_k x, with x estimated from the rows of all other loads with their own covariance;
+    None if these leave a parameter undetermined that moves the rows of k.
 
     Args:
-        settings: The names of the payloads.
+        settings: Settings with the names of the payloads.
         data: The measurements.
-        system: Their linear system, at the model that is asked.
+        system: Their linear system, for the model in question.
     """
     body = np.where(system.rows.pull < 0, PULL, data.body[system.rows.pull])
     bodies = np.unique(body)
@@ -36,7 +36,7 @@ def by_payload(settings: Settings, data: Measured, system: System) -> dict[str, 
 
 
 def _name(settings: Settings, data: Measured, body: int) -> str:
-    """A payload's own, `120 kg` for a weight."""
+    """Name of a payload; `120 kg` for a weight."""
     names = list(settings.payload)
     if body < len(names):
         return names[body]

@@ -1,4 +1,4 @@
-"""The decision rule of ISO 14253-1:2017, 5.2 to 5.4, for a largest admissible value."""
+"""Decision rule of ISO 14253-1:2017, 5.2 to 5.4, for an upper tolerance limit."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ GUARD = 1.65
 
 
 class Decision(StrEnum):
-    """What is decided of a point or of a stretch of a path."""
+    """Decision about a point or a stretch of a path."""
 
     PASS = "pass"
     FAIL = "fail"
@@ -17,11 +17,11 @@ class Decision(StrEnum):
 
 
 def decide(value: float, std: float, most: float) -> Decision:
-    """Accept where d + 1.65 u <= T, reject where d - 1.65 u > T, else undecided.
+    """Accept if d + 1.65 u <= T, reject if d - 1.65 u > T, else undecided.
 
     Args:
         value: d.
-        std: Its standard uncertainty u, in the same unit; infinite where nobody knows it.
+        std: Its standard uncertainty u, in the same unit; infinite if unknown.
         most: T, in the same unit.
     """
     if value + GUARD * std <= most:

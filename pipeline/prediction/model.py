@@ -1,4 +1,4 @@
-"""The identified model as a file for others: load it, predict deflections, correct a path."""
+"""The identified model as an exchangeable file: load it, predict deflections, correct a path."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pipeline.base import linear, toml
 from pipeline.base.arrays import Array, Bools, Locked, Parameter
 from pipeline.base.errors import InputError, first_wrong
 from pipeline.base.files import words
-from pipeline.base.strict import Numbers
+from pipeline.base.strict import STANDARD_GRAVITY, Numbers
 from pipeline.diagnosis.average import average
 from pipeline.machine import sides
 from pipeline.machine.cell import Cell, Prediction, Tool, jacobian, paper_cell
@@ -32,12 +32,12 @@ from pipeline.system.whiten import whitener
 
 @dataclass(frozen=True, eq=False)
 class PointDeflection(Locked):
-    """How points of the tool deflect.
+    """Deflections of points of the tool.
 
     Attributes:
         displacement: Loaded minus unloaded [m], F_b, shape (m, 3).
-        cov: Its covariance [m^2], shape (m, 3, 3); infinite on the diagonal where the campaign did
-            not determine a spring that acts there.
+        cov: Its covariance [m^2], shape (m, 3, 3); infinite on the diagonal where a spring that
+            acts there is not determined.
     """
 
     displacement: Array
@@ -58,10 +58,10 @@ class ModelHypothesis(Locked):
         cell: Robot, tool and effects.
         value: Parameters of the cell, SI, shape (k,).
         cov: Their covariance, shape (k, k); infinite on the diagonal where undetermined.
-        free: Mixes of parameters, of about their typical sizes, that nothing determines, (k, q);
-            each undetermined parameter by itself where not given.
-        within: Variance of each parameter apart from these, (k,); 0 where not given and `cov` is
-            infinite.
+        free: Undetermined directions in parameter space, scaled to typical magnitudes, (k, q); if
+            None, each undetermined parameter by itself.
+        within: Variance of each parameter apart from these directions, (k,); if None, undetermined
+            parameters contribute none.
     """
 
     weight: float
@@ -78,22 +78,25 @@ class ModelHypothesis(Locked):
 
     @property
     def beside_springs(self) -> tuple[Effect, ...]:
-        """The causes that it holds beside the joint springs."""
+        """Its causes, in addition to the joint springs."""
         return tuple(one for one in self.more if one.law is None or not one.law.beyond)
 
     @property
     def more(self) -> tuple[Effect, ...]:
-        """The same, and what laws may be where they were not taught."""
+        """Its causes, and the uncertainty of unlisted laws outside the range of the data."""
         return self.cell.effects[len(paper_cell(self.cell.robot, self.cell.tool).effects) :]
 
     def at(self, points: Array | None = None) -> Cell:
-        """Its cell with points (t, 3) as tool, the force at the first; its load point if None."""
+        """Its cell with points (t, 3) as tool, force at the first; the load point if None."""
         seen = self.cell.tool.load_point[None] if points is None else points
         names = np.array([str(k) for k in range(len(seen))], dtype=object)
         return replace(self.cell, tool=Tool(seen[0], names, seen))
 
     def moved(self, cell: Cell, pulls: Pulls) -> PointDeflection:
-        """Every target of its cell, or of one with another tool, under every pull, m t of them."""
+        """Deflection of every target of a cell under every pull, m t of them.
+
+        The cell has the hypothesis's parameters, but may have another tool.
+        """
         displacement = forward(cell, pulls, self.value).displacement.reshape(-1, 3)
         A = jacobian(replace(cell, equilibrium="undeformed"), pulls, self.value)
         return PointDeflection(displacement, self.through(A.reshape(-1, 3, len(self.value))))
@@ -101,8 +104,9 @@ class ModelHypothesis(Locked):
     def through(self, A: Array) -> Array:
         """Covariance A C A' of displacements A x [m], A (m, j, k), shape (m, j, j).
 
-        What is determined of the parameters carries over even where they are not: variances are
-        infinite only where `free` moves a displacement by more than `NOTHING_M`.
+        Determined combinations of parameters contribute even if the parameters themselves are not
+        determined: variances are infinite only where `free` moves a displacement by more than
+        `NOTHING_M`.
         """
         known = np.isfinite(self.std)
         cov = self.cov.copy()
@@ -122,25 +126,25 @@ class ModelHypothesis(Locked):
 
 @dataclass(frozen=True, eq=False)
 class IdentifiedModel(Locked):
-    """An identified robot: what acts in the machine, with values and covariance.
+    """An identified robot: effects in the machine, with values and covariance.
 
-    Where it is uncertain which causes are true, every prediction is the average over the
-    hypotheses by their weights, and what they differ by is in its covariance.
+    If it is uncertain which causes are true, every prediction is the average over the hypotheses by
+    their weights, and their spread is part of its covariance.
 
-    What belongs to the measurement alone (scale, tracker, noise) is no part of it; having been
-    estimated beside the springs, it stays in their covariance.
+    Effects of the measurement alone (scale, tracker, noise) are not part of it; having been
+    estimated together with the springs, they contribute to their covariance.
 
     Attributes:
-        campaign: The campaign it comes from.
-        verdict: That of the diagnosis, as in result.json.
-        recommended: Why these values: model, data and reason, as in result.json.
-        hypotheses: What may be true, weights sum to one; one only where nothing is open.
-        stated: Joints whose stiffness result.json states, shape (n,); all where not given.
-        held_out_m: By how much poses that were left out with all their pulls were missed, rms per
-            coordinate [m], noise of the readings included; None where nothing predicts them.
-        pulled_n: The gentlest and the hardest pull of the campaign [N]; None where nobody says.
-        at_pose: Joint values (n,) and force (3,) of the test pose, whose side is that of a joint
-            with a stiffness each way of its torque; None: such a joint has the mean of both.
+        campaign: Campaign from which it was identified.
+        verdict: Verdict of the diagnosis, as in result.json.
+        recommended: Basis of these values: model, data and reason, as in result.json.
+        hypotheses: Possible sets of causes, weights sum to one; a single one if nothing is open.
+        stated: Joints whose stiffness result.json states, shape (n,); all if None.
+        held_out_m: Rms error per coordinate of poses left out with all their pulls [m], noise of
+            the readings included; None if they cannot be predicted.
+        pulled_n: Smallest and largest pull of the campaign [N]; None if unknown.
+        at_pose: Joint values (n,) and force (3,) of the test pose, which selects the compliance of
+            joints that have one for each sign of the torque; None: the mean of both.
     """
 
     campaign: str
@@ -154,10 +158,10 @@ class IdentifiedModel(Locked):
 
     @staticmethod
     def load(path: Path | str) -> IdentifiedModel:
-        """The model in a model.toml.
+        """Load the model from a model.toml.
 
         Raises:
-            InputError: There is no such file, or it is no model.
+            InputError: There is no such file, or it is not a model.
         """
         missing = InputError("cannot be read", "give the path of a model.toml", file=str(path))
         return parse(words(Path(path), str(path), _LARGEST, missing), str(path))
@@ -175,7 +179,7 @@ class IdentifiedModel(Locked):
     def stiffness(self, joint: int) -> tuple[float, float, str] | None:
         """Stiffness of a joint, its standard uncertainty and unit [N/m] or [N m/rad].
 
-        None where it is not stated: not determined, or not positive.
+        None if it is not stated: not determined, or not positive.
         """
         x, std = float(self.value[joint]), float(self.std[joint])
         known = self.stated is None or bool(self.stated[joint])
@@ -187,14 +191,14 @@ class IdentifiedModel(Locked):
     def springs(self) -> tuple[Array, Array]:
         """Compliances of the joints (n,) and their covariance (n, n), over all hypotheses.
 
-        Of a joint with one each way of its torque that of the test pose.
+        For a joint with one compliance per sign of its torque, that at the test pose.
         """
         values, covs = zip(*map(self._springs, self.hypotheses), strict=True)
         weights = [one.weight for one in self.hypotheses]
         return average(weights, np.stack(values), np.stack(covs))
 
     def _springs(self, one: ModelHypothesis) -> tuple[Array, Array]:
-        """The same by one hypothesis."""
+        """Compliances and covariance of one hypothesis."""
         T = np.eye(len(one.value))[: self.robot.n]
         if self.at_pose is not None:
             both = sides.columns(self.robot.n, one.more)
@@ -218,25 +222,25 @@ class IdentifiedModel(Locked):
         return np.sqrt(np.diag(self.cov))
 
     def predict(self, q: Array, force: Array, point: Array | None = None) -> PointDeflection:
-        """What a force does to the point of the tool where it acts.
+        """Deflection of the point of the tool at which a force acts.
 
         Args:
             q: Joint values [m] or [rad], shape (m, n) or (n,).
             force: Force on the robot [N], F_b, shape (m, 3) or (3,).
             point: Point of the tool in the flange frame [m], shape (3,); the campaign's load point
-                when not given.
+                if not given.
         """
         pulls = Pulls.at(q, force)
         points = None if point is None else np.atleast_2d(np.asarray(point, float))
         return self._mixed([one.moved(one.at(points), pulls) for one in self.hypotheses])
 
     def _mixed(self, moved: Sequence[PointDeflection]) -> PointDeflection:
-        """The mixture of what the hypotheses say."""
+        """Mean and covariance of the mixture of the hypotheses."""
         mean = self._mean([each.displacement for each in moved])
         cov = np.zeros_like(moved[0].cov)
         for one, each in zip(self.hypotheses, moved, strict=True):
             off = each.displacement - mean
-            if one.weight > 0:  # what has no weight says nothing, however little it knows
+            if one.weight > 0:  # zero times an infinite covariance would be NaN
                 cov += one.weight * (each.cov + off[:, :, None] * off[:, None, :])
         return PointDeflection(mean, cov)
 
@@ -247,8 +251,8 @@ class IdentifiedModel(Locked):
     def deflection(self, q: Array, force: Array) -> tuple[Array, Array]:
         """Displacements of the campaign's targets under one pull, and their uncertainty.
 
-        Where the geometry is that of the undeformed robot, the uncertainty holds all that this
-        leaves out.
+        For a model with undeformed geometry the uncertainty includes the neglected second-order
+        terms.
 
         Args:
             q: Joint values [m] or [rad], shape (n,).
@@ -261,7 +265,7 @@ class IdentifiedModel(Locked):
         return found.displacement, found.std
 
     def at_load_point(self, q: Array, force: Array) -> PointDeflection:
-        """The same of the load point alone, where the force acts, under many pulls.
+        """Deflection of the load point under many pulls, with uncertainty as in `deflection`.
 
         Args:
             q: Joint values [m] or [rad], shape (m, n) or (n,).
@@ -270,7 +274,7 @@ class IdentifiedModel(Locked):
         return self._with_left_out([one.at() for one in self.hypotheses], Pulls.at(q, force))
 
     def _with_left_out(self, cells: Sequence[Cell], pulls: Pulls) -> PointDeflection:
-        """Deflections of the targets of cells; what undeformed geometry leaves out is an error."""
+        """Deflections of the targets of cells; neglected second-order terms count as an error."""
         moved = []
         for one, cell in zip(self.hypotheses, cells, strict=True):
             flat = one.moved(cell, pulls)
@@ -286,7 +290,7 @@ class IdentifiedModel(Locked):
         Args:
             q: Joint values [m] or [rad], shape (m, n).
             force: Force on the robot [N], F_b, shape (m, 3).
-            points: In the flange frame [m], shape (t, 3).
+            points: Points in the flange frame [m], shape (t, 3).
         """
         pulls = Pulls.at(q, force)
         each = [forward(one.at(points), pulls, one.value) for one in self.hypotheses]
@@ -295,7 +299,7 @@ class IdentifiedModel(Locked):
 
 
 NOTHING_M = 1e-9
-"""What moves a point less than this at its typical size does not act there."""
+"""Displacement [m] at typical magnitude below which a parameter does not act at a point."""
 
 
 def part(
@@ -305,14 +309,15 @@ def part(
     system: System | None = None,
     ratio: float = 1.0,
 ) -> ModelHypothesis:
-    """What is handed over of an estimate: the machine without the measurement.
+    """The exchangeable part of an estimate: the machine without the measurement.
 
     Args:
         weight: Its probability.
         cell: Joint springs and causes, in the order of the estimate's parameters.
         estimate: Their values with covariance.
-        system: What it is estimated from, for what is determined of undetermined parameters.
-        ratio: Its uncertainties are this many times those of the system.
+        system: System it was estimated from, to resolve determined combinations of undetermined
+            parameters.
+        ratio: Ratio of its uncertainties to those of the system [1].
     """
     mine = of_machine(cell)
     effects = tuple(effect for effect in cell.effects if not _measurement(effect))
@@ -329,7 +334,7 @@ def part(
 
 
 def _with_beyond(one: ModelHypothesis) -> ModelHypothesis:
-    """With what laws may be where they were not taught: zero, as uncertain as they are large."""
+    """Add the uncertainty of unlisted laws outside the range of the data, with value zero."""
     for effect, values in one.cell.split(one.value):
         if effect.law is not None:
             more, cov = unlisted.beyond(one.cell.robot, effect, values)
@@ -350,7 +355,7 @@ def _with_beyond(one: ModelHypothesis) -> ModelHypothesis:
 def _apart(
     estimate: Estimate, mine: Bools, system: System | None, ratio: float
 ) -> tuple[Array, Array] | tuple[None, None]:
-    """`free` and `within` of a hypothesis; nothing where all parameters are determined."""
+    """`free` and `within` of a hypothesis; None if all parameters are determined."""
     if system is None or np.isfinite(estimate.std).all():
         return None, None
     A = whitener(system.errors, system.rows.pose)(system.B * system.typical)
@@ -360,7 +365,7 @@ def _apart(
 
 
 def of_machine(cell: Cell) -> Bools:
-    """Which parameters of a cell are the machine's and are handed over, shape (k,)."""
+    """Mask of the parameters of a cell that describe the machine and are exported, shape (k,)."""
     keep = [not _measurement(effect) for effect in cell.effects]
     return np.repeat(keep, [len(effect.parameters) for effect in cell.effects])
 
@@ -371,10 +376,11 @@ def _measurement(effect: Effect) -> bool:
 
 
 def _found(cell: Cell, values: Array) -> Tool:
-    """The tool with its points where the effects put them, not where campaign.toml has them.
+    """The tool with its points where the effects put them, rather than as in campaign.toml.
 
-    An effect that moves points of the tool and turns no force says where they are: whoever asks
-    for the load point or a target means that one.
+    An effect that moves points of the tool without changing the force states their true place, and
+    users who ask for the load point or a target mean the true one. The shift must be constant in
+    the flange frame, tested at two poses.
     """
     apart = np.array([np.zeros(cell.robot.n), np.full(cell.robot.n, 0.7)])
     pulls = Pulls.at(apart, np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0]]))
@@ -393,7 +399,7 @@ def _found(cell: Cell, values: Array) -> Tool:
 
 
 def dumps(handed: IdentifiedModel) -> str:
-    """model.toml: values, uncertainty, covariance, tool and robot, SI throughout."""
+    """Text of model.toml: values, uncertainty, covariance, tool and robot, SI throughout."""
     robot, tool = handed.robot, handed.tool
     springs = _parameters(paper_cell(robot, tool).parameters, handed)
     content: dict[str, Any] = {
@@ -412,12 +418,13 @@ def dumps(handed: IdentifiedModel) -> str:
         ],
         "hypothesis": [_hypothesis(one, tool) for one in handed.hypotheses],
         "tool": _points(tool),
+        "gravity_m_s2": robot.gravity.tolist(),
     }
     return HEAD + toml.dumps(content | {"robot": toml.loads(robot.text, robot.name)})
 
 
 def _at_pose(handed: IdentifiedModel) -> dict[str, Any]:
-    """The test pose, where a stiffness is that of its side."""
+    """The test pose, if a reported stiffness depends on it."""
     if handed.at_pose is None or not any(
         sides.columns(handed.robot.n, one.more) for one in handed.hypotheses
     ):
@@ -498,14 +505,15 @@ class _File(Numbers):
     parameter: list[_Parameter]
     hypothesis: Annotated[list[_Hypothesis], Field(min_length=1)]
     tool: dict[str, tuple[float, float, float]]
+    gravity_m_s2: tuple[float, float, float] = (0.0, 0.0, -STANDARD_GRAVITY)
     robot: dict[str, Any]
 
 
 def parse(text: str, file: str = "model.toml") -> IdentifiedModel:
-    """A model from the text of model.toml.
+    """Create a model from the text of model.toml.
 
     Raises:
-        InputError: It is no model, or its effects are unknown.
+        InputError: It is not a model, or its effects are unknown.
     """
     try:
         content = _File.model_validate(toml.loads(text, file, _LARGEST))
@@ -513,6 +521,7 @@ def parse(text: str, file: str = "model.toml") -> IdentifiedModel:
         path, said = first_wrong(problem)
         raise InputError(f"is no model ({'.'.join(path)}: {said})", _ANEW, file=file) from problem
     robot = parse_robot(toml.dumps(content.robot), file)
+    robot = robot.under(np.array(content.gravity_m_s2))
     springs = paper_cell(robot, Tool.of(content.tool))
     return IdentifiedModel(
         content.campaign,
@@ -535,7 +544,7 @@ def _pose(said: _TestPose | None, robot: Robot, file: str) -> tuple[Array, Array
 
 
 _LARGEST = 2**26
-"""Bytes of a model.toml; the covariances of many hypotheses are long."""
+"""Maximum size of a model.toml [B]; the covariances of many hypotheses are long."""
 _ANEW = "write it anew with `pipeline run`"
 
 
@@ -553,10 +562,10 @@ def _read(one: _Hypothesis, springs: Cell, file: str) -> ModelHypothesis:
 
 
 def _beyond(one: _Hypothesis, k: int, file: str) -> tuple[Array | None, Array | None]:
-    """What the covariance of k parameters leaves out: free directions (k, f), variance within (k,).
+    """Undetermined directions (k, f) and variance apart from them (k,), from the file.
 
     Raises:
-        InputError: One is there without the other, or not of k parameters.
+        InputError: One is there without the other, or they do not have k parameters.
     """
     free, within = one.undetermined, one.variance_within
     if not free and not within:

@@ -1,4 +1,4 @@
-"""A path of joint values and forces, and how these compare with those that a model is from."""
+"""A path of joint values and forces, and whether its forces are in the range of the campaign."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class Path(Locked):
         pose: Number of each point, shape (m,).
         q: Joint values [m] or [rad], shape (m, n).
         force: Force on the robot at the tip [N], F_b, shape (m, 3).
-        controller: The file has the controller's axes instead of the model's joints.
-        file: Its name.
-        line: Of each point in it; none where they stand in no line.
+        controller: True if the file has the controller's axes instead of the model's joints.
+        file: Name of the file.
+        line: Line of each point in it; empty if there are no lines.
     """
 
     pose: Ints
@@ -30,10 +30,10 @@ class Path(Locked):
 
 
 def beside_pulls(force_n: Array, pulled: tuple[float, float] | None) -> list[str]:
-    """A sentence where forces [N], shape (m,), are all gentler or some harder than any pull.
+    """Warning if forces [N], shape (m,), are outside the range of the pulls, as a list.
 
-    A model is known where it was pulled: beyond the hardest pull its error grows with the force,
-    and a path whose forces are that much gentler than any pull may be in another unit.
+    A model is valid where it was tested: above the largest pull its error grows with the force. If
+    all forces are below the smallest pull by the ratio of two units, they may be in another unit.
     """
     if pulled is None or pulled[0] / _LBF_N < (hardest := float(force_n.max())) <= pulled[1]:
         return []
@@ -45,7 +45,7 @@ def beside_pulls(force_n: Array, pulled: tuple[float, float] | None) -> list[str
 
 
 _LBF_N = 4.4482
-"""A pound-force [N] (NIST SP 811): no two units of force are nearer each other."""
+"""A pound-force [N] (NIST SP 811): the smallest ratio between two units of force."""
 
 ARM_M = 0.3
-"""Turning the tool by an angle counts as moving a point this far from it [m]."""
+"""Lever arm at which a rotation of the tool is compared with a displacement [m]."""

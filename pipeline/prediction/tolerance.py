@@ -1,7 +1,7 @@
-"""Whether a predicted deflection stays within a tolerance: at a pose, and along a path.
+"""Conformity of a predicted deflection with a tolerance: at a pose, and along a path.
 
-The prediction is that of the model which the answer stands for; its uncertainty is never below what
-left-out poses were missed by (docs/decisions/0030).
+The prediction is that of the recommended model; its uncertainty is never below the held-out error
+(docs/decisions/0030).
 """
 
 from __future__ import annotations
@@ -24,21 +24,21 @@ from pipeline.reduction.settings import ToleranceSettings
 
 @dataclass(frozen=True, eq=False)
 class Shown:
-    """What left-out poses showed of a model.
+    """Held-out error of a model.
 
     Attributes:
-        held_out_m: By how much they were missed, rms per axis [m], noise of the readings included;
-            None where nothing predicts them.
-        hardest_n: The hardest pull among them [N].
+        held_out_m: Rms error of held-out poses per axis [m], noise of the readings included; None
+            if they cannot be predicted.
+        hardest_n: Largest pull among them [N].
     """
 
     held_out_m: float | None
     hardest_n: float
 
     def floor(self, force: Array) -> Array:
-        """Standard uncertainty that no prediction falls below [m], shape (m,), of forces (m, 3).
+        """Lower bound of the standard uncertainty of predictions [m], (m,), for forces (m, 3).
 
-        Beyond the hardest pull it grows with the force, as an error of the model does.
+        Above the largest pull it grows in proportion to the force, as a model error does.
         """
         size = np.linalg.norm(force, axis=1)
         return (self.held_out_m or 0.0) * np.maximum(1.0, size / self.hardest_n)
@@ -46,12 +46,12 @@ class Shown:
 
 @dataclass(frozen=True, eq=False)
 class TipDeflection(Locked):
-    """Deflection of the load point, pull by pull.
+    """Deflection of the load point under each pull.
 
     Attributes:
         moved: Loaded minus unloaded [m], F_b, shape (m, 3).
-        size: Its length d [m], shape (m,).
-        std: Standard uncertainty u of that [m]; infinite where a stiffness that acts there is not
+        size: Its magnitude d [m], shape (m,).
+        std: Standard uncertainty u of d [m]; infinite if a stiffness that acts there is not
             determined, shape (m,).
     """
 
@@ -60,22 +60,22 @@ class TipDeflection(Locked):
     std: Array
 
     def decisions(self, tolerance_m: float) -> list[Decision]:
-        """What is decided of each pull."""
+        """Decision about each pull."""
         both = zip(self.size.tolist(), self.std.tolist(), strict=True)
         return [decide(size, std, tolerance_m) for size, std in both]
 
 
 def tip(model: IdentifiedModel, q: Array, force: Array, shown: Shown) -> TipDeflection:
-    """How far the load point deflects, and how well that is known.
+    """Deflection of the load point and its standard uncertainty.
 
-    u is the larger of what the model states along the deflection, (n' C n)^1/2 with n = d/|d|, and
-    of what left-out poses were missed by.
+    u is the larger of the model's uncertainty along the deflection, (n' C n)^1/2 with n = d/|d|,
+    and of the held-out error.
 
     Args:
         model: The identified model.
         q: Joint values [m] or [rad], shape (m, n).
         force: Force at the load point [N], F_b, shape (m, 3).
-        shown: What left-out poses showed.
+        shown: Held-out error of the model.
     """
     found = model.at_load_point(q, force)
     size = np.linalg.norm(found.displacement, axis=1)
@@ -90,7 +90,7 @@ def tip(model: IdentifiedModel, q: Array, force: Array, shown: Shown) -> TipDefl
 def table(
     model: IdentifiedModel, path: Path, found: TipDeflection, tolerance_m: float
 ) -> pd.DataFrame:
-    """Table PATH: each point of a path with its deflection and what is decided of it."""
+    """Table PATH: each point of a path with its deflection and the decision."""
     at = model.positions(path.q, path.force, model.tool.load_point[None]).unloaded[:, 0]
     return pd.DataFrame(
         {
@@ -108,7 +108,7 @@ def table(
 
 @dataclass(frozen=True)
 class PathStretch:
-    """Points of a path, one after the other, of which the same is decided: rows of table PATH."""
+    """Consecutive points of a path with the same decision: rows of table PATH, inclusive."""
 
     decision: Decision
     first: int
@@ -116,7 +116,7 @@ class PathStretch:
 
 
 def stretches(decision: Strings) -> Iterator[PathStretch]:
-    """The stretches of a path in their order, from the decision of each of its points."""
+    """Stretches of a path in order, from the decision of each of its points."""
     starts = [k for k in range(len(decision)) if not k or decision[k] != decision[k - 1]]
     for first, after in zip(starts, [*starts[1:], len(decision)], strict=True):
         yield PathStretch(Decision(decision[first]), first, after - 1)
@@ -124,10 +124,10 @@ def stretches(decision: Strings) -> Iterator[PathStretch]:
 
 @dataclass(frozen=True, eq=False)
 class JudgedTolerance:
-    """What is predicted where the user asked for it.
+    """Predictions requested by the user.
 
     Attributes:
-        at: At the test pose.
+        at: Deflection at the test pose.
         path: Table PATH; None without a path.
     """
 
@@ -143,14 +143,14 @@ def judge(
     path: Path | None,
     tolerance_m: float,
 ) -> JudgedTolerance:
-    """Deflections of the load point at a pose and along a path, held against a tolerance.
+    """Compare deflections of the load point at a pose and along a path with a tolerance.
 
     Args:
         model: The identified model.
         q: Joint values of the pose [m] or [rad], shape (n,).
         force: Force there [N], F_b, shape (3,).
-        shown: What left-out poses showed of the model.
-        path: A path, where one is asked for.
+        shown: Held-out error of the model.
+        path: A path, or None.
         tolerance_m: The tolerance [m].
     """
     here = tip(model, q[None], force[None], shown)
@@ -161,7 +161,7 @@ def judge(
 
 
 def nominal(robot: Robot, tool: Tool) -> IdentifiedModel:
-    """The robot with the stiffnesses of its file: enough to know where it stands."""
+    """The robot with the stiffnesses of its file, sufficient for its kinematics."""
     cell, compliance = paper_cell(robot, tool), robot.nominal_compliance
     own = ModelHypothesis(1.0, cell, compliance, np.zeros((robot.n, robot.n)))
     return IdentifiedModel("", "", {}, (own,))
@@ -170,7 +170,7 @@ def nominal(robot: Robot, tool: Tool) -> IdentifiedModel:
 def asked(
     tolerance: ToleranceSettings | None, files: Mapping[str, bytes], robot: Robot, tool: Tool
 ) -> Path | None:
-    """The path that campaign.toml names, None without one.
+    """The path named in campaign.toml, None without one.
 
     Raises:
         InputError: It cannot be read, or the robot cannot follow it.
@@ -182,4 +182,4 @@ def asked(
 
 
 _READ = "pipeline.programs.judged:read"
-"""A path is read as `pipeline compensate` reads it."""
+"""Reader of a path, the same as in `pipeline compensate`."""

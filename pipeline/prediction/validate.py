@@ -1,4 +1,4 @@
-"""Stage 8. How far the uncertainty of x makes deflections uncertain: Eqs. (22), (23)."""
+"""Uncertainty of deflections due to the uncertainty of x, Eqs. (22), (23)."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ from pipeline.reduction.pose_of_interest import Where
 from pipeline.tables import VALIDATION, frame
 
 AROUND_M, AROUND_RAD = 0.25, np.deg2rad(10.0)
-"""Half width of the box around the test pose; the paper does not give its own."""
+"""Half width of the box around the test pose [m] or [rad]; the paper does not state its own."""
 
 
 def validate(
@@ -27,16 +27,15 @@ def validate(
 
     mu_t = |A_t (x_drawn - x)| / |A_t x|, Eq. (22), A_t (3, k) [m per unit of x] at target t, F_b.
     Every pose has a draw of its own, once x_drawn ~ N(x, cov(x)) and once as in Eq. (23),
-    x_i = 1 / k_i with k_i ~ N(1 / x_i, u(x_i)^2 / x_i^4), each stiffness by itself (Monte Carlo as
-    in JCGM 101:2008). Parameters that are not identifiable stay put. Where several hypotheses may
-    be true, the prediction is their average, and each pose draws one of them by its weight; mu then
-    holds how far that one is from the average. Of the causes, those that yield under load take
-    part.
+    x_i = 1 / k_i with k_i ~ N(1 / x_i, u(x_i)^2 / x_i^4), each stiffness independently (Monte Carlo
+    as in JCGM 101:2008). Parameters that are not identifiable keep their values. If several
+    hypotheses may be true, the prediction is their average, and each pose draws one of them by its
+    weight; mu then includes its deviation from the average. Only elastic causes take part.
 
     Args:
-        hypotheses: What may be true, weights sum to one.
+        hypotheses: Possible sets of causes, weights sum to one.
         test: Test pose and force; the force is the same at all poses.
-        rng: Source of the draws.
+        rng: Random number generator.
         poses: Number of poses in each set.
 
     Returns:
@@ -80,14 +79,14 @@ def validate(
 
 
 def _true(hypotheses: Sequence[Hypothesis], rng: np.random.Generator, poses: int) -> Ints:
-    """Which hypothesis is true at each pose, shape (m,); one alone draws nothing."""
+    """Index of the true hypothesis at each pose, shape (m,); drawn only if there are several."""
     weights = [one.weight for one in hypotheses]
     several = len(weights) > 1
     return rng.choice(len(weights), poses, p=weights) if several else np.zeros(poses, np.int64)
 
 
 def _elastic(cell: Cell) -> Bools:
-    """Parameters of what yields under load, shape (k,)."""
+    """Mask of the parameters of elastic effects, shape (k,)."""
     counts = [len(effect.parameters) for effect in cell.effects]
     return np.repeat([isinstance(effect, Elastic) for effect in cell.effects], counts)
 
@@ -95,7 +94,7 @@ def _elastic(cell: Cell) -> Bools:
 def deflections(cell: Cell, q: Array, force: Array) -> Array:
     """A_i of Eq. (7) at joint values q (m, n) under force (m, 3), shape (m, t, 3, k)."""
     yields = tuple(effect for effect in cell.effects if isinstance(effect, Elastic))
-    tool = replace(cell.tool, six=False)  # of every target, however they were measured
+    tool = replace(cell.tool, six=False)  # of every target, also if measured as one pose
     elastic = replace(cell, tool=tool, effects=yields, equilibrium="undeformed")
     return jacobian(elastic, Pulls.at(q, force), np.zeros(len(elastic.parameters)))
 
@@ -112,17 +111,17 @@ def _around(cell: Cell, test: Where, rng: np.random.Generator, poses: int) -> Ar
 
 
 def _full(one: Hypothesis, rng: np.random.Generator, poses: int) -> Array:
-    """How far draws of what yields under load are off, one per pose, shape (m, k)."""
+    """Deviations of elastic parameters drawn from their covariance, one per pose, shape (m, k)."""
     estimate, off = one.estimate, np.zeros((poses, len(one.estimate.value)))
     known = estimate.identifiable
-    std = estimate.std[known]  # compliances differ by powers of ten: factor the correlations
+    std = estimate.std[known]  # compliances differ by orders of magnitude: factor the correlations
     half = std[:, None] * linear.factor(estimate.cov[np.ix_(known, known)] / np.outer(std, std))
     off[:, known] = rng.standard_normal((poses, known.sum())) @ half.T
     return off[:, _elastic(one.cell)]
 
 
 def _each(one: Hypothesis, rng: np.random.Generator, poses: int) -> Array:
-    """The same by Eq. (23): stiffnesses, each normal by itself, where they are positive."""
+    """Deviations as in Eq. (23): stiffnesses, independently normal, if they are positive."""
     value, off = one.estimate.value, np.zeros((poses, len(one.estimate.value)))
     known = one.estimate.identifiable & (value > 0) & (np.arange(len(value)) < one.cell.robot.n)
     k, std = 1 / value[known], one.estimate.std[known]
@@ -131,5 +130,5 @@ def _each(one: Hypothesis, rng: np.random.Generator, poses: int) -> Array:
 
 
 def none() -> pd.DataFrame:
-    """The table of a campaign that determines nothing."""
+    """Empty table, for a campaign that determines nothing."""
     return frame(VALIDATION.empty_table())

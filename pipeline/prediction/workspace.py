@@ -1,4 +1,4 @@
-"""Stage 9. Where the robot is soft: deflection per newton over the plane that its arm sweeps."""
+"""Compliance map, deflection per newton over the plane that the arm sweeps."""
 
 from __future__ import annotations
 
@@ -19,10 +19,10 @@ from pipeline.reduction.pose_of_interest import Where
 from pipeline.tables import ARM, WORKSPACE, frame
 
 _STEPS = 25
-"""Values of each of the two joints that move the arm."""
+"""Number of values of each of the two joints that move the arm."""
 
 _FORCE_N = 1000.0
-"""The force that is tried; it matters only for effects that are not linear in it."""
+"""Magnitude of the trial force [N]; it matters only for nonlinear effects."""
 
 UP = np.array([0.0, 0.0, 1.0])
 
@@ -33,14 +33,15 @@ def workspace(
     """Deflection of the load point per newton in the worst direction, over the arm's plane.
 
     Shoulder and elbow, the first two neighbouring joints with parallel axes, go through their
-    ranges on the test pose's side of the stretched arm; all other joints stay as in the test pose.
-    The worst direction is the first singular vector of the 3 x 3 compliance of the load point.
+    ranges, up to 90 degrees from the test pose and on its side of the stretched arm; all other
+    joints stay as in the test pose. The worst direction is the first singular vector of the 3 x 3
+    compliance of the load point.
 
     Args:
-        hypotheses: What may be true, weights sum to one; the uncertainty is infinite where
-            something acts that nothing determines.
+        hypotheses: Possible sets of causes, weights sum to one; the uncertainty is infinite where
+            an undetermined parameter acts.
         test: The test pose.
-        steps: Values of each joint.
+        steps: Number of values of each joint.
 
     Returns:
         Table WORKSPACE; row 0 is the test pose; empty for an arm without such a pair of joints.
@@ -66,7 +67,7 @@ def arm_joints(robot: Robot, q: Array) -> tuple[int, int] | None:
 
 
 def _swept(robot: Robot, q: Array, pair: tuple[int, int], steps: int) -> tuple[Array, Array]:
-    """The test pose, then the grid of the two joints: q (m, n) and grid indices (m, 2)."""
+    """Test pose, then the grid of the two joints: q (m, n) and grid indices (m, 2)."""
     low, high = np.maximum(robot.lower, q - np.pi / 2), np.minimum(robot.upper, q + np.pi / 2)
     index = np.indices((steps, steps)).reshape(2, -1).T
     swept = np.tile(q, (len(index), 1))
@@ -76,18 +77,19 @@ def _swept(robot: Robot, q: Array, pair: tuple[int, int], steps: int) -> tuple[A
 
 
 def _seen(here: Configuration, cell: Cell, pair: tuple[int, int]) -> tuple[Bools, Array]:
-    """The arm in its plane.
+    """Visibility and coordinates of the load point in the arm's plane.
 
     Returns:
-        Where it is bent the same way as in the first row, (m,): one point, one configuration; reach
-        from the shoulder and height in F_b of the load point [m], (m, 2).
+        Mask (m,) of poses in which the arm is bent the same way as in the first row, so that a
+        point has one configuration; reach from the shoulder and height in F_b of the load point
+        [m], (m, 2).
     """
     shoulder, elbow = pair
     point = here.points(cell.tool.load_point[None])[:, 0]
     axis, from_shoulder = here.axes[:, shoulder, :, 2], point - here.origin[:, shoulder]
     bend = np.einsum("mi,mi->m", axis, np.cross(from_shoulder, point - here.origin[:, elbow]))
     reach, up = _plane(here, shoulder, from_shoulder[0])
-    inside = bend * (bend[0] or 1.0) > 0  # a stretched arm may bend either way
+    inside = bend * (bend[0] or 1.0) > 0  # if it is stretched: positive bend
     inside[0] = True
     return inside, np.stack([from_shoulder @ reach, point @ up], axis=1)
 
@@ -104,7 +106,7 @@ def _plane(here: Configuration, shoulder: int, outwards: Array) -> tuple[Array, 
 def arm_in_plane(cell: Cell, test: Where) -> pd.DataFrame:
     """The arm at the test pose in the plane of `workspace`, table ARM; empty without a plane.
 
-    Reach is counted from the shoulder's axis, height from F_b, as in WORKSPACE.
+    Reach is relative to the shoulder's axis, height to F_b, as in WORKSPACE.
     """
     pair = arm_joints(cell.robot, test.q)
     if pair is None:
@@ -124,7 +126,7 @@ def arm_in_plane(cell: Cell, test: Where) -> pd.DataFrame:
 
 
 def _softest(hypotheses: Sequence[ModelHypothesis], q: Array) -> tuple[Array, Array, Array]:
-    """Largest deflection per newton (m,), its standard uncertainty (m,), direction (m, 3)."""
+    """Largest deflection per newton (m,), its standard uncertainty (m,), its direction (m, 3)."""
     m = len(q)
     force = np.tile(_FORCE_N * np.eye(3), (m, 1))
     pulls = Pulls.at(np.repeat(q, 3, axis=0), force)
@@ -137,16 +139,16 @@ def _softest(hypotheses: Sequence[ModelHypothesis], q: Array) -> tuple[Array, Ar
     pulled, size, turned = linear.principal(moved)
     variance = np.zeros(m)
     for one, cell, here in zip(hypotheses, cells, each, strict=True):
-        flat = replace(cell, equilibrium="undeformed")  # the same to the digits of a derivative
+        flat = replace(cell, equilibrium="undeformed")  # a sufficient approximation here
         by = jacobian(flat, pulls, one.value).reshape(m, 3, 3, -1)
         slope = np.einsum("mf,mfik,mi->mk", pulled[:, :, 0], by, turned[:, 0])
         own = one.through(slope[:, None])[:, 0, 0] / _FORCE_N**2
         off = np.einsum("mf,mfi,mi->m", pulled[:, :, 0], here - moved, turned[:, 0])
-        if one.weight > 0:  # what has no weight says nothing, however little it knows
+        if one.weight > 0:  # zero times an infinite variance would be NaN
             variance += one.weight * (own + off**2)
     return size[:, 0], np.sqrt(variance), turned[:, 0]
 
 
 def none() -> pd.DataFrame:
-    """The table of no model at all."""
+    """Empty table, if there is no model."""
     return frame(WORKSPACE.empty_table())

@@ -1,7 +1,7 @@
 """Which pull, pose or target the rows of a table belong to, as numbers instead of names.
 
-A million rows are grouped by whole numbers that stand in runs, as an operator reads them, and
-never by comparing text.
+A million rows are grouped by whole numbers that occur in runs, as an operator reads them, never by
+comparing text.
 """
 
 from __future__ import annotations
@@ -13,19 +13,19 @@ import pandas as pd
 
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.base.covariance import each
-from pipeline.readers.logs import BEYOND
+from pipeline.readers._log_table import BEYOND
 
 
 def places(column: pd.Series[str], words: Sequence[str]) -> Ints:
-    """Place of every cell among some different words, -1 where it is none of them, shape (n,)."""
+    """Index of every cell among some distinct words, -1 where it is none of them, shape (n,)."""
     codes, different = coded(column)
     place = {word: n for n, word in enumerate(words)}
     of_code = np.array([*(place.get(word, -1) for word in different), -1])
-    return np.asarray(of_code[codes], dtype=np.int64)  # -1, an empty cell, takes the last
+    return np.asarray(of_code[codes], dtype=np.int64)  # index -1, an empty cell, takes the last
 
 
 def coded(column: pd.Series[str]) -> tuple[Ints, Sequence[str]]:
-    """Number of every cell among the different words in order, -1 where it is empty, and these."""
+    """Number of every cell among the distinct words in order, -1 where empty, and the words."""
     if isinstance(column.dtype, pd.CategoricalDtype):
         return np.asarray(column.cat.codes, dtype=np.int64), list(column.cat.categories)
     codes, different = pd.factorize(column, sort=True)
@@ -33,30 +33,30 @@ def coded(column: pd.Series[str]) -> tuple[Ints, Sequence[str]]:
 
 
 def pull_numbers(table: pd.DataFrame) -> Ints:
-    """One number for pose and repeat of every row, both below BEYOND, in order, shape (n,)."""
+    """One ordered number per row for pose and repeat, both below BEYOND, shape (n,)."""
     return pull_number(table["pose"].to_numpy(), table["repeat"].to_numpy())
 
 
 def pull_number(pose: Ints, repeat: Ints) -> Ints:
-    """The same of pose and repeat themselves."""
+    """The same from pose and repeat themselves."""
     return pose.astype(np.int64, copy=False) * BEYOND + repeat
 
 
 def taken(table: pd.DataFrame, names: Sequence[str], rows: Ints | slice) -> dict[str, Array]:
-    """Some columns at some rows; columns that are one array in memory stay one."""
+    """Some columns at some rows; columns that share one array in memory still do."""
     columns = [table[name].to_numpy() for name in names]
     return dict(zip(names, each(columns, lambda column: column[rows]), strict=True))
 
 
 def run(rows: Ints) -> Ints | slice:
-    """Some rows in order, as a slice where none between them is missing: that copies nothing."""
+    """Sorted rows, as a slice where none between them is missing: this avoids a copy."""
     if len(rows) and rows[-1] - rows[0] == len(rows) - 1:
         return slice(int(rows[0]), int(rows[-1]) + 1)
     return rows
 
 
 def numbered(keys: Ints) -> tuple[Ints, Ints]:
-    """The different keys in order, and the place of every row's key among them, shape (n,)."""
+    """The distinct keys in order, and the index of every row's key among them, shape (n,)."""
     if not len(keys):
         return keys, np.zeros(0, dtype=np.int64)
     begins = np.flatnonzero(np.append(True, keys[1:] != keys[:-1]))
@@ -67,13 +67,13 @@ def numbered(keys: Ints) -> tuple[Ints, Ints]:
 
 
 def found(known: Ints, wanted: Ints) -> Ints:
-    """Where each wanted number stands among known ones, the last of equals; else -1."""
+    """Index of each wanted number among known ones, the last of equals; else -1."""
     if not len(known):
         return np.full(len(wanted), -1)
     if np.array_equal(known, wanted) and (known[1:] > known[:-1]).all():
         return np.arange(len(known))
     begins = np.flatnonzero(np.append(True, wanted[1:] != wanted[:-1]))
-    if 2 * len(begins) < len(wanted):  # in runs: one look for each
+    if 2 * len(begins) < len(wanted):  # in runs: one search per run
         return np.repeat(found(known, wanted[begins]), np.diff(np.append(begins, len(wanted))))
     order = None if (known[1:] >= known[:-1]).all() else np.argsort(known, kind="stable")
     at = np.maximum(np.searchsorted(known, wanted, side="right", sorter=order) - 1, 0)
@@ -82,7 +82,7 @@ def found(known: Ints, wanted: Ints) -> Ints:
 
 
 def means(values: Array, group: Ints, groups: int) -> Array:
-    """Mean of the known values of each group, NaN where none is, shape (groups,)."""
+    """Mean of the known values of each group, NaN where there is none, shape (groups,)."""
     known: Bools = ~np.isnan(values)
     if not known.all():
         values, group = values[known], group[known]

@@ -16,14 +16,15 @@ from pipeline.reduction.settings import Settings
 
 @dataclass(frozen=True, eq=False)
 class _States(Locked):
-    """For each slot: what of it was read.
+    """What was read of each slot.
 
     Attributes:
         present: Whether each measured and chain target was read, shape (s, t + 2).
         zero: Whether each measured target was read unloaded in the pose of the slot, shape (s, t).
         joints: Whether the pose has joint values, shape (s,).
         load: Row of the load log, -1 where there is none, shape (s,).
-        chain: Whether a chain loads it; so does one where no load is noted beside others, (s,).
+        chain: Whether a chain loads it; assumed where its load is missing and other rows have a
+            force, (s,).
         apart: Whether the ends of the chain are not in one place, shape (s,).
     """
 
@@ -36,19 +37,20 @@ class _States(Locked):
 
 
 _ONE_PLACE_M = 1e-6
-"""Ends of a chain so near are one reading twice [m]; one of a metre in a wrong unit is longer."""
+"""Maximum distance of the ends of a chain that are one reading entered twice [m]; even a chain of a
+metre in a wrong unit is longer."""
 
 
 def complete(shots: Shots, settings: Settings, loads: Log, joints: Log) -> tuple[Shots, Log]:
-    """Readings and loads without what has no counterpart, and only that.
+    """Readings and loads without those that have no counterpart, and only those.
 
-    Rejected are also the readings that should be there and are not.
+    Missing readings that should be there are listed as rejected, too.
     """
     states = _states(shots, len(settings.measured), loads, joints)
     why = _why_not(shots, settings, states, loads.file, joints.file)
     dropped = np.zeros(len(shots.pose), dtype=bool)
     dropped[list(why)] = True
-    out = np.append(dropped, False)[shots.slot]  # -1, a base reading, takes the last
+    out = np.append(dropped, False)[shots.slot]  # index -1, a base reading, takes the last
     lost = {k: why[int(shots.slot[k])] for k in np.flatnonzero(out).tolist()}
     for k in np.flatnonzero(_without_zero(shots, states) & ~out).tolist():
         name, pose = shots.target[k].as_py(), shots.pose[shots.slot[k]]
@@ -60,7 +62,7 @@ def complete(shots: Shots, settings: Settings, loads: Log, joints: Log) -> tuple
 
 
 def _states(shots: Shots, t: int, loads: Log, joints: Log) -> _States:
-    present = np.asfortranarray(shots.counted(t + 2) > 0)  # whole columns are what is wanted
+    present = np.asfortranarray(shots.counted(t + 2) > 0)  # read by column
     poses, of = numbered(shots.pose)
     zero = np.zeros((len(poses), t), dtype=bool)
     for k in range(t):
@@ -133,7 +135,7 @@ def _without_zero(shots: Shots, states: _States) -> Bools:
 
 
 def _absent(shots: Shots, settings: Settings, states: _States, dropped: Bools) -> list[Rejection]:
-    """Measured targets missing in a usable pull: nothing is left out, but they are reported."""
+    """Measured targets missing in a usable pull: reported, although nothing is left out."""
     t = len(settings.measured)
     lacking = shots.loaded & ~dropped & states.present.any(axis=1)
     lacking &= ~states.present[:, :t].all(axis=1)

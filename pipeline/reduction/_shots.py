@@ -1,4 +1,4 @@
-"""All tracker readings of a campaign as arrays: what each is, and which to leave out and why."""
+"""All tracker readings of a campaign as arrays: what each is, and which are left out and why."""
 
 from __future__ import annotations
 
@@ -24,12 +24,12 @@ from pipeline.reduction._index import numbered
 from pipeline.reduction.settings import Naming, Settings
 
 BASE, STRANGE = -1, -2
-"""Roles of a target beside 0..t-1: a base reflector, and a name nobody knows."""
+"""Roles of a target other than 0..t-1: a base reflector, and an unknown name."""
 
 Rejection = tuple[str, int | None, str]
 
 _OF_EACH = ("file", "line", "group", "target", "position", "covariance", "time", "role", "slot")
-"""What of `Shots` has one row for each reading."""
+"""Attributes of `Shots` with one row per reading."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,14 +43,16 @@ class Shots(Locked):
         group: Names, dictionary of strings, length n.
         target: Names, dictionary of strings, length n.
         position: Frame of the export [m], shape (n, 3).
-        covariance: Of the file, six numbers [m^2], NaN where it has none, shape (n, 6); or None.
+        covariance: As the file states it, six numbers [m^2], NaN where it has none, shape (n, 6);
+            or None.
         time: Timestamps, length n.
-        role: Place in `Settings.naming` measured + chain, or BASE, or STRANGE, shape (n,).
+        role: Index into the measured and chain targets of `Settings.naming`, or BASE, or STRANGE,
+            shape (n,).
         slot: Index into pose, repeat, loaded of the state read, -1 for base readings, shape (n,).
         pose: Pose of each slot, shape (s,).
         repeat: Pull of each slot, shape (s,).
         loaded: Whether a slot is a loaded state, shape (s,).
-        rejected: What was left out.
+        rejected: Readings that were left out, with the reason.
     """
 
     files: tuple[str, ...]
@@ -73,7 +75,7 @@ class Shots(Locked):
         return len(self.line)
 
     def without(self, why: Mapping[int, str]) -> Shots:
-        """All readings but some, which are rejected, each for its reason."""
+        """Reject some readings, each for its reason."""
         if not why:
             return self
         good = np.ones(len(self), dtype=bool)
@@ -83,19 +85,19 @@ class Shots(Locked):
         return replace(self, **of_each, rejected=self.rejected + left_out)
 
     def without_poses(self, why: Mapping[int, str]) -> Shots:
-        """All readings but those of some poses, which are rejected, each for its pose's reason."""
-        of = np.append(self.pose, -1)[self.slot]  # -1, a base reading, takes the last
+        """Reject the readings of some poses, each for the reason of its pose."""
+        of = np.append(self.pose, -1)[self.slot]  # index -1, a base reading, takes the last
         rows = np.flatnonzero(np.isin(of, [*why])).tolist()
         return self.without({k: why[int(of[k])] for k in rows})
 
     def counted(self, width: int) -> Ints:
-        """How often each target with a role was read in each slot, shape (s, width)."""
+        """Number of readings of each target with a role in each slot, shape (s, width)."""
         place = (self.slot + 1) * (width + 1) + self.role + 1  # base readings come first
         shape = len(self.pose) + 1, width + 1
         return np.bincount(place, minlength=shape[0] * shape[1]).reshape(shape)[1:, 1:]
 
     def named(self, slot: int) -> str:
-        """A slot for a message."""
+        """Text for a slot in a message."""
         state = "loaded" if self.loaded[slot] else "unloaded"
         return f"pose {self.pose[slot]} repeat {self.repeat[slot]} {state}"
 
@@ -104,19 +106,19 @@ class Shots(Locked):
         return f"{self.files[self.file[k]]}:{self.line[k]}"
 
     def rejection(self, k: int, reason: str) -> Rejection:
-        """Why a reading is left out."""
+        """File, line and reason of a rejected reading."""
         return self.files[self.file[k]], int(self.line[k]), reason
 
 
 def gather(
     exports: Mapping[str, Export], settings: Settings, states: Mapping[str, State] | None = None
 ) -> Shots:
-    """Put the readings of all files together and look up what they are.
+    """Combine the readings of all files and look up what they are.
 
     Args:
         exports: By name.
         settings: campaign.toml.
-        states: What groups are, by name, before anything is read from the name itself.
+        states: State of groups by name, which takes precedence over the name itself.
     """
     group = _joined([export.group for export in exports.values()])
     target = _joined([export.target for export in exports.values()])
@@ -147,13 +149,13 @@ def gather(
 
 
 def unused(everything: Shots, used: Shots) -> tuple[str, ...]:
-    """Groups of which no reading is used, in their order."""
+    """Groups none of whose readings is used, in their order."""
     there, left = (pc.unique(one.group.cast(pa.string())) for one in (everything, used))
     return tuple(there.filter(pc.invert(pc.is_in(there, left))).to_pylist())
 
 
 def unread(exports: Mapping[str, Export]) -> tuple[Rejection, ...]:
-    """What of all files could not be read."""
+    """Rows of all files that could not be read."""
     return tuple((file, line, why) for file, e in exports.items() for line, why in e.rejected)
 
 
@@ -162,7 +164,7 @@ def _joined(parts: Sequence[pa.DictionaryArray]) -> pa.DictionaryArray:
 
 
 def _stacked(parts: Sequence[Any]) -> Any:
-    """Arrays one below the other; a single one is not copied, which a million rows notice."""
+    """Arrays concatenated; a single one is not copied, which matters for a million rows."""
     return parts[0] if len(parts) == 1 else np.concatenate(parts)
 
 
@@ -180,7 +182,7 @@ def _covariances(exports: Sequence[Export]) -> Array | None:
 def _slots(
     names: pa.StringArray, naming: Naming, states: Mapping[str, State]
 ) -> tuple[Ints, Ints, Ints, Bools]:
-    """Slot of each group name, -1 where it is none, and what the slots are."""
+    """Slot of each group name, -1 where it has none, and pose, repeat, loaded of the slots."""
     keys = np.full((3, len(names)), -1, dtype=np.int64)
     rest = np.arange(len(names))
     if states:
@@ -199,7 +201,7 @@ def _slots(
     ).combine_chunks()
     keys[:, rest[np.asarray(parts.is_valid())]] = _keys(names, parts, naming)
     pose, repeat, loaded = keys[:, matched := keys[0] >= 0]
-    # one number for pose, repeat and state: both are below 2^31
+    # pack pose, repeat and state into one number: pose and repeat are below 2^31
     packed, member = numbered(pose * 2**32 + repeat * 2 + loaded)
     slot = np.full(keys.shape[1], -1, dtype=np.int64)
     slot[matched] = member
@@ -207,7 +209,11 @@ def _slots(
 
 
 def _keys(names: pa.StringArray, parts: pa.StructArray, naming: Naming) -> Ints:
-    """Pose, repeat and loaded of the names that have them, shape (3, n)."""
+    """Pose, repeat and loaded of the names that have them, shape (3, n).
+
+    Raises:
+        InputError: A name matches, but does not hold a pose, repeat and state.
+    """
     found = parts.drop_null()
     named = names.filter(parts.is_valid())
     said = naming.state_of
@@ -222,7 +228,7 @@ def _keys(names: pa.StringArray, parts: pa.StructArray, naming: Naming) -> Ints:
 
 
 _NO_NUMBER, _UNNUMBERED = -1, -2
-"""In place of a number: the part is none, or the name has none."""
+"""Placeholders for a number: the part is not one, or the name has none."""
 
 
 def _whole(found: pa.StructArray, part: str, missing: int = _NO_NUMBER) -> Ints:
@@ -234,7 +240,7 @@ def _whole(found: pa.StructArray, part: str, missing: int = _NO_NUMBER) -> Ints:
         if plain.min(initial=0) >= 0 and plain.max(initial=0) < BEYOND:
             return np.asarray(plain)
     except pa.ArrowInvalid:
-        pass  # some name has none, or one that is no number: see which
+        pass  # some name lacks it or has text instead: find out which
     cells = pc.utf8_trim_whitespace(found.field(part))
     there = np.asarray(pc.greater(pc.binary_length(cells), 0))
     short = pc.match_substring_regex(cells, r"^[0-9]{1,18}$")
@@ -243,10 +249,10 @@ def _whole(found: pa.StructArray, part: str, missing: int = _NO_NUMBER) -> Ints:
 
 
 def _counted(pose: Ints, repeat: Ints, loaded: Bools) -> Ints:
-    """Repeats with numbers for names that have none: from 0 unloaded, from 1 loaded.
+    """Assign repeat numbers to names without one: from 0 unloaded, from 1 loaded.
 
-    Names of a pose are counted as they stand in the files, past the numbers that other names of it
-    have: "Last" beside "Last 2" is the first pull.
+    Names of a pose are counted in file order, skipping the numbers that other names of it have:
+    "Last" together with "Last 2" is the first pull.
     """
     nameless = repeat == _UNNUMBERED
     out = np.where(nameless, -1, repeat)
@@ -261,7 +267,7 @@ def _counted(pose: Ints, repeat: Ints, loaded: Bools) -> Ints:
 
 
 def _no_state(name: str, parts: Mapping[str, str], said: Mapping[str, str]) -> InputError:
-    """A group whose name holds no pose, repeat and state after all."""
+    """The error for a group whose name matches but holds no pose, repeat and state."""
     read = listed(f'{part} "{shown(text)}"' for part, text in parts.items() if part in _PARTS)
     word = parts.get("state", "")
     known = not word or word.lower() in said
@@ -285,7 +291,7 @@ def _roles(names: Sequence[str], settings: Settings) -> Ints:
 
 
 def known(shots: Shots, settings: Settings, states: Mapping[str, State] | None = None) -> Shots:
-    """Only readings of reflectors whose use is known."""
+    """Keep only readings of reflectors whose use is known."""
     strange = (
         "this target is neither in naming.measured nor in naming.chain nor in [base_frame]; "
         "add it there or rename it"
@@ -307,16 +313,16 @@ def known(shots: Shots, settings: Settings, states: Mapping[str, State] | None =
 def pulled_at_rest(
     shots: Shots, ends: Sequence[str], states: Mapping[str, State], log: str
 ) -> None:
-    """No end of a chain was read in a group that a log says is unloaded.
+    """Check that no end of a chain was read in a group that a log calls unloaded.
 
     Args:
         shots: Readings of known reflectors.
         ends: Names of the ends.
-        states: What the log says of groups.
+        states: State of groups according to the log.
         log: Its name.
 
     Raises:
-        InputError: One was: a force is missing there, and a pull would pass for a zero.
+        InputError: One was: a force is missing there, and a pull would be taken for a zero.
     """
     said = {name: states.get(group_name(name)) for name in shots.group.dictionary.to_pylist()}
     at_rest = pa.array([name for name, one in said.items() if one and not one.loaded], pa.string())
@@ -338,11 +344,11 @@ def pulled_at_rest(
 
 
 def in_rounds(shots: Shots, width: int) -> Shots:
-    """Unloaded readings before and after the pulls of a pose as two states, under one name or two.
+    """Split unloaded readings before and after the pulls of a pose into states of their own.
 
-    Another round begins where a target comes again after a reading of another state of the pose, in
-    the order of time, or of rows where a reading of the pose has no time. What repeats a reading to
-    the last digit is a copy, not another round.
+    They may share one name. Another round begins where a target is read again after a reading of
+    another state of the pose, in order of time, or of rows where a reading of the pose has no time.
+    An exact repetition of a reading is a copy, not another round.
 
     Args:
         shots: Readings of known reflectors.
@@ -372,7 +378,7 @@ def in_rounds(shots: Shots, width: int) -> Shots:
 
 
 def _in_order(shots: Shots, rows: Ints) -> Ints:
-    """Rows as they were read: by their times where all have one, else as they stand."""
+    """Rows in reading order: by their times where all have one, else as in the file."""
     time = shots.time.take(pa.array(rows))
     if time.null_count:
         return rows
@@ -380,15 +386,15 @@ def _in_order(shots: Shots, rows: Ints) -> Ints:
 
 
 def _copied(shots: Shots, rows: Ints) -> bool:
-    """Whether a reading is there twice to the last digit."""
+    """Whether a reading occurs twice to the last digit."""
     each = np.column_stack([shots.role[rows], shots.position[rows]])
     return len(np.unique(each, axis=0)) < len(rows)
 
 
 def once(shots: Shots, width: int) -> Shots:
-    """Readings that are there once; equal ones are kept once, contradicting ones not at all.
+    """Reject repeated readings: of equal ones all but the first, of contradicting ones all.
 
-    Base reflectors may be read as often as one likes; only true copies are dropped there.
+    Base reflectors may be read any number of times; only true copies are dropped there.
 
     Args:
         width: Number of roles.
@@ -412,14 +418,14 @@ def once(shots: Shots, width: int) -> Shots:
 
 @dataclass(frozen=True)
 class Stale:
-    """A reading that repeats the one before it to the last digit: it was not measured again.
+    """A reading that repeats the previous one to the last digit: it was not measured again.
 
     Attributes:
         group: Its group.
         target: Its target.
         file: Its file.
         line: Its line there.
-        of: Target of the reading before.
+        of: Target of the previous reading.
     """
 
     group: str
@@ -430,7 +436,7 @@ class Stale:
 
 
 def stale(shots: Shots) -> tuple[Stale, ...]:
-    """Readings of a state that repeat the row before, which is of another target of that state."""
+    """Readings of a state that repeat the previous row, of another target of that state."""
     same = (shots.position[1:] == shots.position[:-1]).all(axis=1)
     same &= (shots.slot[1:] == shots.slot[:-1]) & (shots.slot[1:] >= 0)
     same &= (shots.role[1:] != shots.role[:-1]) & (shots.file[1:] == shots.file[:-1])
@@ -450,12 +456,12 @@ def stale(shots: Shots) -> tuple[Stale, ...]:
 
 
 def weighed(shots: Shots, stated: bool) -> Shots:
-    """Only readings of targets and chain that have a covariance, if any of them has one.
+    """Keep only target and chain readings that have a covariance, if any of them has one.
 
-    Whether the noise is known is settled here for all that follows: for every reading or for none.
+    This settles for all later stages whether the noise is known: for every reading or for none.
 
     Args:
-        stated: Whether campaign.toml gives a noise to those that have none of their own.
+        stated: Whether campaign.toml gives a noise for those that have none of their own.
     """
     if stated or shots.covariance is None:
         return shots
@@ -470,7 +476,7 @@ def weighed(shots: Shots, stated: bool) -> Shots:
 
 
 def _repeated(shots: Shots, width: int) -> Bools:
-    """Readings that may be there more than once, shape (n,)."""
+    """Readings that may occur more than once, shape (n,)."""
     twice = shots.counted(width) > 1
     out = np.zeros(len(shots), dtype=bool)
     if twice.any():

@@ -1,4 +1,4 @@
-"""Whether distances between reflectors have the size that campaign.toml states."""
+"""Check that distances between reflectors have the size that campaign.toml states."""
 
 from __future__ import annotations
 
@@ -19,15 +19,16 @@ _CERTAIN_FACTORS = {
     1000 / 25.4: "inches were taken for metres",
     25.4 / 1000: "metres were taken for inches",
 }
-"""What makes distances so many times too large."""
+"""Unit mistake that makes distances too large by each factor [1]."""
 _SMALLEST_M = 1e-3
-"""Points whose nominal spread [m] is below say nothing about a unit."""
+"""Minimum nominal spread of points that reveals a unit [m]."""
 _NEAR = 0.2
-"""A ratio within 20 % of a factor is that factor; reflectors are placed better than that."""
+"""Maximum deviation, in natural logarithms, of a ratio from a factor [1]; reflectors are placed
+better than 20 %."""
 
 
 def check_units(shots: Shots, settings: Settings) -> None:
-    """Distances between reflectors must have the size that campaign.toml states.
+    """Check that distances between reflectors have the size that campaign.toml states.
 
     Raises:
         InputError: They are off by a factor that only a wrong unit explains.
@@ -46,9 +47,12 @@ def check_units(shots: Shots, settings: Settings) -> None:
 
 
 def _check_size(shots: Shots, rows: Ints, together: Ints, nominal: Array, said: str) -> None:
-    """Compare the spread of what was read together with the spread of its nominal points.
+    """Compare the spread of points read together with the spread of their nominal positions.
 
-    A unit is one of a whole file: only where most of what was read together in it is off alike.
+    A unit holds for a whole file: only a factor shared by most sets of a file counts.
+
+    Raises:
+        InputError: One of `_CERTAIN_FACTORS` fits.
     """
     if not len(rows):
         return

@@ -1,4 +1,4 @@
-"""From a campaign as ingested to its measurements in F_b: the order of the reduction."""
+"""From an ingested campaign to its measurements in F_b: the order of the reduction."""
 
 from __future__ import annotations
 
@@ -26,13 +26,13 @@ Keep = Callable[[str, "pd.DataFrame | pa.Table | None", pa.Schema], pd.DataFrame
 
 @dataclass(frozen=True, eq=False)
 class Reduced:
-    """A campaign's measurements, brought into F_b.
+    """A campaign's measurements in F_b.
 
     Attributes:
         data: Pulls and displacements as arrays.
-        registration: Where the tracker stands.
+        registration: Registration of the tracker.
         placed: Table PLACED, the readings of the poses in F_b.
-        shown: The tables a reader wants to see, by name.
+        shown: The tables shown to a reader, by name.
     """
 
     data: Measured
@@ -42,12 +42,12 @@ class Reduced:
 
 
 def conformed(_: str, table: pd.DataFrame | pa.Table | None, promise: pa.Schema) -> pd.DataFrame:
-    """Check a table's promise and keep it nowhere."""
+    """Check a table against its schema without keeping it."""
     return tables.frame(tables.conform(table, promise))
 
 
 def plain(stage: Callable[..., Any]) -> Callable[..., Any]:
-    """Carry a stage out as it is."""
+    """Carry out a stage unchanged."""
     return stage
 
 
@@ -56,7 +56,7 @@ class _PlacedTables:
     """The tables between readings and measurements.
 
     Attributes:
-        registration: Where the tracker stands.
+        registration: Registration of the tracker.
         base: Table REGISTRATION.
         placed: Table PLACED.
         forces: Table FORCES.
@@ -87,13 +87,14 @@ def to_displacements(case: Case, keep: Keep = conformed, step: Step = plain) -> 
 
 
 _MOST = 300
-"""Displacements of one pose at most: all its errors are one covariance, whose square root takes
-minutes and gigabytes for more. By 300 the scatter of readings is averaged to a seventeenth, and
-what the pulls of a pose have in common (its lever arms, its zero, the scale) is not averaged."""
+"""Maximum number of displacements of one pose: all its errors form one covariance, whose square
+root takes minutes and gigabytes for more. With 300 the scatter of readings is averaged to a
+seventeenth, and what the pulls of a pose have in common (its lever arms, its zero, the scale) is
+not averaged."""
 
 
 def _refuse_crowded(data: Measured) -> None:
-    """See that no pose has more displacements than are computed.
+    """Check that no pose has more than `_MOST` displacements.
 
     Raises:
         InputError: One has.
@@ -111,7 +112,7 @@ def bring(case: Case, keep: Keep = conformed, step: Step = plain) -> Reduced:
     """From readings in the tracker's frame to forces and displacements in F_b, as arrays.
 
     Raises:
-        InputError: A pose has more pulls than are computed together.
+        InputError: A pose has more displacements than are computed together.
     """
     alone = keep is conformed and step is plain
     return _brought(case) if alone else _bring(case, keep, step)
@@ -119,7 +120,7 @@ def bring(case: Case, keep: Keep = conformed, step: Step = plain) -> Reduced:
 
 @lru_cache(maxsize=2)
 def _brought(case: Case) -> Reduced:
-    """The same, kept nowhere: who puts a case right asks twice what is left of it."""
+    """The same without keeping tables; cached, since correcting a case needs it twice."""
     return _bring(case, conformed, plain)
 
 

@@ -1,4 +1,4 @@
-"""A campaign between ingest and estimate, as a value: every mistake and correction changes one."""
+"""A campaign between ingest and estimate, as a value: corrections change copies of it."""
 
 from __future__ import annotations
 
@@ -16,6 +16,7 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.stance import Stance
 from pipeline.readers import Faces
 from pipeline.reduction._shots import Stale
+from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import Settings
 from pipeline.reduction.stations import Station
 
@@ -27,8 +28,9 @@ class Treated:
     Attributes:
         file: Its name.
         faces: Two faces that were averaged, or None.
-        untimed: Its column of times that holds none, and one of its cells; None where it has times.
-        settled: What campaign.toml settled that the export leaves open, in sentences.
+        untimed: Name of a time column without times, and one of its cells; None where it has times.
+        settled: What known reflectors or campaign.toml settled that the export leaves open, in
+            sentences.
     """
 
     file: str
@@ -39,7 +41,7 @@ class Treated:
 
 @dataclass(frozen=True, eq=False)
 class Case:
-    """What was ingested.
+    """The ingested campaign.
 
     Attributes:
         settings: campaign.toml.
@@ -50,12 +52,12 @@ class Case:
         rejected: Table REJECTED.
         displacements: Table DISPLACEMENTS of a campaign that arrives reduced.
         forces: Table FORCES of a campaign that arrives reduced.
-        stale: Readings that repeat another one of their state, whether they are left out or not.
-        unused: Groups of the exports of which no reading is used.
-        treated: Exports that were not used as they stand.
-        torques: Torques of the joints as logged, see `Ingested`; None where there are none.
-        stations: Where else the tracker stood; readings are as from where it stood first.
-        stance: What absolute positions of the same robot say of it, where there are any.
+        stale: Readings that repeat another one of their state, whether or not they are left out.
+        unused: Groups of the exports none of whose readings is used.
+        treated: Exports that were not used unchanged.
+        torques: Torques of the joints as logged, see `ingest._Ingested`; None where there are none.
+        stations: Later stations of the tracker; readings are as from the first one.
+        stance: Estimates from absolute positions of the same robot, if any.
     """
 
     settings: Settings
@@ -74,7 +76,7 @@ class Case:
     stance: Stance | None = None
 
     def standing(self, stance: Stance) -> Case:
-        """The same of a robot whose table, tool and joints are as its positions have them."""
+        """The same with the robot's table, tool and joint values estimated from positions."""
         points = {name: tuple(at.tolist()) for name, at in stance.points.items()}
         known = {name: at for name, at in points.items() if name in self.settings.tool}
         q = self.joints[self.joint_columns].to_numpy(float)
@@ -94,7 +96,7 @@ class Case:
 
     @property
     def cell(self) -> Cell:
-        """The paper's model of it."""
+        """The paper's model of it, corrected by the stance if there is one."""
         cell = paper_cell(self.robot, self.tool)
         cell = replace(cell, equilibrium=self.settings.model.equilibrium)
         return cell if self.stance is None else self.stance.on(cell)
@@ -117,14 +119,3 @@ class Case:
         """The poses of the joint log, and their joint values, shape (p, n)."""
         columns = [self.joints[name].to_numpy(float) for name in self.joint_columns]
         return pd.Index(self.joints["pose"]), np.column_stack(columns)
-
-
-def tool(settings: Settings) -> Tool:
-    """The effector of a campaign: its load point and the targets that are measured."""
-    names = settings.measured
-    return Tool(
-        load_point=np.array(settings.tool["load_point"]),
-        targets=np.array(names, dtype=object),
-        points=np.array([settings.tool[name] for name in names]),
-        six=settings.instrument.measures == "poses",
-    )

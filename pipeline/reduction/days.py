@@ -1,15 +1,15 @@
-"""Day-to-day scatter: by how much a pose deflects otherwise when it is measured on another day.
+"""Day-to-day scatter: how the deflection of a pose differs when it is measured on another day.
 
 What changes from day to day (clamping of the chain, temperature of gears, the set-up of the
-instrument) is common to all pulls of a day and shows in no repeat within it. It is taken as a
+instrument) is common to all pulls of a day and shows in no repeat within it. It is modelled as a
 relative error s e_k of all displacements of day k, e_k independent with unit variance. For a pose
 measured on days i and j
 
     g = sum delta_i . (f delta_j - delta_i) / sum |delta_i|^2,       var g = u^2 + 2 s^2,
 
-over its targets and pulls of like force, f the ratio of the forces and u^2 what the readings
-scatter. The estimate of s is that of moments (DerSimonian and Laird, Controlled Clinical Trials 7
-(1986) 177), and its test is that of homogeneity, sum g^2 / u^2 against chi-squared.
+over its targets and pulls of similar force, f the ratio of the forces and u^2 the variance due to
+the readings. s is estimated by moments (DerSimonian and Laird, Controlled Clinical Trials 7 (1986)
+177), and tested for homogeneity, sum g^2 / u^2 against chi-squared.
 """
 
 from __future__ import annotations
@@ -25,24 +25,25 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.reduction.measured import Measured
 
 _GAP_S = 6 * 3600.0
-"""A longer pause between two pulls [s] begins another day: shifts are shorter, nights longer."""
+"""Minimum pause between two pulls that begins another day [s]: shifts are shorter, nights
+longer."""
 
 _SAME_POSE = 2e-3
-"""Joint values that differ by less are one pose [m] or [rad]: controllers repeat far better."""
+"""Maximum difference of joint values of one pose [m or rad]: controllers repeat far better."""
 
 _SAME_FORCE, _SAME_WAY = 0.03, 5e-3
-"""Relative difference and angle [rad] of forces up to which two pulls are alike."""
+"""Maximum relative difference [1] and angle [rad] between the forces of similar pulls."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Days(Locked):
-    """What repeated poses show of the days.
+    """Day-to-day scatter from repeated poses.
 
     Attributes:
         day: Day of each pull, counted from 0, shape (m,).
-        poses: Pairs of poses that were measured on two days.
+        poses: Number of pairs of poses measured on two days.
         relative: Standard uncertainty of the displacements of a day, relative [1].
-        p_value: Chance of so much difference by the noise of the readings alone.
+        p_value: Probability of differences this large from the noise of the readings alone.
     """
 
     day: Ints
@@ -74,13 +75,13 @@ def days(data: Measured) -> _Days | None:
 
 
 def with_days(data: Measured) -> Measured:
-    """The campaign with its day-to-day scatter as a source of error, where it is seen."""
+    """The campaign with its day-to-day scatter as a source of error, where it can be estimated."""
     found = days(data)
     return data if found is None else replace(data, day=found.day, day_rel=found.relative)
 
 
 def _numbered(time: Array) -> Ints:
-    """Day of each pull, by the pauses between them."""
+    """Day of each pull, from the pauses between them."""
     order = np.argsort(time, kind="stable")
     later = np.concatenate([[False], np.diff(time[order]) > _GAP_S])
     day = np.empty(len(time), np.int64)
@@ -89,7 +90,7 @@ def _numbered(time: Array) -> Ints:
 
 
 def _pairs(data: Measured, day: Ints) -> Iterator[tuple[int, int]]:
-    """Poses by number that are the same on two days."""
+    """Pairs of pose numbers with equal joint values on different days."""
     poses, first = np.unique(data.pulls.pose, return_index=True)
     near = cKDTree(data.pulls.q[first]).query_pairs(_SAME_POSE, p=np.inf)
     for a, b in sorted(near):
@@ -98,7 +99,7 @@ def _pairs(data: Measured, day: Ints) -> Iterator[tuple[int, int]]:
 
 
 def _gain(data: Measured, one: int, other: int) -> tuple[float, float] | None:
-    """G of a pose on two days and its variance u^2; None without pulls of like force."""
+    """The g of a pose on two days and its variance u^2; None without pulls of similar force."""
     above = below = variance = 0.0
     for i, j in _alike(data, one, other):
         ratio = float(np.linalg.norm(data.pulls.force[i]) / np.linalg.norm(data.pulls.force[j]))
@@ -115,7 +116,7 @@ def _gain(data: Measured, one: int, other: int) -> tuple[float, float] | None:
 
 
 def _alike(data: Measured, one: int, other: int) -> Iterator[tuple[int, int]]:
-    """Pulls of two poses with as strong a force in the same direction."""
+    """Pairs of pulls of two poses with similar force and direction."""
     force = data.pulls.force
     for i in np.flatnonzero(data.pulls.pose == one).tolist():
         for j in np.flatnonzero(data.pulls.pose == other).tolist():

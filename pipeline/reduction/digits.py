@@ -1,4 +1,4 @@
-"""The digits of an export, and the divisions of a scale: rounding is an error of every reading."""
+"""Resolution of an export and of a scale: rounding is an error of every reading."""
 
 from __future__ import annotations
 
@@ -9,9 +9,9 @@ from pipeline.base.strict import STANDARD_GRAVITY
 
 _UNITS_M = (1.0, 1e-3, 0.0254)
 _DIGITS = 8
-"""Decimals behind a metre, or its unit, that are tried: no export has more."""
+"""Maximum number of decimals tried, of a metre or another unit: no export has more."""
 _LOOKED_AT = 300
-"""So many readings show with how many digits an export is written."""
+"""Number of readings from which the number of digits of an export is determined."""
 
 
 _UNITS_N = (1.0, STANDARD_GRAVITY)
@@ -19,23 +19,25 @@ _DIVISIONS = tuple(d * 10.0**k for k in range(3, -4, -1) for d in (5.0, 2.0, 1.0
 """Divisions of scales and displays, 1, 2 or 5 times a power of ten [N] or [kgf], the widest first
 (OIML R 76-1, 4.2.2)."""
 _DIFFERENT = 6
-"""So many different readings, all of them multiples of it, show a division [1]: of one of half its
-width they would be so in 1 of 64 cases."""
+"""Minimum number of different readings, all multiples of a division, that establish it [1]: with a
+division of half the width this would happen by chance in 1 of 64 cases."""
 _FEWEST = 20
-"""Divisions in the largest reading [1]: fewer may be steps to which somebody pulled, as a
-crane scale has 100 (OIML R 76-1, class IIII) and is used in more than a fifth of its range."""
+"""Minimum number of divisions in the largest reading [1]: fewer may be load steps that were aimed
+at, as a crane scale has 100 (OIML R 76-1, class IIII) and is used in more than a fifth of its
+range."""
 _LADDERS = 2
-"""Sets of steps to which somebody pulls in one campaign [1]: one for most poses, and one for those
-that bear less. More different readings than these hold are no steps, however few divisions."""
+"""Number of different sets of load steps aimed at in one campaign [1]: one for most poses, and one
+for those that bear less. More different readings than these contain are not load steps, however few
+the divisions."""
 _MOST = 100_000
-"""Divisions of a scale at most (OIML R 76-1, class II): more are digits of a file."""
+"""Maximum number of divisions of a scale (OIML R 76-1, class II): more are digits of a file."""
 
 
 def division(forces: Array, pose: Array) -> float:
-    """The division h of a scale [N]: the widest that all of its readings are multiples of.
+    """Division h of a scale [N]: the widest of which all readings are multiples.
 
-    What is read is anywhere within half a division, uniformly: standard uncertainty h / sqrt(12).
-    0 where nothing shows one: steps to which somebody pulled are none.
+    The rounding error is uniform within half a division: standard uncertainty h / sqrt(12). 0 where
+    none is found; load steps that were aimed at do not count as one.
 
     Args:
         forces: Readings [N], shape (n,).
@@ -52,9 +54,9 @@ def division(forces: Array, pose: Array) -> float:
 
 
 def rounding(positions: Array) -> float:
-    """Standard uncertainty of a coordinate, h / sqrt(12) with h the last digit [m].
+    """Standard uncertainty of a coordinate due to rounding, h / sqrt(12) with h the last digit [m].
 
-    0 without readings, and where no digit is the last.
+    0 without readings, and where no last digit is found.
 
     Args:
         positions: Readings [m], shape (n, 3).

@@ -1,4 +1,4 @@
-"""Stage 4. Placed readings in, loaded minus unloaded out; the pulls of a pose share its zero."""
+"""Displacements, loaded minus unloaded; the pulls of a pose share its zero."""
 
 from __future__ import annotations
 
@@ -8,8 +8,8 @@ import pandas as pd
 from pipeline.base import covariance
 from pipeline.base.arrays import Array, Ints
 from pipeline.reduction._index import means, numbered, places, pull_number, taken
-from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Settings
+from pipeline.tables import XYZ
 
 
 def displacements(settings: Settings, placed: pd.DataFrame) -> pd.DataFrame:
@@ -30,7 +30,7 @@ def displacements(settings: Settings, placed: pd.DataFrame) -> pd.DataFrame:
     state = places(placed["state"], ["unloaded", "loaded"])
     pose, repeat = (placed[name].to_numpy() for name in ("pose", "repeat"))
     poses, of_pose = numbered(pose)
-    member = of_pose * len(names) + target  # whose zero it is: one number for pose and target
+    member = of_pose * len(names) + target  # number of the zero: one per pose and target
     zeros = np.flatnonzero((state == 0) & (target >= 0))
     zero = _zero(placed, zeros, member[zeros], len(poses) * len(names))
 
@@ -74,7 +74,7 @@ def zeros(settings: Settings, placed: pd.DataFrame) -> pd.DataFrame:
 
 
 def _order(pose: Ints, repeat: Ints, target: Ints) -> Ints | slice:
-    """What sorts rows by pose, repeat and target; most exports are in order already."""
+    """Indices that sort rows by pose, repeat and target; most exports are already in order."""
     pull = pull_number(pose, repeat)
     later = pull[1:] > pull[:-1]
     if (later | ((pull[1:] == pull[:-1]) & (target[1:] > target[:-1]))).all():
@@ -87,9 +87,9 @@ def _zero(placed: pd.DataFrame, rows: Ints, member: Ints, groups: int) -> dict[s
 
     Args:
         placed: Table PLACED.
-        rows: Which of its rows are zeros, shape (n,).
+        rows: Its rows that are zeros, shape (n,).
         member: Group of each of them, shape (n,).
-        groups: How many groups there are.
+        groups: Number of groups.
     """
     count = np.bincount(member, minlength=groups)
     some = np.maximum(count, 1)

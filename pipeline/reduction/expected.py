@@ -1,4 +1,4 @@
-"""The catalogue as a campaign expects it: with odds and sizes that were learnt from others."""
+"""The catalogue with prior odds and sizes learnt from other campaigns."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.reduction.measured import Measured
 
 
 def expected(case: Case, data: Measured) -> tuple[Effect, ...]:
-    """The catalogue, with the odds and sizes that campaign.toml takes from other campaigns.
+    """The catalogue with the prior odds and sizes that campaign.toml takes from other campaigns.
 
     Raises:
         InputError: It names a cause that this robot and these loads cannot have.

@@ -1,4 +1,4 @@
-"""Stage 3. Chain reflectors and spring-scale readings in, force vectors out: Eqs. (10), (11).
+"""Force vectors from chain reflectors and spring-scale readings, Eqs. (10), (11).
 
 Rows of the loads that are weights or payloads need neither.
 """
@@ -12,24 +12,24 @@ from pipeline.base import covariance
 from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.reduction._index import found, means, places, pull_numbers, run
 from pipeline.reduction.digits import division
-from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Scale, Settings
 from pipeline.reduction.weights import PULL, Weights
+from pipeline.tables import XYZ
 
 _COUNTS = 1e-3
-"""Part of a variance that moves nothing [1]."""
+"""Fraction of a variance below which a contribution is neglected [1]."""
 
 _BRANCH = np.array([1, -1, 0])
-"""up, down, unknown"""
+"""Values for up, down and unknown."""
 
 
 def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.DataFrame:
-    """Point each scale reading along its chain, u = (Pl2 - Pl1) / |Pl2 - Pl1|.
+    """Apply each scale reading along its chain, u = (Pl2 - Pl1) / |Pl2 - Pl1|.
 
-    The direction's covariance is that of the two reflectors across the chain,
-    (I - u u') (C1 + C2) (I - u u') / L^2; relative to the tracker's variance, in 1/m^2, where
-    no noise is stated. A reading's variance is the stated one and that of its rounding, h^2 / 12
-    with h the division of the scale.
+    The covariance of the direction is that of the two reflectors across the chain,
+    (I - u u') (C1 + C2) (I - u u') / L^2; where no noise is stated it is relative to the tracker's
+    variance, in 1/m^2. The variance of a reading is the stated one plus that of its rounding,
+    h^2 / 12 with h the division of the scale.
 
     Args:
         settings: Names of the chain reflectors and the scale's uncertainty.
@@ -37,7 +37,7 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
         loads: Table LOADS.
 
     Returns:
-        Table FORCES, one row per pull that has both, and per weight or payload.
+        Table FORCES, one row per pull with both chain reflectors, and per weight or payload.
     """
     loads, pulls = _in_order(loads)
     target = places(placed["target"], [*settings.naming.chain, *settings.measured])
@@ -72,7 +72,7 @@ def forces(settings: Settings, placed: pd.DataFrame, loads: pd.DataFrame) -> pd.
 
 
 def _in_order(loads: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
-    """The loads by pose and repeat, and the number of each pull."""
+    """The loads sorted by pose and repeat, and the number of each pull."""
     pulls = pull_numbers(loads)
     if (pulls[1:] >= pulls[:-1]).all():
         return loads, pulls
@@ -83,7 +83,7 @@ def _in_order(loads: pd.DataFrame) -> tuple[pd.DataFrame, Ints]:
 def _of_chains(
     placed: pd.DataFrame, near: Ints, far: Ints, chain: Bools
 ) -> tuple[list[Array], list[Array]]:
-    """The same as `_directions`, zero in rows where no chain pulls."""
+    """As `_directions`, zero in rows without a chain."""
     if chain.all():
         return _directions(placed, near, far)
     here = np.flatnonzero(chain)
@@ -93,7 +93,7 @@ def _of_chains(
 
 
 def _spread(column: Array, rows: Ints, size: int) -> Array:
-    """A column at some of so many rows, else zero."""
+    """A column of the given size with these values at `rows`, else zero."""
     out = np.zeros(size)
     out[rows] = column
     return out
@@ -119,14 +119,14 @@ def reading_std(scale: Scale, reading: np.ndarray) -> np.ndarray:
 
 
 def _rows(pull: Ints, which: np.ndarray, pulls: Ints) -> Ints:
-    """The row that is one end of the chain in each of some pulls, -1 where none is, shape (m,)."""
+    """Row of one end of the chain in each of some pulls, -1 where it is missing, shape (m,)."""
     rows = np.flatnonzero(which)
     at = found(pull[rows], pulls)
     return np.where(at >= 0, np.append(rows, -1)[at], -1)
 
 
 def _across(u: list[Array], C: list[Array]) -> list[Array]:
-    """(I - u u') C (I - u u') of directions in three columns, in six columns."""
+    """(I - u u') C (I - u u') for directions in three columns, in six columns."""
     xx, xy, xz, yy, yz, zz = C
     rows = ((xx, xy, xz), (xy, yy, yz), (xz, yz, zz))
     v = [sum(c * along for c, along in zip(row, u, strict=True)) for row in rows]

@@ -1,9 +1,9 @@
-"""How much longer rail and base frame are than campaign.toml has them, being as warm as the hall.
+"""Thermal growth of rail and base frame relative to campaign.toml, at the temperature of the hall.
 
-Nominal coordinates hold at 20 degC (ISO 1:2022). At T the places n of the base reflectors are
-n (1 + g), and g is known from the thermometer, g = alpha (T - 20 degC), and from the reflectors.
-What is read in the hall is divided by 1 + g, so that F_b is the base frame at 20 degC whatever the
-day: rail and arm grow with it, and the controller's rail and joint values hold as they are.
+Nominal coordinates hold at 20 degC (ISO 1:2022). At T the base reflectors are at n (1 + g), and g
+is estimated from the thermometer, g = alpha (T - 20 degC), and from the reflectors. Readings are
+divided by 1 + g, so that F_b is the base frame at 20 degC whatever the day: rail and arm grow with
+it, and the controller's rail and joint values hold unchanged.
 """
 
 from __future__ import annotations
@@ -18,17 +18,19 @@ from pipeline.base.arrays import Array
 STEEL = 11.5e-6
 """Expansion of steel [1/K]: (11.5 +- 1.0) 1e-6, ISO 3650:1998, 6.2, for gauge blocks."""
 _STEEL_STD = 1.0e-6 / 3**0.5
-"""Its standard uncertainty [1/K]: the limits of ISO 3650, anything between alike (GUM 4.3.7)."""
+"""Its standard uncertainty [1/K]: a uniform distribution within the limits of ISO 3650
+(GUM 4.3.7)."""
 REFERENCE_C = 20.0
-"""Where lengths hold [degC], ISO 1:2022."""
+"""Temperature at which lengths hold [degC], ISO 1:2022."""
 _THERMOMETER_K = 1.0
 """Standard uncertainty of a rail's mean temperature by one thermometer in the hall [K]."""
 _HALL_K = 10.0
-"""Where nobody says how warm it was: halls are within so much of 20 degC, one in three is not."""
+"""Standard uncertainty of the temperature if it is not stated [K]: two halls in three are within
+this of 20 degC."""
 
 
 _NONE = 1e-12
-"""A probability below is rounding."""
+"""Probability below which it is rounding [1]."""
 
 
 @dataclass(frozen=True)
@@ -38,10 +40,11 @@ class BaseGrowth:
     Attributes:
         value: As used.
         std: Its standard uncertainty.
-        expected: By the temperature; None where none is stated.
-        expected_std: Standard uncertainty of that, or how far it may be where none is stated.
-        seen: By the base reflectors alone; None where they do not tell.
-        seen_std: Standard uncertainty of that.
+        expected: Expected from the temperature; None where none is stated.
+        expected_std: Its standard uncertainty, or the prior standard deviation where none is
+            stated.
+        seen: Estimated from the base reflectors alone; None where they cannot resolve it.
+        seen_std: Its standard uncertainty.
         probability: That the base frame has grown at all: 1 where a temperature is stated.
     """
 
@@ -55,13 +58,13 @@ class BaseGrowth:
 
     @property
     def determined(self) -> float:
-        """Part of the value that the reflectors determine, and not what was known before."""
+        """Fraction of the value that the reflectors determine, as opposed to the prior."""
         known = self.expected_std**2
         return self.probability * known / (known + self.seen_std**2)
 
 
 def by_temperature(temperature_c: float | None) -> BaseGrowth:
-    """What is known before any reflector was read: g = alpha (T - 20 degC)."""
+    """Prior of the growth before any reflector is read: g = alpha (T - 20 degC)."""
     if temperature_c is None:
         return BaseGrowth()
     warmer = temperature_c - REFERENCE_C
@@ -73,18 +76,18 @@ def by_temperature(temperature_c: float | None) -> BaseGrowth:
 def with_reflectors(
     before: BaseGrowth, stated: bool, residual: Array, places: Array, rigid: Array
 ) -> BaseGrowth:
-    """The same after the base reflectors were read.
+    """Update the growth with the readings of the base reflectors.
 
     r + g n - D x = e, e ~ N(0, 1): g from what no motion x of the tracker explains. Where no
-    temperature is stated, one of two things has happened to reflectors that disagree, and g is the
-    mean over both: they scatter more than stated, by any factor f >= 1, or they have grown
-    together, and nothing else is wrong with them.
+    temperature is stated, g is the mean over two explanations of reflectors that disagree: they
+    scatter more than stated, by any factor f >= 1, or they have grown together, with the stated
+    scatter.
 
     Args:
-        before: What the temperature says.
-        stated: Whether the noise is stated; else it is what the reflectors leave.
+        before: Prior from the temperature.
+        stated: Whether the noise is stated; else it is estimated from the residuals.
         residual: Nominal minus placed, r, whitened, shape (3 m,).
-        places: Nominal places n [m], whitened, shape (3 m,).
+        places: Nominal positions n [m], whitened, shape (3 m,).
         rigid: Columns D of a motion of the tracker, whitened, shape (3 m, 6).
     """
     U = linear.orthonormal(rigid)
@@ -114,7 +117,7 @@ def with_reflectors(
 def _untold(
     before: BaseGrowth, seen: float, std: float, scatter: float, rest: float, dof: int
 ) -> BaseGrowth:
-    """The mean over a base frame that has grown and one that has not, no temperature stated."""
+    """Mean over a base frame that has grown and one that has not, without a stated temperature."""
     wide = before.expected_std**2
     narrower = 0.5 * np.log1p(wide / std**2) + 0.5 * seen**2 / (wide + std**2)
     odds = -0.5 * rest - narrower - _any_scatter(scatter, dof + 1)
@@ -127,7 +130,7 @@ def _untold(
 
 
 def _any_scatter(square: float, dof: int) -> float:
-    """Log likelihood of residuals that scatter by the best factor f >= 1 over their noise."""
+    """Log likelihood of residuals with the best factor f >= 1 on their noise."""
     if square <= dof:
         return -0.5 * square
     return -0.5 * dof * (1 + float(np.log(square / dof)))

@@ -1,7 +1,7 @@
-"""Unloaded positions that belong to no displacement: they tell of the robot's table.
+"""Unloaded positions that belong to no displacement: data for the DH parameters of the robot.
 
-Those of poses without a pull; and, where an instrument reads one 6D pose, those of every pose, as
-displacements are then no longer those of targets.
+They are those of poses without a pull; and, where an instrument reads one 6D pose, those of every
+pose, since the displacements are then not those of targets.
 """
 
 from __future__ import annotations
@@ -18,8 +18,8 @@ from pipeline.base.arrays import Array, Ints, Locked
 from pipeline.machine.effect import Pulls
 from pipeline.machine.robot import Robot
 from pipeline.reduction.displacements import zeros
-from pipeline.reduction.register import XYZ
 from pipeline.reduction.settings import Settings
+from pipeline.tables import XYZ
 
 
 @dataclass(frozen=True, eq=False)
@@ -29,9 +29,9 @@ class Idle(Locked):
     Attributes:
         pulls: The robot at each of them, under no load.
         target: Index of its target in the tool, shape (z,).
-        at: Where it stands [m], F_b, shape (z, 3).
-        cov: Covariance of that [m^2], shape (z, 3, 3); 1 m^2 over the number of readings where no
-            noise is stated.
+        at: Its position [m], F_b, shape (z, 3).
+        cov: Covariance of the position [m^2], shape (z, 3, 3); 1 m^2 over the number of readings
+            where no noise is stated.
         turned: Covariance of the rotation of each pose at the radius of the targets [m^2], shape
             (p, 3, 3), where all targets of a pose were computed from one 6D pose, of which `cov` is
             that of the position; else None.
@@ -53,7 +53,7 @@ class Idle(Locked):
         return len(np.unique(self.pulls.pose))
 
     def scaled(self, factor: float) -> Idle:
-        """The same with the standard uncertainties of the readings multiplied."""
+        """The same with the standard uncertainties of positions and rotations multiplied."""
         return replace(self.with_rotation(factor), cov=self.cov * factor**2)
 
     def with_rotation(self, factor: float) -> Idle:
@@ -64,8 +64,9 @@ class Idle(Locked):
         """Those that have all targets, computed from one 6D pose.
 
         Args:
-            targets: How many targets there are.
-            rotation: Covariance of the rotation, by that of the position, (p, 3, 3) both.
+            targets: Number of targets.
+            rotation: Gives the covariance of the rotation from that of the position, (p, 3, 3)
+                both.
         """
         count = np.bincount(self.pulls.pose)
         every = np.flatnonzero(count[self.pulls.pose] == targets)
@@ -82,7 +83,7 @@ class Idle(Locked):
 def idle(
     settings: Settings, robot: Robot, joints: pd.DataFrame, placed: pd.DataFrame, pulled: Ints
 ) -> Idle:
-    """Unloaded readings of all poses but some.
+    """Unloaded readings of all poses except the pulled ones.
 
     Args:
         settings: Names of the measured targets.

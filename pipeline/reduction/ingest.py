@@ -1,4 +1,4 @@
-"""Stage 1. Raw files in, readings, loads and joint values out; whatever is wrong is named.
+"""Raw files to readings, loads and joint values, with everything wrong named.
 
 A file that cannot be trusted as a whole stops the campaign. A row whose loss leaves the rest valid
 is left out and listed with its reason.
@@ -40,7 +40,7 @@ from pipeline.reduction.weights import PULL
 _SIX = covariance_columns()
 
 _BY_ORDER = "pipeline.dialects.assignment:assigned"
-"""Readings without names, by the order they were taken in."""
+"""Door to readings without names, identified by the order in which they were taken."""
 _NAMES = (
     "say with names in [tracker] of campaign.toml how names hold group and target, as `pipeline "
     "inspect` proposes, name the column of the groups in [tracker.mapping], or "
@@ -49,7 +49,7 @@ _NAMES = (
 
 @dataclass(frozen=True)
 class _Ingested:
-    """What a raw campaign holds, as tables that keep their promise.
+    """Content of a raw campaign, as tables that conform to their schemas.
 
     Attributes:
         joints: Table `tables.joints(robot)`.
@@ -60,10 +60,10 @@ class _Ingested:
         forces: Table FORCES of a campaign that arrives reduced, else None.
         torques: Torques of the joints in their log: pose, repeat (NaN where it has none), tau1 ...;
             None where it has none.
-        doubt: Why the values are implausible, where that was not to stop the reading.
-        stale: Readings that repeat another one of their state, whether they are left out or not.
-        unused: Groups of the exports of which no reading is used.
-        treated: Exports that were not used as they stand.
+        doubt: Why the values are implausible, where this was not to be an error.
+        stale: Readings that repeat another one of their state, whether or not they are left out.
+        unused: Groups of the exports none of whose readings is used.
+        treated: Exports that were not used unchanged.
     """
 
     joints: pa.Table
@@ -88,8 +88,9 @@ def ingest(
         settings: campaign.toml.
         robot: The robot, for the columns and limits of the joint log.
         raw: Content of the raw files by name relative to the campaign folder.
-        plausible: Refuse values that only a wrong unit or convention explains, and leave out poses
-            that the robot cannot take; False lets them through to whoever can say which one it is.
+        plausible: Whether to refuse values that only a wrong unit or convention explains, and leave
+            out poses that the robot cannot take; False lets them through, for later stages to
+            identify the mistake.
 
     Raises:
         InputError: A file is missing or cannot be trusted, or nothing usable is left.
@@ -114,14 +115,14 @@ def ingest(
 
 
 def _leaving(log: logs.Log, why: Mapping[int, str]) -> logs.Log:
-    """Rows of a log but those of some poses, which are left out for these reasons."""
+    """Rows of a log without those of some poses, which are rejected for these reasons."""
     poses = log.number["pose"]
     rows = np.flatnonzero(np.isin(poses, [*why])).tolist()
     return log.without({k: why[int(poses[k])] for k in rows})
 
 
 def _doubt(check: Callable[[], None], plausible: bool) -> InputError | None:
-    """What a check complains about; raised when only plausible values may pass."""
+    """The error that a check raises; raised again when only plausible values may pass."""
     try:
         check()
     except InputError as problem:
@@ -198,7 +199,7 @@ def _raw(
 
 
 def _known_loads(settings: Settings, loads: logs.Log) -> logs.Log:
-    """Rows whose scale or payload campaign.toml knows.
+    """Rows whose scale or payload is defined in campaign.toml.
 
     Raises:
         InputError: A chain pulls, and there is no table [scale].
@@ -245,11 +246,11 @@ def _exports(settings: Settings, tracker: Tracker, raw: Mapping[str, bytes]) -> 
 
 
 _SETTLED = "pipeline.intake.known:settled"
-"""Who finds what an export leaves open from the places of known reflectors."""
+"""Door to what known reflectors settle of an ambiguous export."""
 
 
 def _export(name: str, data: bytes, tracker: Tracker, bodies: Sequence[ReflectorSet]) -> Export:
-    """An export; what it leaves open is settled by known reflectors where they can."""
+    """Read an export; ambiguities are settled by known reflectors where possible."""
     try:
         return readers.read(name, data, tracker)
     except InputError:
@@ -335,7 +336,7 @@ def _column(values: Array) -> pa.Array:
 
 
 def _covariance(shots: Shots, settings: Settings) -> tuple[list[Array], pa.DictionaryArray]:
-    """Covariance of every reading, six columns, and where each is from."""
+    """Covariance of every reading, six columns, and the source of each."""
     stated, source = _stated_covariance(shots, settings)
     if shots.covariance is None:
         return _rounded(shots, stated), _chosen(np.zeros(len(shots)), [source])
@@ -350,7 +351,7 @@ def _covariance(shots: Shots, settings: Settings) -> tuple[list[Array], pa.Dicti
 
 
 def _rounded(shots: Shots, columns: list[Array]) -> list[Array]:
-    """The same with the variance of the last digit, where it is a part of it that counts."""
+    """The same plus the variance of the last digit, where this is not negligible."""
     variance = rounding(shots.position) ** 2
     out = list(columns)
     for k in _DIAGONAL:
@@ -360,11 +361,11 @@ def _rounded(shots: Shots, columns: list[Array]) -> list[Array]:
 
 _DIAGONAL, _CROSSED = (0, 3, 5), (1, 2, 4)
 _COUNTS = 1e-3
-"""Part of a variance that moves nothing."""
+"""Fraction of a variance below which a contribution is neglected [1]."""
 
 
 def _chosen(which: Array | Ints | Bools, words: Sequence[str]) -> pa.DictionaryArray:
-    """Of some words the one with each number."""
+    """The word of each number."""
     return pa.DictionaryArray.from_arrays(which.astype(np.int32), list(words))
 
 
@@ -382,13 +383,13 @@ def _stated_covariance(shots: Shots, settings: Settings) -> tuple[list[Array], s
 
 
 def _alike(six: Array, n: int) -> list[Array]:
-    """The same six numbers n times; equal columns are one array, which a million rows notice."""
+    """The same six numbers n times; equal columns share an array, to save a million rows."""
     columns = {value: np.full(n, value) for value in set(six.tolist())}
     return [columns[value] for value in six.tolist()]
 
 
 def _loads(loads: logs.Log, mass_sigma_kg: float) -> pa.Table:
-    """Table LOADS; weights whose uncertainty no row says have the one that is said of all."""
+    """Table LOADS; weights without an uncertainty in their row get the one stated for all."""
     stated, weight = (loads.number[name] for name in ("mass_sigma", "mass"))
     sigma = np.where(np.isnan(stated) & ~np.isnan(weight), mass_sigma_kg, np.nan_to_num(stated))
     columns = {
@@ -416,7 +417,7 @@ def _joints(joints: logs.Log, robot: Robot) -> pa.Table:
 
 
 def _torques(log: logs.Log, robot: Robot) -> pd.DataFrame | None:
-    """What `Ingested.torques` says."""
+    """The table described in `_Ingested.torques`."""
     names = [f"tau{j}" for j in range(1, robot.n + 1)]
     if not {*names} & {*log.number}:
         return None
@@ -442,7 +443,7 @@ def _rejected(rejected: Sequence[Rejection]) -> pa.Table:
 
 
 def _nothing_left(rejected: Sequence[Rejection]) -> InputError:
-    """No pull is complete: say it with the reason whose way out is given most often."""
+    """The error when no pull is complete, with the reason whose way out is given most often."""
     if not rejected:
         return InputError("the files have no rows", "export the campaign again, with its pulls")
     ways_out = Counter(why.rpartition("; ")[2] for _, _, why in rejected)
@@ -511,7 +512,7 @@ def _keys(log: logs.Log) -> Ints:
 
 
 def _displacements(moved: logs.Log, sigma_m: float | None) -> pa.Table:
-    """Covariance of a displacement as that of its loaded reading, NaN where none is stated."""
+    """Table DISPLACEMENTS, the covariance as that of the loaded reading, NaN if not stated."""
     loaded = np.nan if sigma_m is None else sigma_m**2
     columns = {
         **_pulls_of(moved),
@@ -530,5 +531,5 @@ def _forces(forces: logs.Log) -> pa.Table:
 
 
 def _conform(columns: Mapping[str, Any], promise: pa.Schema) -> pa.Table:
-    """Columns as promised; those that are not given are zero."""
+    """Columns as the schema promises; those not given are zero."""
     return tables.conform(pd.DataFrame({**dict.fromkeys(promise.names, 0), **columns}), promise)

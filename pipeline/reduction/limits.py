@@ -1,7 +1,7 @@
-"""Poses that the robot cannot take by its own file: a little beyond a limit, or by far.
+"""Poses outside the joint limits of the robot file: slightly, or by far.
 
-A controller stops a joint at its software limit, and robot files round them: a joint that stands a
-little beyond is told. One that stands farther off was mistyped, or is in another unit or sense.
+A controller stops a joint at its software limit, and robot files round the limits: a joint slightly
+beyond one is only reported. One that is farther off was mistyped, or has another unit or sign.
 """
 
 from __future__ import annotations
@@ -20,8 +20,8 @@ from pipeline.readers.logs import Log, joint_values
 from pipeline.reduction.case import Case
 
 LEEWAY = float(np.deg2rad(1.0))
-"""How far a joint may stand beyond a limit of the robot file: 1 deg [rad]; a sliding joint [m] as
-far as 1 deg moves a point at a metre."""
+"""Maximum excess over a joint limit of the robot file: 1 deg [rad]; for a sliding joint as many
+metres, the distance by which 1 deg moves a point at a metre."""
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class _BeyondLimit:
     Attributes:
         pose: Number of the pose.
         joint: The joint.
-        value: Where it stands [m] or [rad].
+        value: Its value [m] or [rad].
         file: The joint log.
         line: Its line there.
     """
@@ -44,17 +44,17 @@ class _BeyondLimit:
 
     @property
     def over(self) -> float:
-        """How far it is beyond [m] or [rad]."""
+        """Excess over the limit [m] or [rad]."""
         return max(self.joint.lower - self.value, self.value - self.joint.upper)
 
     @property
     def out(self) -> bool:
-        """Whether the pose is out of the question."""
+        """Whether the pose is impossible: beyond the limit by more than `LEEWAY`."""
         return self.over > LEEWAY
 
     @property
     def said(self) -> str:
-        """The thing, with its numbers."""
+        """First half of the message, with its numbers."""
         unit, one = ("m", 1.0) if self.joint.prismatic else ("deg", float(np.rad2deg(1.0)))
         return (
             f"pose {self.pose}: joint {self.joint.name} is at {self.value * one:.6g} {unit}, "
@@ -86,7 +86,7 @@ def _beyond(robot: Robot, file: str, pose: Array, line: Ints, q: Array) -> list[
 
 
 def impossible(log: Log, robot: Robot) -> dict[int, _BeyondLimit]:
-    """The rows of a joint log that are out of the question, each with the joint that is most so."""
+    """Impossible rows of a joint log, by row number, each with its worst joint."""
     every = _beyond(robot, log.file, log.number["pose"], log.line, joint_values(log, robot))
     row = {line: k for k, line in enumerate(log.line.tolist())}
     worst = sorted((one for one in every if one.out), key=lambda one: one.over)
@@ -94,12 +94,12 @@ def impossible(log: Log, robot: Robot) -> dict[int, _BeyondLimit]:
 
 
 def reason(one: _BeyondLimit) -> str:
-    """Why a row is left out."""
+    """Reason for which a row is left out."""
     return f"{one.said}; {_WAY_OUT}"
 
 
 def doubt(found: Sequence[_BeyondLimit]) -> InputError | None:
-    """What is said where such rows are let through; None without any."""
+    """The error to report where such rows are let through; None without any."""
     if not found:
         return None
     first = min(found, key=lambda one: one.line)

@@ -19,16 +19,16 @@ from pipeline.machine.robot import Robot, configure
 from pipeline.machine.stance import Stance
 from pipeline.readers.known import GROSS_M
 from pipeline.reduction._index import coded, found, numbered, places, pull_numbers
-from pipeline.reduction.case import tool
+from pipeline.reduction.effector import tool
 from pipeline.reduction.idle import Idle, idle
 from pipeline.reduction.register import Registration
 from pipeline.reduction.settings import Instrument, Scale, Settings
 from pipeline.reduction.weights import PULL
 
 STILL_M = 1e-6
-"""No instrument repeats a point, or a distance between two, to less [m]: the refractive index of
-air changes by 1e-6 per kelvin (Edlen, Metrologia 2, 1966), over a beam of metres within one
-reading."""
+"""Minimum repeatability of a point, or of a distance between two, for any instrument [m]: the
+refractive index of air changes by 1e-6 per kelvin (Edlen, Metrologia 2, 1966), over a beam of
+metres within one reading."""
 
 _FORCE = ["fx_n", "fy_n", "fz_n"]
 _AT = ["at_x_m", "at_y_m", "at_z_m"]
@@ -37,7 +37,7 @@ _DELTA = ["dx_m", "dy_m", "dz_m"]
 
 @dataclass(frozen=True, eq=False)
 class Measured(Locked):
-    """One campaign's measurements as arrays, in F_b, SI: all that the systems are made from.
+    """One campaign's measurements as arrays, in F_b, SI: input of all systems.
 
     Attributes:
         pulls: What was set and read in each pull, m of them.
@@ -52,35 +52,38 @@ class Measured(Locked):
         reading_std: Standard uncertainty of the scale readings [N], shape (m,).
         direction_cov: Covariance of the direction cosines, shape (m, 3, 3).
         rotation_cov: Covariance of the registration's rotation [rad^2], shape (3, 3).
-        scale: What is stated of the scale.
+        scale: Settings of the scale.
         body: Number of each pull's weight or payload, -1 where a chain pulls, shape (m,).
         mass_std: Standard uncertainty of its weight, one error for each body [N], shape (m,).
-        center_std: The same of its centre per axis, flange frame [m], shape (m,).
-        noise_stated: False: the covariances of readings are relative, 1 m^2 each, and so are those
-            of zeros and directions.
+        center_std: Standard uncertainty of its centre per axis, flange frame, one error for each
+            body [m], shape (m,).
+        noise_stated: False if the covariances of readings are relative, 1 m^2 each, and with them
+            those of zeros and directions.
         rotation_found: Whether `rotation_cov` rests on the scatter of the base reflectors.
-        found_m: What the relative ones have been multiplied by [m], None if by nothing.
-        tracked: Whether the instrument is a laser tracker; else the data alone judge its noise.
-        bends: Whether what an undeformed cell leaves out, the robot's own deflection, is an error.
+        found_m: Factor by which the relative ones have been multiplied [m], None if by none.
+        tracked: Whether the instrument is a laser tracker; else its noise is judged by the data
+            alone.
+        bends: Whether what an undeformed cell neglects, the robot's own deflection, is an error.
         tool_std: Standard uncertainty per axis of the tool's nominal points [m].
         joint_std: Standard uncertainty of the joints' zeros [m] or [rad], shape (n,).
-        zero_times: When the zeros of each pull's pose were read after the first reading [s], NaN
-            behind the last and where unknown, shape (m, z).
-        wander: F with F F' the covariance of the instrument's wander between the displacements of
-            a pose [m], shape (d, 3, k); None where none is looked for.
-        heavy: Probability that the readings are weighed by tails heavier than stated: what is left
-            of them is then smaller than their noise, but in what a model explains it is not.
-        poses: What was read is a position and a rotation of the effector, targets 0 and 1.
-        paper: The stated noise is that of Eq. (18), whose tails are heavier than normal.
+        zero_times: Times of the zeros of each pull's pose after the first reading [s], padded with
+            NaN and NaN where unknown, shape (m, z).
+        wander: F with F F' the covariance of the instrument's wander between the displacements of a
+            pose [m], shape (d, 3, k); None where none is estimated.
+        heavy: Probability that the tails are heavier than stated, for which readings are
+            reweighted: their residuals are then smaller than their noise, but effects of a model
+            are not.
+        poses: Whether position and rotation of the effector were read, as targets 0 and 1.
+        paper: Whether the stated noise is that of Eq. (18), whose variance is random.
         length_rel: Relative standard uncertainty of the instrument's lengths [1], from its
             certificate.
         day: Day of each pull, counted from 0, shape (m,); empty where no pose was repeated on
             another day.
         day_rel: Relative standard uncertainty of all displacements of a day [1], see `days`.
-        idle: Unloaded readings of poses without a pull, of all poses where `poses`; None where
-            there are none.
-        tracker: Where the tracker stands in F_b [m], shape (3,); None where nobody knows.
-        stance: What absolute positions of the same robot say of it; None without any.
+        idle: Unloaded readings of poses without a pull, of all poses if `poses`; None where there
+            are none.
+        tracker: Position of the tracker in F_b [m], shape (3,); None where unknown.
+        stance: Estimates from absolute positions of the same robot; None without any.
     """
 
     pulls: Pulls
@@ -119,7 +122,7 @@ class Measured(Locked):
     stance: Stance | None = None
 
     def __post_init__(self) -> None:
-        """Pulls of which nothing else is said have no weight."""
+        """Fill in that pulls without further data have no body."""
         if len(self.body) != len(self.pulls):
             nothing = np.zeros(len(self.pulls))
             object.__setattr__(self, "body", np.full(len(self.pulls), PULL))
@@ -129,18 +132,19 @@ class Measured(Locked):
 
     @property
     def shifts(self) -> Bools:
-        """Displacements that a shift of the instrument moves: all but rotations, shape (d,)."""
+        """Displacements that a shift of the instrument affects: all but rotations, shape (d,)."""
         return np.asarray(~(self.poses & (self.target == 1)))
 
     def standing(self, stance: Stance | None, tool: Tool) -> Measured:
-        """The same beside absolute positions: where the corrected table alone would have the arm.
+        """The same given absolute positions: unloaded points as by the corrected table alone.
 
-        What weight, laws of joints and a crooked rail move the unloaded points by is taken off, and
-        how the instrument's frame of the positions lies in F_b, which no reading of theirs tells.
+        The motion of the unloaded points due to weight, laws of joints and a crooked rail is
+        subtracted, and so is the pose in F_b of the instrument's frame of the positions, which
+        their readings cannot determine.
 
         Args:
-            stance: What the positions say; None without any.
-            tool: Points of the effector as they have them.
+            stance: Estimates from the positions; None without any.
+            tool: The effector with the points estimated there.
         """
         if stance is None:
             return self
@@ -148,7 +152,7 @@ class Measured(Locked):
         if self.idle is not None:
             blocks.append((self.idle.pulls.q, self.idle.target, self.idle.at))
         q, target, at = (np.concatenate(part) for part in zip(*blocks, strict=True))
-        if self.poses:  # targets of displacements are those of a measured pose
+        if self.poses:  # displacements are position and rotation, not targets
             at[: len(self.target)], target = np.nan, target % len(tool.points)
         there = configure(stance.robot, q).points(tool.points)[np.arange(len(q)), target]
         off = stance.moved(q, tool.targets[target])
@@ -159,11 +163,11 @@ class Measured(Locked):
 
     @property
     def tells_noise(self) -> bool:
-        """Whether something other than what a model leaves says how much readings scatter."""
+        """Whether the scatter of the readings is known independently of the residuals."""
         return self.noise_stated or self.found_m is not None
 
     def enough(self, n: int) -> bool:
-        """One coordinate at least, and more than n stiffnesses where they must tell the noise."""
+        """Whether there is any coordinate, or more than n if the noise is estimated from them."""
         return self.delta.size > (0 if self.tells_noise else n)
 
     def scaled(self, factor: float) -> Measured:
@@ -185,14 +189,14 @@ class Measured(Locked):
         )
 
     def in_metres(self, found_m: float | None) -> Measured:
-        """The same with a noise of the tracker in place of the unstated one [m]; None: as it is."""
+        """The same with a tracker noise [m] in place of the unstated one; None: unchanged."""
         if found_m is None:
             return self
         return replace(self.scaled(found_m / (self.found_m or 1.0)), found_m=found_m)
 
 
 def _in_frame(at: Array, there: Array) -> Array:
-    """Points (n, 3) [m] moved as one to where they should be, unless so far that they are not."""
+    """Move points (n, 3) [m] as one body to where they should be, unless that is grossly far."""
     seen = np.isfinite(at).all(axis=1) & np.isfinite(there).all(axis=1)
     if seen.sum() < _FEWEST:
         return at
@@ -202,7 +206,7 @@ def _in_frame(at: Array, there: Array) -> Array:
 
 
 _FEWEST = 12
-"""Points of four poses: fewer are all where any frame puts them."""
+"""Minimum number of points to fit a frame, those of four poses: fewer fit in any frame."""
 
 
 def measured(
@@ -219,7 +223,7 @@ def measured(
     Args:
         settings: Names of the tool's targets, and the uncertainties of scale, tool and joints.
         robot: The robot, for its joints.
-        registration: Where the tracker stands, and how well that is known.
+        registration: Registration of the tracker, with its uncertainty.
         joints: Table of joint values, `tables.joints(robot)`.
         forces: Table FORCES.
         displacements: Table DISPLACEMENTS.
@@ -236,21 +240,8 @@ def measured(
     rows, pull, target = rows.iloc[order], pull[order], target[order]
     zero_time = rows.groupby(pull)["zero_time_s"].mean().reindex(range(len(pulls))).to_numpy()
     loaded_cov, zero_cov, stated = _covariances(rows)
-    values = [tables.joint_column(j.name, j.prismatic) for j in robot.joints]
     data = Measured(
-        pulls=Pulls(
-            pose=pulls["pose"].to_numpy(np.int64),
-            repeat=pulls["repeat"].to_numpy(np.int64),
-            q=_side_by_side(pulls, values),
-            force=_side_by_side(pulls, _FORCE),
-            branch=pulls["branch"].to_numpy(float),
-            approach=pulls["approach"].to_numpy(float),
-            time=pulls["time_s"].to_numpy(float),
-            time_zero=zero_time,
-            by=pulls["by"].to_numpy(np.int64),
-            acts_at=_side_by_side(pulls, _AT),
-            body=_payloads(settings, pulls),
-        ),
+        pulls=_pulls(settings, robot, pulls, zero_time),
         pull=pull,
         target=target,
         name=rows["target"].to_numpy(object),
@@ -284,20 +275,38 @@ def measured(
     return _in_poses(data, robot, effector, settings.instrument) if effector.six else data
 
 
+def _pulls(settings: Settings, robot: Robot, pulls: pd.DataFrame, zero_time: Array) -> Pulls:
+    """What loads the robot, and where it stands."""
+    values = [tables.joint_column(j.name, j.prismatic) for j in robot.joints]
+    return Pulls(
+        pose=pulls["pose"].to_numpy(np.int64),
+        repeat=pulls["repeat"].to_numpy(np.int64),
+        q=_side_by_side(pulls, values),
+        force=_side_by_side(pulls, _FORCE),
+        branch=pulls["branch"].to_numpy(float),
+        approach=pulls["approach"].to_numpy(float),
+        time=pulls["time_s"].to_numpy(float),
+        time_zero=zero_time,
+        by=pulls["by"].to_numpy(np.int64),
+        acts_at=_side_by_side(pulls, _AT),
+        body=_payloads(settings, pulls),
+    )
+
+
 def _side_by_side(table: pd.DataFrame, names: Sequence[str]) -> Array:
-    """Columns as numbers, (rows, names): as `table[names]` has them, in a quarter of its time."""
+    """Columns as numbers, (rows, names): as from `table[names]`, in a quarter of the time."""
     return np.array(covariance.numbers(table, names)).T
 
 
 def _zeros(rows: pd.DataFrame) -> Ints:
-    """Which zero each row was taken from: one number for a target of a pose, in order."""
+    """Number of the zero of each row: one per target and pose, in order."""
     codes, words = coded(rows["target"])
     key = rows["pose"].to_numpy(np.int64) * len(words) + codes
     return np.unique(key, return_inverse=True)[1]
 
 
 def _payloads(settings: Settings, pulls: pd.DataFrame) -> Strings:
-    """Name of the payload of each pull, empty where it is none, shape (m,)."""
+    """Name of the payload of each pull, empty where there is none, shape (m,)."""
     names = np.array([*settings.payload, ""], dtype=object)
     mounted = pulls["by"].to_numpy() == MOUNTED
     return np.asarray(names[np.where(mounted, pulls["body"].to_numpy(np.int64), -1)])
@@ -306,11 +315,12 @@ def _payloads(settings: Settings, pulls: pd.DataFrame) -> Strings:
 def _in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) -> Measured:
     """The same with position and rotation of the effector in place of its targets.
 
-    Errors of both are those of a target, the rotation's at the radius of the targets, unless its
-    own standard uncertainty is stated.
+    The errors of both are those of a target, for the rotation at the radius of the targets, unless
+    its own standard uncertainty is stated.
 
     Raises:
-        InputError: No pull has all targets.
+        InputError: No pull has all targets, or sigma_rad is stated without a noise of the
+            positions.
     """
     count = np.bincount(data.pull, minlength=len(data.pulls))
     t = len(effector.points)
@@ -338,7 +348,7 @@ def _in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) ->
     own = None if rad is None else (six.radius(effector.points) * rad) ** 2 * np.eye(3)
 
     def rotation(position: Array) -> Array:
-        """Covariance of the rotation; of a mean of several readings it is less."""
+        """Covariance of the rotation; for a mean of several readings it is smaller."""
         if own is None:
             return position
         one = np.trace(loaded, axis1=1, axis2=2).mean()
@@ -363,14 +373,14 @@ def _in_poses(data: Measured, robot: Robot, effector: Tool, said: Instrument) ->
 
 
 def _zero_times(placed: pd.DataFrame | None, pose: Ints) -> Array:
-    """When the zeros of each pull's pose were read, one time for all its targets, (m, z)."""
+    """Times of the zeros of each pull's pose, one time for all its targets, (m, z)."""
     if placed is None or not len(pose):
         return np.full((len(pose), 1), np.nan)
     zeros = placed[placed["state"] == "unloaded"]
     times = zeros.groupby(["pose", "group"], observed=True)["time_s"].mean()
     own, which = numbered(times.index.get_level_values("pose").to_numpy(np.int64))
     nth = np.arange(len(which)) - np.searchsorted(which, which)
-    wide = np.full((len(own) + 1, nth.max(initial=-1) + 1), np.nan)  # the last is of no pose
+    wide = np.full((len(own) + 1, nth.max(initial=-1) + 1), np.nan)  # last: no pose
     wide[which, nth] = times.to_numpy(float)
     return wide[found(own, pose)]
 

@@ -1,4 +1,4 @@
-"""The pose and force that the user cares about, Eqs. (12), (13)."""
+"""The pose and force at which the user wants a good prediction, Eqs. (12), (13)."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Stage 2. Readings of base reflectors in, the tracker's pose in F_b and placed readings out."""
+"""Register the tracker in F_b from readings of base reflectors, and place all readings."""
 
 from __future__ import annotations
 
@@ -20,27 +20,30 @@ from pipeline.readers.known import GROSS_M
 from pipeline.reduction._index import run
 from pipeline.reduction.growth import BaseGrowth, by_temperature, with_reflectors
 from pipeline.reduction.settings import BASE_REFLECTORS, ONE_LINE, Settings
+from pipeline.tables import XYZ as XYZ
 
-XYZ = ["x_m", "y_m", "z_m"]
 _OFF = ["dx_m", "dy_m", "dz_m"]
 
 _STEPS = 20
-"""Gauss-Newton steps at most; from the closed form three or four are enough."""
+"""Maximum number of Gauss-Newton steps; from the closed form three or four suffice."""
 _STILL = 1e-15
-"""A step [m] or [rad] that no longer moves a number of the size of a hall."""
+"""Step below which the iteration has converged [m or rad]; it changes no number of the size of a
+hall."""
 _ONE_PLACE = 1e-9
-"""Second width of the readings over the first of the nominal points: below, all are on one line."""
+"""Second width of the readings over the first of the nominal points below which all are on one line
+[1]."""
 _REFLECTOR_M = 1e-2
-"""The smallest reflectors are half an inch thick [m]: nearer together no two of them can be."""
+"""Minimum distance of two reflectors [m]: the smallest ones have a diameter of half an inch."""
 _MISFIT = 1e-4
-"""Below this p the base reflectors disagree by more than their stated uncertainties."""
+"""p-value below which the base reflectors disagree by more than their stated uncertainties [1]."""
 _FEW = 15
-"""Of so many readings every triple is tried."""
+"""Maximum number of readings for which every triple is tried."""
 _TRIALS = 500
-"""Of more, so many triples: of half the readings each third one is good in 1 of 8."""
+"""Number of triples tried for more readings: with half of the readings good, 1 triple in 8 is
+good."""
 _JUDGES = 10_000
-"""By so many readings, evenly from all, a triple is judged: what share of all is near is known to
-a hundredth then."""
+"""Maximum number of readings, evenly spaced, by which a triple is judged: they give the fraction of
+near readings to a hundredth."""
 _SPREAD = np.array([0.8191725134, 0.6710436067, 0.5497004779])
 """Steps that fill a cube evenly: powers of 1 / x where x^4 = x + 1 (a Kronecker sequence)."""
 
@@ -56,9 +59,9 @@ class Registration(Locked):
         centre: Centre of the base reflectors in F_b [m], shape (3,).
         table: Table REGISTRATION, residuals of every base reading; empty without a base frame.
         chi2: Weighted sum of squared residuals; None without stated noise or base frame.
-        dof: Coordinates minus six.
-        from_scatter: Whether `cov` rests on the residuals instead of a stated noise.
-        growth: How much longer the base frame is than it is stated, see `growth`.
+        dof: Coordinates minus six, and minus one for an estimated growth.
+        from_scatter: Whether `cov` is scaled by the residuals instead of resting on a stated noise.
+        growth: Growth of the base frame relative to its stated size, see `growth`.
     """
 
     R: Array
@@ -73,32 +76,32 @@ class Registration(Locked):
 
     @property
     def tracker(self) -> Array:
-        """Where the tracker stands in F_b [m], shape (3,)."""
+        """Position of the tracker in F_b [m], shape (3,)."""
         return np.asarray(self.t / (1 + self.growth.value))
 
     def placed(self, points: Array) -> Array:
-        """Points of the tracker's frame (m, 3) in F_b [m]."""
+        """Transform points of the tracker's frame (m, 3) into F_b [m]."""
         return (points @ self.R.T + self.t) / (1 + self.growth.value)
 
 
 def register(settings: Settings, readings: pd.DataFrame) -> Registration:
     """Fit the tracker's pose to the nominal base reflectors by weighted least squares.
 
-    sum_i r_i' (R C_i R')^-1 r_i is smallest, r_i = (1 + g) n_i - (R p_i + t) [m]: n_i the nominal
-    place, g the growth of the base frame (none where no temperature is stated and the reflectors
+    It minimises sum_i r_i' (R C_i R')^-1 r_i, r_i = (1 + g) n_i - (R p_i + t) [m]: n_i the nominal
+    position, g the growth of the base frame (zero where no temperature is stated and the reflectors
     agree without), p_i the reading and C_i its covariance [m^2] in the tracker's frame.
     Gauss-Newton from the unweighted closed form (Kabsch, Acta Cryst. A32, 1976; Umeyama, IEEE
-    Trans. PAMI 13, 1991).
-    cov = (D' W D)^-1, times chi2 / dof where the noise is not stated or the misfit is improbable
-    (p < `_MISFIT`; Birge, Physical Review 40, 1932). Without [base_frame] the readings are in F_b
-    already.
+    Trans. PAMI 13, 1991). cov = (D' W D)^-1, times chi2 / dof where the noise is not stated or the
+    misfit is improbable (p < `_MISFIT`; Birge, Physical Review 40, 1932). Without [base_frame] the
+    readings are in F_b already.
 
     Args:
         settings: The campaign; `base_frame` has the nominal coordinates [m].
         readings: Table READINGS.
 
     Raises:
-        InputError: Fewer than three reflectors, or all of them on one line.
+        InputError: Fewer than three reflectors, all of them on one line, or a reading with a
+            singular covariance.
     """
     _uncertain(readings)
     base = readings.assign(time_s=seconds(readings))[readings["pose"].isna()]
@@ -123,7 +126,7 @@ def register(settings: Settings, readings: pd.DataFrame) -> Registration:
         dof -= round(grown.determined)
     from_scatter = not stated or _contradicted(chi2, dof)
     if from_scatter:
-        cov = cov * (chi2 / dof)  # reflectors that disagree place it worse
+        cov = cov * (chi2 / dof)  # reflectors that disagree register it less well
     cov[3:, 3:] += grown.std**2 * np.outer(centre, centre)
     bare = base.assign(dx_m=0.0, dy_m=0.0, dz_m=0.0)
     found = Registration(
@@ -140,7 +143,7 @@ def _contradicted(chi2: float, dof: int) -> bool:
 def _white(
     R: Array, t: Array, points: Array, nominal: Array, C: Array
 ) -> tuple[Array, Array, Array]:
-    """Residuals, places and columns of a motion of the tracker, whitened; (3 m, ...)."""
+    """Residuals, nominal positions and columns of a motion of the tracker, whitened; (3 m, ...)."""
     placed = points @ R.T + t
     W = linear.whitening(R @ C @ R.T)
     D = _motions(placed - placed.mean(axis=0))
@@ -149,21 +152,21 @@ def _white(
 
 
 def _with_residuals(table: pd.DataFrame, placed: Array, nominal: Array) -> pd.DataFrame:
-    """Table REGISTRATION: base readings in F_b and what they are off [m]."""
+    """Table REGISTRATION: base readings in F_b and their residuals [m]."""
     columns = np.hstack([placed, placed - nominal]).T
     return table.assign(**dict(zip([*XYZ, *_OFF], columns, strict=True)))
 
 
 def agreed(registration: Registration) -> tuple[Registration, Bools]:
-    """The tracker's pose without base readings that are grossly off, and which agree, shape (m,).
+    """The registration without base readings that are grossly off, and which readings agree, (m,).
 
-    The start is the triple of reflectors whose rigid motion brings most readings near: the sum of
-    the (m + 3) / 2 smallest squared distances is least (least trimmed squares, Rousseeuw, J. Am.
-    Stat. Assoc. 79, 1984), so that less than half of them may lie anywhere. What is then nearer
-    than `GROSS_M` is fitted as in `register`; residuals are those of all readings.
+    It starts from the triple of reflectors whose rigid motion minimises the sum of the (m + 3) / 2
+    smallest squared distances (least trimmed squares, Rousseeuw, J. Am. Stat. Assoc. 79, 1984), so
+    that fewer than half of the readings may lie anywhere. Readings nearer than `GROSS_M` are then
+    fitted as in `register`; residuals are given for all readings.
 
     Args:
-        registration: Where the tracker stands by all readings.
+        registration: The registration with all readings.
     """
     table = registration.table
     placed = table[XYZ].to_numpy(float)
@@ -172,7 +175,7 @@ def agreed(registration: Registration) -> tuple[Registration, Bools]:
     points = (grown * placed - registration.t) @ registration.R
     agree = agreeing(points, grown * nominal)
     if agree.all() or not apart(nominal[agree]):
-        return registration, np.ones_like(agree)  # too few agree to say which do not
+        return registration, np.ones_like(agree)  # too few agree to identify the others
     C = covariance.weighing(table)
     R, t, cov, _, centre = _fit(points[agree], grown * nominal[agree], C[agree])
     found = replace(registration, R=R, t=t, cov=cov, centre=centre / grown)
@@ -180,11 +183,11 @@ def agreed(registration: Registration) -> tuple[Registration, Bools]:
 
 
 def agreeing(points: Array, nominal: Array) -> Bools:
-    """Which readings are near their reflectors by the best triple of them, shape (m,).
+    """Which readings are near their reflectors according to the best triple of them, shape (m,).
 
     Args:
-        points: As read, in the frame of the tracker [m], shape (m, 3).
-        nominal: Where their reflectors are [m], F_b, shape (m, 3).
+        points: Readings in the frame of the tracker [m], shape (m, 3).
+        nominal: Nominal positions of their reflectors [m], F_b, shape (m, 3).
     """
     m = len(points)
     every: Any = combinations(range(m), 3)
@@ -201,7 +204,7 @@ def agreeing(points: Array, nominal: Array) -> Bools:
 
 
 def _away(points: Array, nominal: Array, R: Array, t: Array) -> Array:
-    """How far each point that was moved is from its place [m], shape (m,)."""
+    """Distance of each transformed point from its nominal position [m], shape (m,)."""
     return np.asarray(np.linalg.norm(nominal - points @ R.T - t, axis=1))
 
 
@@ -214,7 +217,7 @@ def apart(nominal: Array) -> bool:
 
 
 def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
-    """Table PLACED: the readings of the poses moved into F_b, with their covariances."""
+    """Table PLACED: the readings of the poses transformed into F_b, with their covariances."""
     rows = run(np.flatnonzero(readings["pose"].notna().to_numpy()))
     poses = readings.iloc[rows]
     R, t = registration.R, registration.t
@@ -235,10 +238,10 @@ def place(registration: Registration, readings: pd.DataFrame) -> pd.DataFrame:
 
 
 def seconds(readings: pd.DataFrame) -> Array:
-    """Seconds after the first reading, NaN where one has no time, shape (n,).
+    """Seconds after the first reading, NaN for a reading without a time, shape (n,).
 
-    Where none has a time the order of rows is the clock: `GROUP_S` times the number of the group in
-    the order in which they are read.
+    If no reading has a time, the order of rows serves as clock: `GROUP_S` times the number of the
+    group in reading order.
     """
     if not timed(readings):
         group = readings["group"].astype("category").cat.codes.to_numpy()
@@ -253,7 +256,11 @@ def timed(readings: pd.DataFrame) -> bool:
 
 
 def _uncertain(readings: pd.DataFrame) -> None:
-    """No instrument reads without error: zero uncertainty would outweigh all other readings."""
+    """Refuse readings with zero uncertainty, which would outweigh all others.
+
+    Raises:
+        InputError: A covariance is singular.
+    """
     without = covariance.singular(covariance.numbers(readings)) if len(readings) else np.zeros(0)
     if without.any():
         first = readings.iloc[int(np.argmax(without))]
@@ -266,12 +273,12 @@ def _uncertain(readings: pd.DataFrame) -> None:
 
 
 def read_apart(names: Sequence[str], points: Array, nominal: Array, file: str, line: int) -> None:
-    """Readings of base reflectors are those of different ones.
+    """Check that readings of base reflectors are those of different ones.
 
     Args:
         names: Of the reflectors.
         points: Their readings [m], shape (n, 3).
-        nominal: Their places in F_b [m], one each.
+        nominal: Their positions in F_b [m], one each.
         file: Of the first reading.
         line: Of the first reading.
 
@@ -314,7 +321,7 @@ def _enough(base: pd.DataFrame, nominal: Array) -> None:
 
 
 def _fit(points: Array, nominal: Array, C: Array) -> tuple[Array, Array, Array, float, Array]:
-    """Rotation, shift, their covariance, chi2 and centre, as in `Registration`."""
+    """Rotation, translation, their covariance, chi2 and centre, as in `Registration`."""
     R, t = linear.rigid(points, nominal)
     for _ in range(_STEPS):
         step, cov, chi2, centre = _gauss_newton(R, t, points, nominal, C)
@@ -328,7 +335,7 @@ def _fit(points: Array, nominal: Array, C: Array) -> tuple[Array, Array, Array, 
 def _gauss_newton(
     R: Array, t: Array, points: Array, nominal: Array, C: Array
 ) -> tuple[Array, Array, float, Array]:
-    """One step (rotation, shift at the centre), covariance of it, chi2, centre.
+    """One step (rotation, shift at the centre), its covariance, chi2 and the centre.
 
     (w, s) = N^-1 sum_i D_i' W_i r_i with N = sum_i D_i' W_i D_i, W_i = (R C_i R')^-1 and
     D_i (w, s) = w x (R p_i + t - p) + s, p the centre of the placed readings; w [rad], s [m], F_b.
@@ -345,6 +352,6 @@ def _gauss_newton(
 
 
 def _motions(lever: Array) -> Array:
-    """How points with these levers [m] move per turn [rad] and shift [m], shape (m, 3, 6)."""
+    """Motion of points with these levers [m] per rotation [rad] and shift [m], shape (m, 3, 6)."""
     shifts = np.broadcast_to(np.eye(3), (len(lever), 3, 3))
     return np.concatenate([linear.turning(lever), shifts], axis=2)

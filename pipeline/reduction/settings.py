@@ -47,29 +47,32 @@ from pipeline.readers.known import ReflectorSet
 from pipeline.readers.said import Hints, LogForm
 
 BASE_REFLECTORS = 3
-"""How many a base frame needs at least; the third takes away the turn about the other two."""
+"""Minimum number of reflectors of a base frame; the third fixes the rotation about the other
+two."""
 
 _MOST_FIELDS = 20
-"""Own entries of a house."""
+"""Maximum number of a house's own entries."""
 
 _MOST_GLOBS = 20
-"""Patterns that stand for several exports."""
+"""Maximum number of patterns for exports."""
 
 ONE_LINE = 1e-3
-"""Second width of the targets over the first: below, nobody knows how they turn about it."""
+"""Second width of the targets over the first below which they are on one line, their rotation about
+it unknown [1]."""
 
 Point = tuple[Length, Length, Length]
 """Coordinates [m]."""
 
 REACH_M = 20.0
-"""No effector reaches further from its flange [m]; in millimetres this is two centimetres."""
+"""Maximum distance of a point of an effector from its flange [m]; in millimetres this is two
+centimetres."""
 
 HALL_M = 200.0
-"""No tracker reads farther [m] (Leica AT403: 160 m radius)."""
+"""Maximum range of a tracker [m] (Leica AT403: 160 m radius)."""
 
 
 def _on_the_effector(point: Point) -> Point:
-    """A point of the effector, flange frame [m].
+    """Check a point of the effector, flange frame [m].
 
     Raises:
         ValueError: It is out of reach.
@@ -93,20 +96,20 @@ class Tracker(Hints):
 
     @model_validator(mode="after")
     def one_noise(self) -> Tracker:
-        """sigma_m or noise, not both."""
+        """Allow sigma_m or noise, not both."""
         if self.sigma_m is not None and self.noise is not None:
             raise ValueError("sigma_m and noise are both given; keep one of them")
         return self
 
     @model_validator(mode="after")
     def few_globs(self) -> Tracker:
-        """Each of them is held against every file of the folder."""
+        """Limit the patterns, since each is matched against every file of the folder."""
         if sum(map(is_glob, self.files)) > _MOST_GLOBS:
             raise ValueError(f"files has more than {_MOST_GLOBS} patterns; use wider ones")
         return self
 
     def none_missing(self, found: Sequence[str]) -> None:
-        """Every export that `files` asks for by name is there, and at least one in all.
+        """Check that every export that `files` names is there, and at least one in total.
 
         Raises:
             InputError: One is missing.
@@ -128,7 +131,7 @@ class Naming(Strict):
 
     Attributes:
         group: Expression with the parts pose and state and, where pulls are numbered, repeat.
-        states: What others call the two states, beside our own words; small letters are as good.
+        states: Other words for the two states, in addition to our own; case does not matter.
         measured: Targets on the effector.
         chain: Ends of the chain.
     """
@@ -142,7 +145,7 @@ class Naming(Strict):
 
     @model_validator(mode="after")
     def one_state_each(self) -> Naming:
-        """No word is both, whatever the size of its letters."""
+        """Refuse a word for both states, whatever its case."""
         said = {word.lower(): state for word, state in self.states.items()}
         for word, state in self.states.items():
             if said[word.lower()] != state:
@@ -151,7 +154,7 @@ class Naming(Strict):
 
     @property
     def state_of(self) -> dict[str, _State]:
-        """State by its word in small letters, ours and theirs."""
+        """State by its word in lower case, ours and theirs."""
         ours: dict[str, _State] = {"unloaded": "unloaded", "loaded": "loaded"}
         return ours | {word.lower(): state for word, state in self.states.items()}
 
@@ -159,7 +162,7 @@ class Naming(Strict):
 class Scale(LogForm):
     """The spring scale: its log, which holds weights and payloads too, and its uncertainty.
 
-    Serial number, certificate (ISO 376) and its date are kept and shown, not judged.
+    Serial number, certificate (ISO 376) and its date are kept and shown, not evaluated.
     """
 
     file: FileName = "loads.csv"
@@ -174,7 +177,7 @@ class Scale(LogForm):
 
 
 class Gravity(Strict):
-    """Which way and how strongly weights pull, F_b [m/s^2]; its rail or foot is taken as level."""
+    """Direction and size of gravity, F_b [m/s^2]; by default rail or foot are level."""
 
     direction: Point = (0.0, 0.0, -1.0)
     m_s2: Annotated[float, Field(ge=9.0, le=10.0)] = STANDARD_GRAVITY
@@ -182,7 +185,7 @@ class Gravity(Strict):
     @field_validator("direction")
     @classmethod
     def points_somewhere(cls, direction: Point) -> Point:
-        """Its length does not count, but it has one."""
+        """Refuse a zero direction; its length is otherwise irrelevant."""
         if np.linalg.norm(direction) < LEAST_FORCE:
             raise ValueError("the direction is zero; without it weights pull along -z of F_b")
         return direction
@@ -194,7 +197,7 @@ class Gravity(Strict):
 
 
 class PayloadSettings(Strict):
-    """What is mounted on the flange: its mass [kg] and centre [m], flange frame, per axis."""
+    """A payload on the flange: its mass [kg] and centre [m], flange frame; uncertainty per axis."""
 
     mass_kg: Mass
     mass_sigma_kg: MassUncertainty = 0.0
@@ -203,7 +206,7 @@ class PayloadSettings(Strict):
 
 
 class _JointLog(LogForm):
-    """The controller's joint log, and how far the joints' zeros may be off, one for all poses."""
+    """The controller's joint log, and the uncertainty of the joint zeros, one for all poses."""
 
     file: FileName = "joints.csv"
     sigma_m: Uncertainty = 0.0
@@ -225,13 +228,13 @@ class Displacements(Strict):
 
 
 class PositionsSettings(LogForm):
-    """A campaign of absolute positions: tables of joint values and what was read there.
+    """A campaign of absolute positions: tables of joint values and of what was read there.
 
     Attributes:
         file: One table with all series, where `files` names none.
         files: One table for each series, by its name.
-        rotation: What rx, ry, rz of a 6D target are: turns about its x, y and z, one after the
-            other about axes that turn along, or about fixed ones.
+        rotation: Convention of rx, ry, rz of a 6D target: rotations about its x, y and z, one after
+            the other about moving axes, or about fixed ones.
         sigma_m: Standard uncertainty of a coordinate; estimated where it is not stated.
     """
 
@@ -242,12 +245,12 @@ class PositionsSettings(LogForm):
 
     @property
     def named(self) -> list[str]:
-        """The tables."""
+        """Names of the tables."""
         return [*dict.fromkeys(self.files.values())] or [self.file]
 
 
 class AskedPose(Strict):
-    """Where a good prediction matters most, Eqs. (12), (13); N in F_b.
+    """The pose at which a good prediction matters most, Eqs. (12), (13); N in F_b.
 
     Attributes:
         q: Joints of the robot file, m and degrees.
@@ -264,14 +267,14 @@ class AskedPose(Strict):
     @field_validator("force_n")
     @classmethod
     def pulls(cls, force: tuple[float, float, float]) -> tuple[float, float, float]:
-        """Without a force nothing deflects, and there is nothing to predict."""
+        """Refuse a zero force, under which nothing deflects."""
         if np.linalg.norm(force) < LEAST_FORCE:
             raise ValueError("the force must be greater than zero")
         return force
 
     @model_validator(mode="after")
     def one_of_both(self) -> AskedPose:
-        """Joints or axes."""
+        """Require either joints or axes."""
         if (self.q is None) == (self.axes is None):
             raise ValueError(
                 "needs either axes (the controller's, mm and degrees) or q (the joints of the "
@@ -281,23 +284,23 @@ class AskedPose(Strict):
 
     @property
     def key(self) -> str:
-        """What the pose is given in."""
+        """Name of the entry in which the pose is given."""
         return "q" if self.axes is None else "axes"
 
     @property
     def said(self) -> list[float]:
-        """As it is written."""
+        """The values as written."""
         return (self.q if self.axes is None else self.axes) or []
 
     def joint_values(self, robot: Robot, file: str = "campaign.toml") -> Array:
         """The pose in m and rad, shape (n,).
 
         Args:
-            robot: Whose.
-            file: What states it.
+            robot: The robot that takes it.
+            file: Name of the file that states it, for the message.
 
         Raises:
-            InputError: It has another number of values than the robot joints or axes.
+            InputError: The number of values is not that of the robot's joints or axes.
         """
         names = [joint.name for joint in robot.joints] if self.axes is None else _axes_of(robot)
         if len(self.said) != len(names):
@@ -316,7 +319,7 @@ class AskedPose(Strict):
         return axes.from_shown(robot, said)
 
     def within_limits(self, robot: Robot) -> None:
-        """The robot can stand there.
+        """Check that the robot can take the pose.
 
         Raises:
             InputError: It has another number of joints, or one of them is outside its limits.
@@ -338,7 +341,7 @@ class AskedPose(Strict):
         )
 
     def _hint(self, robot: Robot) -> str:
-        """What else was probably meant: the controller's axes, or one value with the other sign."""
+        """What was probably meant: the controller's axes, or one value with the other sign."""
         return "; or ".join([*self._as_axes(robot), *self._with_other_sign(robot)])
 
     def _with_other_sign(self, robot: Robot) -> Iterator[str]:
@@ -372,7 +375,7 @@ def _beyond(robot: Robot, q: Array) -> Bools:
 
 
 class ToleranceSettings(Strict):
-    """How far the point where the force acts may deflect, and where that is asked.
+    """Maximum deflection of the point where the force acts, and the poses at which it is checked.
 
     Attributes:
         deflection_mm: Largest admissible deflection [mm], T of ISO 14253-1.
@@ -385,18 +388,19 @@ class ToleranceSettings(Strict):
 
 
 class Instrument(Strict):
-    """What measured the effector: its kind, which says what is plausible, and what it measures.
+    """The instrument that measured the effector: its kind, and what it measures.
 
     Attributes:
         kind: With `laser_tracker`, residuals that no tracker has are a misfit where no noise is
             stated; any other kind is judged by the data alone.
         measures: `points`, each target by itself, or `poses`: targets computed from one 6D pose.
-        sigma_rad: Standard uncertainty per axis of a pose's rotation, beside [tracker] sigma_m.
-        length_sigma_rel: Relative standard uncertainty of its lengths, from the certificate (ISO
-            10360-10); one error for the whole campaign.
-        model: Where its data sheet is known it gives the noise of readings of which no other is
+        sigma_rad: Standard uncertainty per axis of a pose's rotation, in addition to [tracker]
+            sigma_m.
+        length_sigma_rel: Relative standard uncertainty of its lengths, from the certificate
+            (ISO 10360-10); one error for the whole campaign.
+        model: If its data sheet is known, this gives the noise of readings for which no other is
             stated.
-        serial: Kept and shown, not judged, as are certificate and its date.
+        serial: Kept and shown, not evaluated; so are certificate and its date.
     """
 
     kind: Literal["laser_tracker", "camera", "arm", "unknown"] = "laser_tracker"
@@ -410,14 +414,14 @@ class Instrument(Strict):
 
     @model_validator(mode="after")
     def a_rotation_is_of_poses(self) -> Instrument:
-        """Points do not turn."""
+        """Refuse the uncertainty of a rotation for points."""
         if self.sigma_rad is not None and self.measures == "points":
             raise ValueError('sigma_rad is that of a pose: set measures = "poses"')
         return self
 
 
 class RepairSettings(Strict):
-    """Work on a machine after which some of its joints are no longer what they were.
+    """Work on a machine that changed some of its joints.
 
     Attributes:
         date: The day; campaigns of that day and later ones come after it.
@@ -431,13 +435,13 @@ class RepairSettings(Strict):
 
 
 class UnitSettings(Strict):
-    """One machine among those of its type; kept and shown, and campaigns of others are no history.
+    """One machine of its type; kept and shown, and campaigns of other machines are not its history.
 
     Attributes:
         serial: Its serial number.
         certificate: Of its last calibration.
-        calibrated: The day of that.
-        history: Repairs, which are no wear; one campaign of the machine that names them is enough.
+        calibrated: Date of that calibration.
+        history: Repairs, which are not wear; one campaign of the machine that lists them is enough.
     """
 
     serial: Name | None = None
@@ -447,12 +451,12 @@ class UnitSettings(Strict):
 
 
 class CausePrior(Strict):
-    """What other campaigns let expect of a cause; `pipeline priors` writes it.
+    """Prior of a cause learnt from other campaigns; `pipeline priors` writes it.
 
-    The odds are bounded, so that no cause is certain by being common alone.
+    The odds are bounded, so that no cause is certain merely by being common.
 
     Attributes:
-        odds: How likely it is before the data, over any other cause.
+        odds: Prior odds relative to any other cause.
         size: Its expected size over the typical one.
     """
 
@@ -500,7 +504,7 @@ class Settings(Surrounded):
 
     @model_validator(mode="after")
     def raw_or_reduced(self) -> Settings:
-        """[tracker], with a [scale] where a chain pulls, or [displacements]; [positions], too."""
+        """Require [tracker] (and [scale] with a chain) or [displacements], or [positions]."""
         ways = (self.tracker, self.displacements, self.positions)
         if ways == (None, None, None):
             raise ValueError(
@@ -517,12 +521,12 @@ class Settings(Surrounded):
 
     @property
     def of_positions(self) -> bool:
-        """Positions were read, and nothing was pulled."""
+        """Whether positions were read and nothing was pulled."""
         return self.positions is not None and self.tracker is None and self.displacements is None
 
     @model_validator(mode="after")
     def tool_has_its_points(self) -> Settings:
-        """The load point and every measured target need nominal coordinates."""
+        """Require nominal coordinates of the load point and of every measured target."""
         lacking = [name for name in ("load_point", *self.measured) if name not in self.tool]
         if lacking and not self.of_positions:
             spare = [name for name in self.tool if name not in ("load_point", *self.measured)]
@@ -534,7 +538,7 @@ class Settings(Surrounded):
 
     @model_validator(mode="after")
     def a_tolerance_is_asked_somewhere(self) -> Settings:
-        """A tolerance holds at a test pose or along a path, of what deflects under a force."""
+        """Require a test pose or path for a tolerance, and forces to predict a deflection from."""
         if self.tolerance is None:
             return self
         if self.of_positions:
@@ -550,7 +554,7 @@ class Settings(Surrounded):
 
     @model_validator(mode="after")
     def a_pose_has_three_targets(self) -> Settings:
-        """Three targets that are not on one line tell a pose."""
+        """Require three targets that are not on one line for a pose."""
         if self.of_positions:
             return self
         places = np.array([self.tool[name] for name in self.measured])
@@ -563,7 +567,7 @@ class Settings(Surrounded):
 
     @model_validator(mode="after")
     def one_part_each(self) -> Settings:
-        """A reflector is a measured target, an end of the chain or fixed to the base: one place."""
+        """Require each reflector to be a measured target, a chain end or fixed to the base."""
         parts = {"naming.measured": self.measured, "[base_frame]": list(self.base_frame)}
         if self.displacements is None:
             parts["naming.chain"] = self.naming.chain
@@ -578,7 +582,7 @@ class Settings(Surrounded):
 
     @model_validator(mode="after")
     def one_place_each(self) -> Settings:
-        """Two reflectors do not stand in one place; a campaign of positions finds where they do."""
+        """Refuse two reflectors in one place; a campaign of positions estimates their places."""
         if not self.of_positions:
             places = [self.tool[name] for name in self.measured]
             if same := [n for n in self.measured if places.count(self.tool[n]) > 1]:
@@ -587,10 +591,10 @@ class Settings(Surrounded):
 
     @property
     def sheet(self) -> Sheet | None:
-        """Data sheet that the noise of the readings is taken from; None where nothing is.
+        """Data sheet from which the noise of the readings is taken; None where there is none.
 
-        Any noise that is stated comes first. A sheet is that of points, seen from the instrument,
-        whose place nobody knows without a base frame.
+        Any stated noise takes precedence. A sheet is valid for points, relative to the instrument,
+        whose position is unknown without a base frame.
         """
         tracker, said = self.tracker, self.instrument
         if tracker is None or tracker.sigma_m is not None or tracker.noise is not None:
@@ -600,19 +604,19 @@ class Settings(Surrounded):
 
     @property
     def reading_noise(self) -> InstrumentNoise | Literal["paper"] | None:
-        """Noise of a reading in the frame of its beam, as stated or by the data sheet."""
+        """Noise of a reading in the frame of its beam, as stated or from the data sheet."""
         if self.sheet is not None:
             return self.sheet.noise
         return self.tracker.noise if self.tracker else None
 
     def within_reach(self, text: str) -> None:
-        """Every point of [tool] may be one of an effector; not asked of what a file only says.
+        """Check every point of [tool] against the reach of an effector, when a campaign is run.
 
         Args:
             text: campaign.toml, for the line.
 
         Raises:
-            InputError: One is not.
+            InputError: One is out of reach.
         """
         for name, point in self.tool.items():
             try:
@@ -624,7 +628,7 @@ class Settings(Surrounded):
 
     @property
     def loads_log(self) -> Scale:
-        """Log of scale, weights and payloads; a campaign without a scale has it, too."""
+        """Log of scale, weights and payloads; it exists without a scale, too."""
         return self.scale or Scale()
 
     @property
@@ -634,7 +638,7 @@ class Settings(Surrounded):
 
     @property
     def bodies(self) -> list[ReflectorSet]:
-        """Reflectors that keep their places to each other, as far as they are known."""
+        """Reflectors with fixed mutual positions, as far as these are known."""
         tool = {name: self.tool[name] for name in self.measured}
         tables = {"[tool]": tool, "[base_frame]": self.base_frame}
         return [ReflectorSet(table, places) for table, places in tables.items() if len(places) > 1]
@@ -648,13 +652,13 @@ class Settings(Surrounded):
 
 
 def tells_a_pose(places: Array) -> bool:
-    """Whether targets at these places (t, 3) [m] tell a pose: three that are not on one line."""
+    """Whether targets at these places (t, 3) [m] determine a pose: three, not on one line."""
     first, second, *_ = *extent(places), 0.0, 0.0
     return len(places) > 2 and bool(second > ONE_LINE * first)
 
 
 _UNFILLED = re.compile(r'\s*#\s*("[^"]+"|[^\s=#]+)\s*=\s*\?')
-"""A value that `init` leaves open: `# P1 = ?`, and what goes there."""
+"""Pattern of a value that `init` leaves open, `# P1 = ?`, and its name."""
 
 
 def parse(text: str) -> Settings:
@@ -671,13 +675,13 @@ def parse(text: str) -> Settings:
 
 
 def unfilled(text: str) -> dict[int, str]:
-    """Values of campaign.toml that are still to be filled in, by their lines."""
+    """Names of the values of campaign.toml that are still to be filled in, by line."""
     found = ((k, _UNFILLED.match(line)) for k, line in enumerate(text.splitlines(), 1))
     return {k: one[1].strip('"') for k, one in found if one}
 
 
 def _filled_in(text: str) -> None:
-    """Nobody runs a campaign of which something is still to be said.
+    """Refuse a campaign.toml with values that are still to be filled in.
 
     Raises:
         InputError: Names each such value with its line.

@@ -1,11 +1,11 @@
-"""A tracker that was carried to another place in mid-campaign: all readings as from the first one.
+"""A tracker moved to another station in mid-campaign: transform all readings to the first one.
 
-A round of base reflectors that fits them by itself, but from elsewhere than the round before,
-begins a station. What is read from then on is read from there:
+A round of base reflectors that fits them by itself, but from another place than the round before,
+begins a station. Later readings p are transformed by
 
     p' = R_1' (R_k p + t_k - t_1),    C' = R_1' R_k C R_k' R_1,
 
-R_k and t_k the pose in F_b of station k by its own rounds. From then on there is one station.
+R_k and t_k the pose in F_b of station k by its own rounds. All later stages see one station.
 """
 
 from __future__ import annotations
@@ -23,23 +23,24 @@ from pipeline.reduction.register import XYZ, apart, seconds
 from pipeline.reduction.settings import BASE_REFLECTORS, Settings
 
 _CARRIED_M = 0.1
-"""A tracker that is knocked or drifts moves by less [m], one that is carried by metres."""
+"""Minimum distance of two stations [m]: a tracker that is knocked or drifts moves less, one that is
+carried moves by metres."""
 
 _FITS_M = 0.03
-"""A round of base reflectors is one of a station where none of them is farther off [m]."""
+"""Maximum residual of a reflector in a round that fixes a station [m]."""
 
 
 class Station(NamedTuple):
-    """Where a tracker stood from some round of base reflectors on.
+    """A tracker station, valid from some round of base reflectors on.
 
-    What it reads as p the first station reads as `turn` p + `shift` [m].
+    A reading p from here is `turn` p + `shift` [m] as read from the first station.
 
     Attributes:
-        group: The round's.
-        moved_m: How far the tracker was carried from the station before [m].
-        begun: When its first round began, seconds after the first reading [s].
+        group: Group of the round.
+        moved_m: Distance from the previous station [m].
+        begun: Start of its first round, seconds after the first reading [s].
         turn: Rotation into the tracker's frame of the first station, shape (3, 3).
-        shift: Where it stands in that frame [m], shape (3,).
+        shift: Its position in that frame [m], shape (3,).
     """
 
     group: str
@@ -50,12 +51,12 @@ class Station(NamedTuple):
 
     @property
     def back(self) -> Station:
-        """What undoes it."""
+        """The inverse transformation."""
         return self._replace(turn=self.turn.T, shift=-self.turn.T @ self.shift)
 
 
 class _Round(NamedTuple):
-    """Base reflectors read in one group: when, points in the tracker's frame and nominal ones."""
+    """Base reflectors read in one group: start, points in the tracker's frame and nominal ones."""
 
     group: str
     begun: float
@@ -67,14 +68,14 @@ class _Round(NamedTuple):
         return linear.rigid(self.points, self.nominal)
 
     def off_m(self, R: Array, t: Array) -> float:
-        """How far the farthest reflector is off, read from such a pose."""
+        """Largest residual of a reflector for this pose of the tracker [m]."""
         return float(np.linalg.norm(self.nominal - self.points @ R.T - t, axis=1).max())
 
 
 def one_station(
     settings: Settings, readings: pd.DataFrame
 ) -> tuple[pd.DataFrame, tuple[Station, ...]]:
-    """Table READINGS as if the tracker had stood where it first did, and where else it stood."""
+    """Table READINGS transformed to the tracker's first station, and its later stations."""
     stations = _stations(_rounds(settings, readings))
     if len(stations) < 2:
         return readings, ()
@@ -90,12 +91,12 @@ def one_station(
 def with_rounds_exchanged(
     settings: Settings, readings: pd.DataFrame, stations: Sequence[Station], pair: tuple[str, str]
 ) -> tuple[pd.DataFrame, tuple[Station, ...]]:
-    """As of `one_station` if two rounds of base reflectors have each other's readings.
+    """As `one_station`, after exchanging the readings of two rounds of base reflectors.
 
     Args:
         settings: The campaign.
         readings: Table READINGS as from one station.
-        stations: Where else the tracker stood.
+        stations: Later stations of the tracker.
         pair: Groups of the two rounds.
     """
     shot = _moved(readings, [one.back for one in stations])
@@ -113,7 +114,7 @@ def with_rounds_exchanged(
 
 
 def _moved(readings: pd.DataFrame, stations: Sequence[Station]) -> pd.DataFrame:
-    """Table READINGS with what was read from each station turned and shifted as it says."""
+    """Table READINGS with the readings of each station transformed as it says."""
     since, out, columns = seconds(readings), readings.copy(), covariance.columns()
     ends = [one.begun for one in stations[1:]]
     for one, end in zip(stations, [*ends, np.inf], strict=True):
@@ -125,7 +126,7 @@ def _moved(readings: pd.DataFrame, stations: Sequence[Station]) -> pd.DataFrame:
 
 
 def _rounds(settings: Settings, readings: pd.DataFrame) -> list[_Round]:
-    """Rounds that fix a station by themselves, in the order of time."""
+    """Rounds that determine a station by themselves, in order of time."""
     base = readings.assign(since=seconds(readings))[readings["pose"].isna()]
     base = base[base["target"].isin(list(settings.base_frame)) & base["since"].notna()]
     out = []
@@ -139,7 +140,7 @@ def _rounds(settings: Settings, readings: pd.DataFrame) -> list[_Round]:
 
 
 def _stations(rounds: list[_Round]) -> list[list[_Round]]:
-    """Rounds in a row that were read from one place."""
+    """Consecutive rounds grouped by station."""
     out = [rounds[:1]]
     for before, one in pairwise(rounds):
         if one.off_m(*before.pose()) > _CARRIED_M:

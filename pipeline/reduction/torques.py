@@ -1,11 +1,11 @@
-"""What the controller's joint torques say of a payload: its mass and centre, beside those stated.
+"""Mass and centre of a payload from the controller's joint torques, to check those stated.
 
-A payload of mass m with its centre at c in the flange frame turns joint j by
+A payload of mass m with its centre at c in the flange frame loads joint j by
 
     tau_j = z_j . ((p m + R m c) x g)    (sliding: m z_j . g),
 
 linear in m and m c: p, R origin and axes of the flange, g gravity, F_b (Atkeson, An and Hollerbach,
-Int. J. Robotics Research 5, 1986). A torque has besides an offset, one for each joint.
+Int. J. Robotics Research 5, 1986). Each joint's torque has an offset in addition.
 """
 
 from __future__ import annotations
@@ -23,46 +23,49 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.settings import PayloadSettings
 
 CONTRADICTS = 0.001
-"""Mass and centre so unlike the stated ones that chance makes them rarer contradict these [1]."""
+"""p-value below which mass and centre contradict the stated ones [1]."""
 
 _FEWEST = 3
-"""Fewer poses tell no payload from an offset."""
+"""Minimum number of poses to separate a payload from an offset, and minimum degrees of freedom."""
 
 _ROUNDS = 10
-"""Of weighing each joint by what it leaves over its degrees of freedom (restricted likelihood)."""
+"""Iterations of weighting each joint by its residuals over its degrees of freedom (restricted
+likelihood)."""
 
 _SPARE = 1.0
-"""Fewer degrees of freedom of a joint tell no scatter."""
+"""Minimum degrees of freedom of a joint to estimate its scatter."""
 
 _CHAINS, _SETTLE, _KEPT = 200, 20, 10
-"""Side by side, and steps of each: before it is kept, and kept. 2000 draws know a 95 % interval to
-three parts in a hundred."""
+"""Number of parallel chains, and of steps of each that are discarded, and kept. 2000 draws give a
+95 % interval to three parts in a hundred."""
 
 _DARK = 1e-12
-"""Part of the largest information below which a direction is rounding [1]."""
+"""Fraction of the largest information below which a direction is rounding [1]."""
 
 _SEED = 20261122
-"""Of its draws: another one moves numbers within what they say of their scatter."""
+"""Seed of the random draws; another one changes results within their stated scatter."""
 
 _WEIGHT = 2.0
-"""So many readings at most is worth what other joints say of the scatter of one [1]."""
+"""Maximum weight, in readings, of the prior that the other joints give for the scatter of one
+[1]."""
 
 _ALIKE = 1e-3
-"""Joints whose log variances differ by less beyond chance scatter alike."""
+"""Variance of the joints' log variances beyond chance below which all scatter alike [1]."""
 
 
 @dataclass(frozen=True, eq=False)
 class WeighedPayload(Locked):
-    """A payload as the joint torques have it.
+    """A payload as estimated from joint torques.
 
     Attributes:
         mass: [kg].
-        mass_std: Its standard uncertainty, that of the torques' own scatter: of Student's tails, a
-            95 % interval reaches 1.96 of it to either side.
+        mass_std: Its standard uncertainty from the torques' own scatter, scaled so that the 95 %
+            interval of Student's tails is 1.96 of it to either side.
         center: Flange frame [m], shape (3,).
         center_std: Its standard uncertainties, likewise, shape (3,).
-        poses: How many it rests on.
-        p_value: Probability of being so unlike the stated payload, whose uncertainties count.
+        poses: Number of poses used.
+        p_value: Probability of a difference this large from the stated payload, including its
+            uncertainties.
     """
 
     mass: float
@@ -74,7 +77,7 @@ class WeighedPayload(Locked):
 
 
 def weighed(case: Case) -> dict[str, WeighedPayload]:
-    """Each payload that the log's torques determine, by name."""
+    """Each payload that the logged torques determine, by name."""
     if case.torques is None or not len(case.torques):
         return {}
     out: dict[str, WeighedPayload] = {}
@@ -89,8 +92,8 @@ def weighed(case: Case) -> dict[str, WeighedPayload]:
 def _of(case: Case, name: str) -> tuple[Ints, Array]:
     """Poses (m,) and torques (m, n) of one payload; NaN where a joint has none.
 
-    Those of its pull less those of the same pose without load, where the log has both; in a log
-    with one row for a pose those of the row, which then are of the load alone.
+    Torques of its pull minus those of the same pose without load; in a log with one row per pose
+    those of the row, of poses with one load only.
     """
     loads, log = case.loads, case.torques
     assert log is not None
@@ -108,7 +111,7 @@ def _of(case: Case, name: str) -> tuple[Ints, Array]:
 
 
 def _fit(case: Case, payload: PayloadSettings, pose: Ints, tau: Array) -> WeighedPayload | None:
-    """(m, m c) and offsets over all scatters that the joints may have."""
+    """Estimate (m, m c) and offsets, integrating over the unknown scatter of each joint."""
     X, y, joint = _rows(case, payload, pose, tau)
     inverse = linear.pseudoinverse(X)
     dof = len(y) - inverse.rank
@@ -135,7 +138,7 @@ def _rows(
 ) -> tuple[Array, Array, Ints]:
     """Columns of (m, m c) and the offsets (k, 4 + n), torques (k,), joint of each (k,).
 
-    The payload hangs on the arm as it bends under what is stated of it.
+    The arm is bent by the stated payload.
     """
     q, body = case.q(pose), payload.mass_kg * np.array([1.0, *payload.center_m])
     straight = _by_payload(case, q)
@@ -146,20 +149,20 @@ def _rows(
 
 
 def _by_payload(case: Case, q: Array) -> Array:
-    """Torques [N m] or [N] by kg and kg m of (m, m c) at joint values (m, n), shape (m, n, 4)."""
+    """Torques [N m] or [N] per kg and kg m of (m, m c) at joint values (m, n), shape (m, n, 4)."""
     here, g = configure(case.robot, q), case.settings.gravity.vector
     force = np.broadcast_to(g, (len(q), 3))
-    slid = here.twists[..., 3:] @ g  # what a force does and a pure moment does not
+    slid = here.twists[..., 3:] @ g  # effect of the force alone, not of a moment
     at = [torque(here.twists, here.flange_origin, force)]
     at += [torque(here.twists, here.flange_axes[:, :, k], force) - slid for k in range(3)]
     return np.stack(at, axis=-1)
 
 
 def _usual(square: Array, spare: Array) -> tuple[float, float]:
-    """What the joints have in common: how many readings that counts as, and a variance s_0^2.
+    """Prior of the joints' scatter: its weight in readings, and a variance s_0^2.
 
     From the mean and the variance of log(square_j / d_j) (Smyth, Stat. Appl. Genet. Mol. Biol. 3,
-    2004); it counts as `_WEIGHT` at most, for a few joints that agree may do so by chance.
+    2004); the weight is at most `_WEIGHT`, since a few joints may agree by chance.
     """
     told = (spare > _SPARE) & (square > 0)
     if not told.any():
@@ -175,11 +178,12 @@ def _usual(square: Array, spare: Array) -> tuple[float, float]:
 
 
 def _drawn(X: Array, y: Array, joint: Ints, size: Array, usual: tuple[float, float]) -> Array:
-    """Draws of all parameters, shape (d, k), from what the torques say of them and of the scatters.
+    """Posterior draws of all parameters, shape (d, k), from the torques, with the scatters unknown.
 
-    Gibbs' sampler, `_CHAINS` side by side: b given the scatters is N(N^-1 g, N^-1), N = X' S^-2 X,
+    Gibbs sampler, `_CHAINS` in parallel: b given the scatters is N(N^-1 g, N^-1), N = X' S^-2 X,
     and s_j^2 given b is (d_0 s_0^2 + sum r_j^2) / chi2(d_0 + n_j) (Gelfand et al., J. Am. Stat.
-    Assoc. 85, 1990). Taken for known, scatters of a few readings weigh them as if they were sure.
+    Assoc. 85, 1990). Treating scatters from a few readings as known would make the weights too
+    certain.
     """
     rng, n = np.random.default_rng(_SEED), len(size)
     unit = np.linalg.norm(X, axis=0)
@@ -205,7 +209,7 @@ def _drawn(X: Array, y: Array, joint: Ints, size: Array, usual: tuple[float, flo
 
 
 def _trigamma_inverse(value: float) -> float:
-    """The x of trigamma(x) = value, by Newton's method on 1 / trigamma, nearly a straight line."""
+    """The x of trigamma(x) = value, by Newton's method on 1 / trigamma, which is nearly linear."""
     x = 0.5 + 1 / value
     for _ in range(20):
         now = special.polygamma(1, x)
@@ -214,17 +218,17 @@ def _trigamma_inverse(value: float) -> float:
 
 
 _LOST = 0.025
-"""A mass that may be zero with more than this probability is none."""
+"""Probability of a mass of zero or less above which no payload is reported [1]."""
 
 _LEAST = 1e-9
-"""Part of the largest torque that is rounding."""
+"""Fraction of the largest torque below which it is rounding [1]."""
 
 
 def _weighed(payload: PayloadSettings, drawn: Array, dof: int, poses: int) -> WeighedPayload | None:
-    """Mass and centre from draws of (m, m c), and how likely they are the stated ones.
+    """Mass and centre from draws of (m, m c), and their p-value against the stated ones.
 
     F = (t - t0)' (C + C0)^-1 (t - t0) / 4 with 4 and `dof` degrees of freedom, t0 and C0 those
-    stated; the sense in which a controller counts torques is not judged.
+    stated; the sign convention of the controller's torques is not judged.
     """
     theta, cov = drawn.mean(axis=0), np.cov(drawn.T)
     if theta[0] <= 0 or (drawn[:, 0] <= 0).mean() > _LOST:

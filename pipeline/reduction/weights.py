@@ -1,4 +1,4 @@
-"""Stage 3. Weights at the load point and payloads on the flange in, the forces they exert out."""
+"""Forces exerted by weights at the load point and by payloads on the flange."""
 
 from __future__ import annotations
 
@@ -13,21 +13,21 @@ from pipeline.machine.effect import HUNG, MOUNTED, PULLED
 from pipeline.reduction.settings import PayloadSettings, Settings
 
 PULL = -1
-"""Stands for the body of a pull by a chain, which has none."""
+"""Body number of a pull by a chain, which has no body."""
 
 _AXES = ("x", "y", "z")
 
 
 @dataclass(frozen=True, eq=False)
 class Weights(Locked):
-    """What hangs or is mounted in each row of the loads.
+    """Weight or payload in each row of the loads.
 
     Attributes:
         by: `PULLED`, `HUNG` or `MOUNTED`, shape (m,).
         body: Number of the weight or payload, `PULL` where a chain pulls, shape (m,).
         mass: [kg], NaN where a chain pulls, shape (m,).
         mass_std: Its standard uncertainty, one error for each body [kg], shape (m,).
-        center: Where it acts, flange frame [m]; NaN at the load point, shape (m, 3).
+        center: Point of action, flange frame [m]; NaN at the load point, shape (m, 3).
         center_std: Its standard uncertainty per axis, one error for each body [m], shape (m,).
     """
 
@@ -40,7 +40,7 @@ class Weights(Locked):
 
     @classmethod
     def of(cls, payloads: Mapping[str, PayloadSettings], loads: pd.DataFrame) -> Weights:
-        """From rows of table LOADS; weights of one mass and uncertainty are one weight."""
+        """From rows of table LOADS; weights of equal mass and uncertainty count as one body."""
         names = list(payloads)
         loads = loads.reindex(columns=["payload", "mass_kg", "mass_sigma_kg"])
         named = loads["payload"].astype(object)
@@ -62,15 +62,15 @@ class Weights(Locked):
         )
 
     def only(self, rows: Bools) -> Weights:
-        """Those of some rows."""
+        """The selected rows."""
         return Weights(**{one.name: getattr(self, one.name)[rows] for one in fields(self)})
 
     def force(self, gravity: Array) -> Array:
-        """What each exerts, m g in F_b [N], shape (m, 3); NaN where a chain pulls."""
+        """Force m g of each body in F_b [N], shape (m, 3); NaN where a chain pulls."""
         return self.mass[:, None] * gravity
 
     def columns(self, settings: Settings) -> dict[str, Array | Ints]:
-        """Those of table FORCES that say what exerts a force, and how well that is known."""
+        """Columns of table FORCES that describe the body and its uncertainties."""
         size = float(np.linalg.norm(settings.gravity.vector))
         at = {f"at_{axis}_m": self.center[:, k] for k, axis in enumerate(_AXES)}
         std = {"mass_std_n": size * self.mass_std, "center_std_m": self.center_std}

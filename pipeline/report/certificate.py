@@ -7,8 +7,8 @@ from collections.abc import Iterator, Sequence
 
 import numpy as np
 
+from pipeline.answer.amounts import amount
 from pipeline.answer.contract import About, Answer, Cause, Data, Placed, Reason, Stiffness, Which
-from pipeline.answer.nouns import amount
 from pipeline.answer.words import DO, capital
 from pipeline.base.files import sha256
 from pipeline.base.language import Say, said
@@ -28,10 +28,9 @@ from pipeline.prediction.decision import Decision
 from pipeline.report import words
 from pipeline.report.figures.catalogue import figures
 from pipeline.report.figures.certificate import drawn_as, stand
-from pipeline.report.figures.stiffness import interval
 from pipeline.report.record import Bar, Certificate, Item
 from pipeline.report.sections.identity import NAMES, rows
-from pipeline.report.summaries import Tables
+from pipeline.report.summaries import Tables, interval
 from pipeline.store.campaign import dump
 
 _MOST_FOUND = 24

@@ -1,4 +1,4 @@
-"""Outbuilding: the virtual cell; poses, pulls, noise and hidden effects become raw files.
+"""Outbuilding: the virtual cell; raw files from poses, pulls, noise and hidden effects.
 
 Door: `simulate.command` for the command line, `simulate.library` for `import pipeline`.
 Tests: `tests/simulate/`; nearly all others measure with it.

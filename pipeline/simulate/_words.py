@@ -1,4 +1,4 @@
-"""The words of the command line, `NAME[:where][=size]`, in their parts."""
+"""Parsing of the words of the command line, `NAME[:where][=size]`."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.base.errors import UsageError
 
 
 def parts(text: str) -> tuple[str, str]:
-    """What is named, and its size as it was typed."""
+    """Name (with its place), and size as typed."""
     named, _, size = text.partition("=")
     return named.strip(), size.strip()
 
@@ -21,8 +21,8 @@ def amounts(size: str, parameters: tuple[Parameter, ...], text: str) -> Array:
 
     Args:
         size: Empty for the typical size, `2x` for twice that, or one number per parameter in SI.
-        parameters: What has the size.
-        text: All that was typed, for the message.
+        parameters: Parameters that have the size.
+        text: The whole input, for the message.
 
     Raises:
         UsageError: It is none of these.

@@ -1,6 +1,6 @@
-"""What goes wrong between cell and folder: a beam break, swapped names, wrong units, a wrong sign.
+"""Mistakes between cell and folder: a beam break, swapped names, wrong units, a wrong sign.
 
-Each blunder changes the operator's notebook, never the cell; the truth says what was done where.
+Each blunder changes the operator's notebook, never the cell; the truth records what was done where.
 """
 
 from __future__ import annotations
@@ -21,7 +21,7 @@ from pipeline.readers import Readings
 from pipeline.simulate._words import amounts, parts
 
 KGF_N, LBF_N, INCH_M = 9.80665, 4.4482216152605, 0.0254
-"""Newtons in a kilogram-force and a pound-force, metres in an inch; all exact by definition."""
+"""Newtons in a kilogram-force and in a pound-force, metres in an inch; all exact by definition."""
 
 _METRES = {"inch": INCH_M, "m": 1.0}
 _NEWTONS = {"kgf": KGF_N, "lbf": LBF_N}
@@ -30,10 +30,10 @@ _SISTER = {"kr500_rail": "kr500_rail_kuka", "kr500_rail_kuka": "kr500_rail"}
 
 @dataclass(frozen=True, eq=False)
 class Notebook(Locked):
-    """What the operator is about to write down.
+    """The data that the operator is about to write down.
 
     Attributes:
-        robot: What campaign.toml will call the robot.
+        robot: Name of the robot in campaign.toml.
         robot_text: Its file, for a robot that does not ship with the pipeline.
         targets: Names of the measured targets.
         tool: Points of the effector in campaign.toml, flange frame [m].
@@ -64,14 +64,15 @@ _Act = Callable[[Notebook, str, Array, np.random.Generator], tuple[Notebook, str
 
 @dataclass(frozen=True)
 class _Blunder:
-    """One thing that can go wrong.
+    """One kind of mistake.
 
     Attributes:
-        name: As it is asked for.
-        places: What `where` may be; empty when it is a group or group/target of the campaign.
+        name: As it is requested.
+        places: Possible values of `where`; empty when it is a group or group/target of the
+            campaign.
         size: Its size as a parameter, or none.
-        act: notebook, where (empty: draw it), size, rng -> the wrong notebook and the place.
-        called: As in result.json, where that is another word, `outlier`.
+        act: From notebook, where (empty: drawn), size, rng: the wrong notebook and the place.
+        called: Name in result.json, if different, such as `outlier`.
     """
 
     name: str
@@ -86,9 +87,9 @@ class Committed(Locked):
     """A blunder with its place and size.
 
     Attributes:
-        blunder: What goes wrong.
-        where: Where, empty to have it drawn.
-        size: How much, SI, shape (1,) or (0,).
+        blunder: The kind of mistake.
+        where: Its place, empty to have it drawn.
+        size: Its size, SI, shape (1,) or (0,).
     """
 
     blunder: _Blunder
@@ -97,10 +98,10 @@ class Committed(Locked):
 
 
 def commit(text: str) -> Committed:
-    """The blunder that `text` names, `outlier:pose03_rep1_loaded/P2=3e-4`.
+    """Parse the blunder that `text` names, such as `outlier:pose03_rep1_loaded/P2=3e-4`.
 
     Raises:
-        UsageError: It has no such place, or the size is no number.
+        UsageError: It has no such place, or the size is not a number.
     """
     words, size = parts(text)
     name, _, where = words.partition(":")
@@ -113,7 +114,7 @@ def commit(text: str) -> Committed:
 def _outlier(
     notes: Notebook, where: str, size: Array, rng: np.random.Generator
 ) -> tuple[Notebook, str]:
-    """One reading of a target is off by `size` in a random direction."""
+    """Shift one reading of a target by `size` in a random direction."""
     hit, name = _one(notes, where, rng)
     direction = rng.standard_normal(3)
     off = size * direction / np.linalg.norm(direction)
@@ -123,7 +124,7 @@ def _outlier(
 def _failed_lock(
     notes: Notebook, where: str, size: Array, rng: np.random.Generator
 ) -> tuple[Notebook, str]:
-    """The tracker lost a target and wrote its own place."""
+    """Replace a reading by the tracker's own position, as after a lost target."""
     hit, name = _one(notes, where, rng)
     return _read(notes, hit, np.zeros(3)), name
 
@@ -131,13 +132,13 @@ def _failed_lock(
 def _stale(
     notes: Notebook, where: str, size: Array, rng: np.random.Generator
 ) -> tuple[Notebook, str]:
-    """The reading before is written once more."""
+    """Write the previous reading once more."""
     hit, name = _one(notes, where, rng)
     return _read(notes, hit, notes.readings.position[hit - 1]), name
 
 
 def _one(notes: Notebook, where: str, rng: np.random.Generator) -> tuple[int, str]:
-    """The reading that is asked for, else one of a measured target: its number and its name."""
+    """Number and name of the requested reading, else of a random one of a measured target."""
     names = [f"{g}/{t}" for g, t in zip(notes.readings.group, notes.readings.target, strict=True)]
     of_pose = [i for i, target in enumerate(notes.readings.target) if target in notes.targets]
     hit = names.index(_known(where, names)) if where else int(rng.choice(of_pose))
@@ -145,7 +146,7 @@ def _one(notes: Notebook, where: str, rng: np.random.Generator) -> tuple[int, st
 
 
 def _read(notes: Notebook, hit: int, at: Array) -> Notebook:
-    """The notebook with one reading at another place [m]."""
+    """The notebook with one reading at another position [m]."""
     position = notes.readings.position.copy()
     position[hit] = at
     return notes.reread(position=position)
@@ -154,7 +155,7 @@ def _read(notes: Notebook, hit: int, at: Array) -> Notebook:
 def _label_swap(
     notes: Notebook, where: str, size: Array, rng: np.random.Generator
 ) -> tuple[Notebook, str]:
-    """Two targets of one group have each other's names."""
+    """Swap the names of two targets in one group."""
     groups = notes.readings.group
     of_pose = sorted({g for g in groups if g.endswith(("loaded", "unloaded"))})
     group = _known(where, of_pose) if where else str(rng.choice(of_pose))
@@ -176,7 +177,7 @@ def _known(where: str, names: Sequence[str]) -> str:
 def _unit_mixup(
     notes: Notebook, where: str, size: Array, rng: np.random.Generator
 ) -> tuple[Notebook, str]:
-    """Numbers in one unit are labelled with another."""
+    """Label numbers in one unit with another."""
     where = where or str(rng.choice(UNITS))
     if where in _METRES:
         return notes.reread(position=notes.readings.position * (1e-3 / _METRES[where])), where
@@ -189,7 +190,7 @@ def _unit_mixup(
 def _sign_or_convention(
     notes: Notebook, where: str, size: Array, rng: np.random.Generator
 ) -> tuple[Notebook, str]:
-    """A sign or a convention is not the one that is stated."""
+    """Use another sign or convention than the stated one."""
     misread_robot, misread_as = misread(parse(notes.robot_text, "robot.toml"))
     other = {"Pl1": "Pl2", "Pl2": "Pl1"}
     wrong = {
@@ -211,7 +212,7 @@ def _sign_or_convention(
 def _tool_point(
     notes: Notebook, where: str, size: Array, rng: np.random.Generator
 ) -> tuple[Notebook, str]:
-    """A target's place in [tool] is off by `size` in a random direction."""
+    """Shift a target's coordinates in [tool] by `size` in a random direction."""
     name = _known(where, notes.targets) if where else str(rng.choice(notes.targets))
     direction = rng.standard_normal(3)
     at = notes.tool[name] + size * direction / np.linalg.norm(direction)

@@ -1,4 +1,4 @@
-"""A plan in, the files of a complete raw campaign and the sealed truth out."""
+"""From a plan to the files of a complete raw campaign and the sealed truth."""
 
 from __future__ import annotations
 
@@ -27,17 +27,17 @@ from pipeline.simulate.plan import Plan, SpringScale
 from pipeline.simulate.scene import Draws, Scene, axes, build, draw
 
 _CHAIN = ["Pl1", "Pl2"]
-"""Reflectors on the chain, which show where it pulls."""
+"""Reflectors on the chain, which give the direction of the pull."""
 
 
 @dataclass(frozen=True)
 class RawCampaign:
-    """What the operator takes home, and what only the simulator knows.
+    """The files that the operator takes home, and the truth that only the simulator knows.
 
     Attributes:
         name: Name of the campaign's folder.
         files: Content of every file of the raw folder, by name.
-        truth: What is true, JSON-able; belongs outside the raw folder.
+        truth: The true values, JSON-able; belongs outside the raw folder.
     """
 
     name: str
@@ -54,10 +54,10 @@ def simulate(
     """Run a virtual campaign.
 
     Args:
-        plan: What to measure, and what is true.
+        plan: The measurements, and the true values.
         rng: Source of all draws; seeded by the plan when not given.
         robot: The robot, when it is not one that ships with the pipeline.
-        hidden: Effects beyond those that the plan names.
+        hidden: Effects in addition to those that the plan names.
 
     Raises:
         InputError: A pose of the plan is out of limits, or no feasible one was found.
@@ -83,10 +83,10 @@ _TO_FILL = b"""
 
 
 def prepared(plan: Plan, robot: Robot) -> dict[str, bytes]:
-    """The files of a campaign before it is measured: forces and tracker export are still to come.
+    """The files of a campaign before it is measured; forces and tracker export are still missing.
 
     Args:
-        plan: What is to be measured.
+        plan: The measurements.
         robot: Its robot.
 
     Raises:
@@ -107,12 +107,12 @@ def prepared(plan: Plan, robot: Robot) -> dict[str, bytes]:
 
 
 def raw_files(scene: Scene, draws: Draws, which: int = 0) -> dict[str, bytes]:
-    """The files of one of the drawn campaigns, nothing gone wrong."""
+    """The files of one of the drawn campaigns, without blunders."""
     return _written(scene, _notebook(scene, draws, which))
 
 
 def _notebook(scene: Scene, draws: Draws, which: int = 0) -> Notebook:
-    """What the operator has to write down of one drawn campaign."""
+    """The data of one drawn campaign that the operator has to write down."""
     robot, q = scene.cell.robot, scene.stands.q
     return Notebook(
         robot=scene.plan.robot,
@@ -128,7 +128,11 @@ def _notebook(scene: Scene, draws: Draws, which: int = 0) -> Notebook:
 
 
 def _written(scene: Scene, notes: Notebook) -> dict[str, bytes]:
-    """The files of a notebook."""
+    """The files of a notebook.
+
+    Raises:
+        UsageError: There is no such dialect, or it cannot be written.
+    """
     tracker = scene.plan.tracker
     reader = catalogue().get(tracker.dialect)
     if reader is None or reader.write is None:
@@ -151,7 +155,7 @@ def _written(scene: Scene, notes: Notebook) -> dict[str, bytes]:
 
 
 def _assignment(readings: Readings) -> bytes:
-    """Which reading is which, for exports that hold numbers only."""
+    """Group and target of each reading, for exports that contain numbers only."""
     order = range(1, len(readings.group) + 1)
     return _csv("order,group,target", zip(order, readings.group, readings.target, strict=True))
 
@@ -162,7 +166,7 @@ def _csv(head: str, rows: Iterable[Iterable[object]]) -> bytes:
 
 
 def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
-    """All readings of one drawn campaign in the order in which they were taken."""
+    """All readings of one drawn campaign in chronological order."""
     plan = scene.plan
     named = _names(scene)
     ends = _ends(plan)
@@ -185,7 +189,7 @@ def readings(scene: Scene, draws: Draws, which: int = 0) -> Readings:
 def _names(scene: Scene) -> list[tuple[str, str]]:
     """Group and target of every reading, in the order of the draws.
 
-    Before the pulls the group has the number 0, after them one more than the last pull.
+    Groups read before the pulls have the number 0, those after them one more than the last pull.
     """
     base, targets, pulls = scene.plan.base_frame, scene.plan.targets, scene.pulls
     wide = max(2, len(str(len(scene.anchor))))
@@ -202,14 +206,14 @@ def _names(scene: Scene) -> list[tuple[str, str]]:
 
 
 def _ends(plan: Plan) -> list[str]:
-    """Reflectors on the chain, where there is one."""
+    """Reflectors on the chain, if there is one."""
     return _CHAIN if plan.pulls.load == "chain" else []
 
 
 def _shown(scene: Scene, reading_n: Array) -> list[str]:
-    """What the operator notes of each load: newtons of a scale, kilograms of a weight."""
+    """The operator's note of each load: newtons of a scale, kilograms of a weight."""
     pulls, digits = scene.plan.pulls, 2 if scene.plan.tracker.decimals is not None else None
-    if pulls.load == "weights":  # a mass is no reading: as it is stated
+    if pulls.load == "weights":  # the mass as stated, not a reading
         return [f"{mass:.9g}" for mass in reading_n / STANDARD_GRAVITY]
     return [text for (text,) in text_of(reading_n[:, None], digits)]
 
@@ -273,7 +277,7 @@ def _campaign_toml(plan: Plan, robot: str, simulated: bool = True) -> bytes:
 
 
 def _instrument(plan: Plan) -> dict[str, Any]:
-    """What measured, where it is no laser tracker that measures points."""
+    """Table [instrument], where it is not a laser tracker that measures points."""
     said = plan.tracker.model_dump(include={"kind", "measures"}, exclude_defaults=True)
     if plan.tracker.measures == "poses" and plan.tracker.stated:
         said["sigma_rad"] = plan.tracker.sigma_rad
@@ -281,7 +285,7 @@ def _instrument(plan: Plan) -> dict[str, Any]:
 
 
 def _loaded_by(plan: Plan) -> dict[str, Any]:
-    """The tables of what loads the robot; weights have none."""
+    """The tables of campaign.toml for the loads; weights have none."""
     if plan.pulls.load == "payloads":
         return {"payload": {name: one.model_dump() for name, one in plan.payload.items()}}
     if plan.pulls.load == "weights":
@@ -290,13 +294,13 @@ def _loaded_by(plan: Plan) -> dict[str, Any]:
 
 
 def _certified(scale: SpringScale) -> dict[str, float]:
-    """What a certificate says; of the zero only where it says something."""
+    """Values of the scale's certificate; the zero only if it is stated."""
     said = scale.model_dump(include={"sigma_n", "sigma_rel", "gain_sigma", "zero_sigma_n"})
     return {key: value for key, value in said.items() if value or key != "zero_sigma_n"}
 
 
 def _stated(plan: Plan) -> dict[str, Any]:
-    """What [tracker] says about noise."""
+    """Noise entries of [tracker]."""
     model = plan.tracker.model
     if isinstance(model, float):
         return {"sigma_m": model}
@@ -304,7 +308,7 @@ def _stated(plan: Plan) -> dict[str, Any]:
 
 
 def truth(scene: Scene, draws: Draws, done: list[dict[str, Any]]) -> dict[str, Any]:
-    """What is true of the first drawn campaign and what was done to it, in SI, JSON-able."""
+    """The truth of the first drawn campaign and its blunders, in SI, JSON-able."""
     plan, robot = scene.plan, scene.cell.robot
     stiffness = 1 / scene.values[: robot.n]
     pulled = (scene.pulls.pose, scene.pulls.repeat, draws.force_n[0])

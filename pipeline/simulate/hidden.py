@@ -1,4 +1,4 @@
-"""What to plant in a virtual campaign, by the words of the command line."""
+"""Hidden effects and blunders of a virtual campaign, from the words of the command line."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ class Planted(Locked):
     """An effect that acts in a virtual cell.
 
     Attributes:
-        effect: What acts.
+        effect: The effect.
         values: Its parameters, SI, shape (k,).
     """
 
@@ -29,7 +29,7 @@ class Planted(Locked):
 
 
 def plant(text: str, robot: Robot) -> Planted | Committed:
-    """What `text` names, at its size: an effect that acts, or a blunder of the operator.
+    """The effect or blunder that `text` names, at its size.
 
     Args:
         text: `rail_roll` (typical size), `joint_tilt:2=2x` (twice the typical size),
@@ -39,7 +39,8 @@ def plant(text: str, robot: Robot) -> Planted | Committed:
         robot: The robot that it acts on.
 
     Raises:
-        UsageError: This robot has no such effect (all are listed), or the size is no number.
+        UsageError: This robot has no such effect (similar ones or all are listed), or the size is
+            not a number.
     """
     words, size = parts(text)
     if words.partition(":")[0] in BLUNDERS:
@@ -57,7 +58,7 @@ def plant(text: str, robot: Robot) -> Planted | Committed:
 
 
 def _near(words: str, names: list[str]) -> str:
-    """The names that somebody may have meant, or all of them without their places and forms."""
+    """Names that may have been meant, or all names without their places and forms."""
     near = [name for name in names if "(" not in name and name.startswith(f"{words}:")]
     near = near or get_close_matches(words, names, 3)
     if near:
@@ -67,10 +68,10 @@ def _near(words: str, names: list[str]) -> str:
 
 
 def effects(texts: Iterable[str], robot: Robot) -> tuple[Planted, ...]:
-    """Those of the named things that act in the cell."""
+    """The named effects that act in the cell."""
     return tuple(one for text in texts if isinstance(one := plant(text, robot), Planted))
 
 
 def blunders(texts: Iterable[str], robot: Robot) -> tuple[Committed, ...]:
-    """Those of the named things that go wrong on the way into the folder."""
+    """The named blunders, which change the files."""
     return tuple(one for text in texts if isinstance(one := plant(text, robot), Committed))

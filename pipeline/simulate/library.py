@@ -1,4 +1,4 @@
-"""A virtual campaign from Python: the files an operator would bring back, and what is true."""
+"""A virtual campaign from Python: the files an operator would bring back, and the truth."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class Simulated:
 
     Attributes:
         campaign: Its files, as from a real cell.
-        truth: What is true in it, as in data/processed/NAME.truth.json.
+        truth: Its true values, as in data/processed/NAME.truth.json.
     """
 
     campaign: Campaign
@@ -42,18 +42,18 @@ def simulate_campaign(
     noise: str | None = None,
     exact: bool = False,
 ) -> Simulated:
-    """A campaign of a virtual cell, as `pipeline simulate` makes it, in memory.
+    """Simulate a campaign of a virtual cell in memory, as `pipeline simulate` does.
 
     Args:
         plan: Path of a plan file; the plan of the demo when not given.
         name: Of the campaign.
         robot: A robot that ships, or a robot file.
         seed: Determines every byte.
-        poses: So many feasible poses are drawn.
+        poses: Number of feasible poses to draw.
         load: chain, weights or payloads.
         steps_n: Load steps [N], in the order of tightening.
         effects: Hidden causes and blunders, NAME[:where][=size], size in SI or like 2x.
-        stiffness_spread: True stiffnesses are off by up to this fraction.
+        stiffness_spread: Maximum relative deviation of the true stiffnesses from nominal.
         noise: paper, instrument, or metres per axis.
         exact: Readings without noise, all digits written.
 
@@ -82,7 +82,7 @@ def carried_out(plan: Plan, path: Path | None = None) -> RawCampaign:
 
     Args:
         plan: The plan.
-        path: Its file, beside which its own robot lies; None for the default plan.
+        path: Its file, in whose folder its own robot file is looked for; None for the default plan.
 
     Raises:
         InputError: The plan cannot be carried out.
@@ -94,19 +94,19 @@ def carried_out(plan: Plan, path: Path | None = None) -> RawCampaign:
 def plan_for(
     path: Path | None, changes: Mapping[str, Any], noise: str | None = None, exact: bool = False
 ) -> Plan:
-    """A plan with what is said otherwise.
+    """A plan with changes.
 
     Args:
         path: A plan file, or None for the default plan.
-        changes: As in the plan; None is no change.
+        changes: In the structure of the plan; None is no change.
         noise: `paper`, `instrument`, or a standard uncertainty per axis in m.
         exact: Readings without noise, all digits written.
 
     Raises:
-        InputError: The plan cannot be read, or a change cannot be.
+        InputError: The plan or a change is not valid.
         UsageError: There is no such noise.
     """
-    if (robot := changes.get("robot")) and Path(robot).is_file():  # where it was typed
+    if (robot := changes.get("robot")) and Path(robot).is_file():  # relative to the current folder
         changes = {**changes, "robot": str(Path(robot).resolve())}
     wanted = revised(_plan_of(path), given(changes))
     wanted = with_noise(wanted, noise) if noise else wanted
@@ -117,7 +117,7 @@ def _plan_of(path: Path | None) -> Plan:
     """The plan in a file; that of the demo where none is given.
 
     Raises:
-        InputError: There is no such file, or it is no plan.
+        InputError: There is no such file, or it is not a plan.
     """
     if path is None:
         return Plan()

@@ -1,4 +1,4 @@
-"""What loads a virtual robot: a chain with a scale, dead weights, or payloads on its flange."""
+"""Loads of a virtual robot: a chain with a scale, dead weights, or payloads on its flange."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.machine.effect import HUNG, MOUNTED, PULLED, branches
 from pipeline.simulate.plan import Plan
 
 DOWN = np.array([0.0, 0.0, -1.0])
-"""Which way weights pull, F_b."""
+"""Direction of gravity, F_b."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -20,12 +20,12 @@ class Run(Locked):
     """Loads of all pulls, pose after pose.
 
     Attributes:
-        count: Pulls of each pose, shape (p,).
-        by: What exerts them, codes of `Pulls.by`, shape (m,).
-        shown: What the scale is to show, or the stated mass weighs [N], shape (m,).
+        count: Number of pulls of each pose, shape (p,).
+        by: Kind of load, codes of `Pulls.by`, shape (m,).
+        shown: Intended reading of the scale, or stated weight [N], shape (m,).
         heavier: True force over that, shape (m,); 1 for a scale, whose errors are drawn later.
-        acts_at: Where it truly acts, flange frame [m]; NaN at the load point, shape (m, 3).
-        branch: Which way the load was changed last, +1 up, -1 down, shape (m,).
+        acts_at: True point of action, flange frame [m]; NaN at the load point, shape (m, 3).
+        branch: Direction of the last change of the load, +1 up, -1 down, shape (m,).
         what: Name of the payload of each pull, empty for other loads.
     """
 
@@ -39,12 +39,12 @@ class Run(Locked):
 
 
 def run(plan: Plan, poses: int, rng: np.random.Generator) -> Run:
-    """The loads of a plan; what is off about weights and payloads is drawn, once for each.
+    """The loads of a plan; errors of weights and payloads are drawn once for each body.
 
     Args:
         plan: The plan.
-        poses: Their number.
-        rng: Draws errors of masses [kg] and centres [m]; untouched where a chain pulls.
+        poses: Number of poses.
+        rng: Draws errors of masses [kg] and centres [m]; unused where a chain pulls.
     """
     if plan.pulls.load == "payloads":
         return _payloads(plan, poses, rng)
@@ -65,7 +65,7 @@ def run(plan: Plan, poses: int, rng: np.random.Generator) -> Run:
 
 
 def _steps(plan: Plan) -> list[float]:
-    """Load steps [N]: those of the scale, or what the masses weigh."""
+    """Load steps [N]: those of the scale, or the weights of the masses."""
     if plan.pulls.load == "chain":
         return plan.pulls.steps_n
     return [STANDARD_GRAVITY * mass for mass in plan.pulls.masses_kg]

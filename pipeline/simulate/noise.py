@@ -1,4 +1,4 @@
-"""How readings scatter: errors drawn in the tracker's frame and on the scale."""
+"""Noise of readings: errors drawn in the tracker's frame and for the scale."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from pipeline.reduction.settings import Scale
 def tracker_errors(
     model: float | InstrumentNoise | Literal["paper"], at: Array, rng: np.random.Generator
 ) -> Array:
-    """Errors of readings, one draw per reading.
+    """Random errors of readings, one draw per reading.
 
     Args:
         model: Standard uncertainty per axis [m]; `paper` for Eq. (18), a radius N(0, 0.03 mm) in a
@@ -62,6 +62,6 @@ def _beam_errors(model: InstrumentNoise, at: Array, rng: np.random.Generator) ->
 
 
 def scale_errors(scale: Scale, reading: Array, rng: np.random.Generator) -> Array:
-    """Acting minus shown force without the gain's part [N], shape of `reading`."""
+    """Acting minus shown force, without the error of the gain [N], shape of `reading`."""
     constant, relative = rng.standard_normal((2, *reading.shape))
     return scale.sigma_n * constant + scale.sigma_rel * reading * relative

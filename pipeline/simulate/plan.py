@@ -1,4 +1,4 @@
-"""A measurement plan: what a virtual campaign measures, and what is true in it. TOML text in."""
+"""A measurement plan from TOML text: measurements and true values of a virtual campaign."""
 
 from __future__ import annotations
 
@@ -29,10 +29,12 @@ from pipeline.base.strict import (
 )
 from pipeline.base.strict import Pull as PullForce
 from pipeline.base.toml import loads, merged
+from pipeline.design.pull import round_pull, share
+from pipeline.library import holds
 from pipeline.machine.instrument import InstrumentNoise
-from pipeline.machine.robot import Robot, rating
+from pipeline.machine.robot import Robot
 from pipeline.machine.surroundings import Surrounded
-from pipeline.readers._coordinates import Usual
+from pipeline.readers._units import Usual
 from pipeline.reduction.settings import AskedPose, PayloadSettings, Point, Scale
 from pipeline.store.campaign import unfit
 
@@ -57,16 +59,17 @@ _PAYLOADS = {
     "light": PayloadSettings(mass_kg=60.0, center_m=(0.05, 0.02, 0.10)),
     "heavy": PayloadSettings(mass_kg=220.0, center_m=(-0.04, 0.10, 0.25)),
 }
-"""Two loads within what a KR500 carries; their centres are off the axis of its last joint."""
+"""Two payloads within the rating of a KR500, their centres off the axis of its last joint."""
 
 
 class Poses(Strict):
-    """Where the robot stands: joint values, or how many feasible poses are to be drawn.
+    """Poses of the robot: joint values, or the number of feasible poses to draw.
 
     Attributes:
-        count: How many poses are drawn when `q` is not given.
+        count: Number of poses drawn when `q` is not given.
         q: Joint values of each pose, prismatic joints in m, revolute in degrees.
-        approach: Which way the carriage came, +1 or -1 per pose; alternating when not given.
+        approach: Direction from which the carriage came, +1 or -1 per pose; alternating when not
+            given.
     """
 
     count: int = Field(default=16, ge=1, le=100_000)
@@ -80,7 +83,7 @@ class Poses(Strict):
 
     @model_validator(mode="after")
     def one_approach_per_pose(self) -> Poses:
-        """As many approaches as poses, and one way to say how many poses."""
+        """Require as many approaches as poses, and only one of count and q."""
         if self.q is not None and "count" in self.model_fields_set:
             raise ValueError("count and q are both given; keep one of them")
         if self.approach is not None and len(self.approach) != self.number:
@@ -89,20 +92,20 @@ class Poses(Strict):
 
 
 class Pull(Strict):
-    """How the robot is loaded at every pose; loads that are not stated suit the robot.
+    """Loads of the robot at every pose; loads that are not stated are chosen to suit the robot.
 
     Attributes:
         load: A chain with a scale, weights at the load point, or each payload on the flange.
         masses_kg: The weights in the order in which they are hung.
-        mass_sigma_kg: Standard uncertainty of each, as stated; what is true is drawn from it.
-        steps_n: What the scale shows at each load step, in the order of tightening.
-        repeats: How often the steps are run through, the chain released in between.
+        mass_sigma_kg: Standard uncertainty of each, as stated; the true mass is drawn from it.
+        steps_n: Reading of the scale at each load step, in the order of tightening.
+        repeats: Number of passes through the steps, the chain released in between.
         pose_steps_n: Load steps of each pose, where poses differ; a step is negative where the
             turnbuckle is slackened to it from above. A pose without steps is read unloaded only.
         zero: Whether the unloaded targets are read only before the pulls or after them too.
         anchors: Attachment points on the floor [m], F_b; spread along the robot when not given.
         anchor: Index into `anchors` per pose; in turn for drawn poses, else the nearest in reach.
-        setting_sd_n: How closely the operator meets a step with the turnbuckle [N].
+        setting_sd_n: Standard deviation with which the operator meets a step [N].
     """
 
     load: Literal["chain", "weights", "payloads"] = "chain"
@@ -118,21 +121,22 @@ class Pull(Strict):
 
 
 class Instrument(Strict):
-    """The tracker: where it stands, how it scatters, what its software writes.
+    """The tracker: its pose, its noise and its export.
 
     Attributes:
         position: Of its origin [m], F_b.
         yaw_deg: Rotation of its frame about z, then `pitch_deg` about y, then `roll_deg` about x.
-        kind: What campaign.toml calls it.
-        measures: Each target by itself, or one pose of which all targets are computed.
+        kind: Kind of instrument in campaign.toml.
+        measures: Each target by itself, or one pose from which all targets are computed.
         sigma_rad: Standard uncertainty per axis of such a pose's rotation.
         sigma_m: Standard uncertainty per axis; this, or `noise`.
         noise: `paper` for Eq. (18), or range and transverse parts in the beam's frame.
         noise_scale: True scatter over stated scatter; 0 for readings without noise.
         stated: False leaves the noise out of campaign.toml.
-        dialect: Form of the export, a key of `readers.catalogue`.
+        dialect: Format of the export, a key of `readers.catalogue`.
         unit: Unit of length in the export.
-        digits: Decimals of a coordinate in that unit, or `full`; a tenth of a micrometre else.
+        digits: Decimals of a coordinate in that unit, or `full`; by default 4 for mm, 7 for m, 6
+            for in.
     """
 
     position: Point = (6.5, 8.0, 0.7)
@@ -153,14 +157,14 @@ class Instrument(Strict):
     @field_validator("digits", mode="before")
     @classmethod
     def digits_count(cls, said: Any) -> Any:
-        """One sentence for whatever is neither a number nor `full`."""
+        """Require a number of digits or `full`, with one message for anything else."""
         if said is None or said == "full" or re.fullmatch(r"[0-9]|1[0-5]", str(said)):
             return said
         raise ValueError(f'"{said}" is neither a number from 0 to 15 nor full')
 
     @model_validator(mode="after")
     def one_noise(self) -> Instrument:
-        """sigma_m or noise, not both."""
+        """Allow sigma_m or noise, not both."""
         if self.sigma_m is not None and self.noise is not None:
             raise ValueError("sigma_m and noise are both given; keep one of them")
         return self
@@ -172,14 +176,14 @@ class Instrument(Strict):
 
     @property
     def decimals(self) -> int | None:
-        """Decimals in the export; None for all that matter."""
+        """Decimals in the export; None for all digits."""
         if self.digits == "full":
             return None
         return {"mm": 4, "m": 7, "in": 6}[self.unit] if self.digits is None else self.digits
 
 
 class SpringScale(Scale):
-    """The spring scale as certified, and what is true of it; its zero is off as stated.
+    """The spring scale as certified, and its true errors; its zero error is drawn as stated.
 
     Attributes:
         noise_scale: True scatter over stated scatter.
@@ -192,7 +196,7 @@ class SpringScale(Scale):
 
 
 class Clock(Strict):
-    """When the readings are taken."""
+    """Start and durations of the readings."""
 
     start: datetime = datetime(2026, 11, 3, 8, 0, 8)
     reading_s: Annotated[Seconds, Field(gt=0)] = 8.0
@@ -201,14 +205,14 @@ class Clock(Strict):
 
 
 class Hidden(Strict):
-    """What is true and stands in no file of the campaign.
+    """True values that no file of the campaign contains.
 
     Attributes:
         stiffness: Of every joint [N/m] or [N m/rad]; nominal when not given.
-        stiffness_spread: Every stiffness is off by a random factor within 1 +- this.
-        tool_sd_m: The tool's points are off by normal errors of this size per axis.
+        stiffness_spread: Every stiffness is multiplied by a random factor within 1 +- this.
+        tool_sd_m: Standard deviation of the tool's points from nominal, per axis.
         equilibrium: Whether the wrench acts on the undeformed or on the deflected robot.
-        effects: What else acts, `rail_roll`, `joint_tilt:2=2x`, `scale_zero=20`.
+        effects: Further effects and blunders, `rail_roll`, `joint_tilt:2=2x`, `scale_zero=20`.
     """
 
     stiffness: list[Stiffness] | None = None
@@ -238,14 +242,14 @@ class Plan(Surrounded):
     @field_validator("name")
     @classmethod
     def names_a_folder(cls, name: str) -> str:
-        """Its campaign's."""
+        """Require a name that a campaign's folder may have."""
         if why := unfit(name):
             raise ValueError(f'"{name}" cannot name a campaign ({why})')
         return name
 
     @model_validator(mode="after")
     def tool_is_complete(self) -> Plan:
-        """A load point and at least one target; three base reflectors, or none."""
+        """Require a load point and at least one target; three base reflectors, or none."""
         if "load_point" not in self.tool or len(self.tool) < 2:
             raise ValueError("tool needs load_point and at least one target")
         self.accepts_only(self.targets)
@@ -255,7 +259,7 @@ class Plan(Surrounded):
 
     @model_validator(mode="after")
     def anchors_are_there(self) -> Plan:
-        """One anchor index per pose, each of them in the list."""
+        """Require one anchor index per pose, each of them in the list."""
         chosen, anchors = self.pulls.anchor, self.pulls.anchors
         if chosen is None:
             return self
@@ -267,7 +271,7 @@ class Plan(Surrounded):
 
     @model_validator(mode="after")
     def steps_are_there(self) -> Plan:
-        """Where poses have steps of their own, one has any, and no step is zero."""
+        """Where poses have their own steps, require that one has any and that no step is zero."""
         steps = self.pulls.pose_steps_n
         if steps is None:
             return self
@@ -285,7 +289,7 @@ class Plan(Surrounded):
         return [name for name in self.tool if name != "load_point"]
 
     def without_noise(self) -> Plan:
-        """The same campaign with nothing drawn in its readings, exact to the last digit written."""
+        """The same campaign without random errors in its readings, and with all digits written."""
         return revised(
             self,
             {
@@ -305,25 +309,25 @@ def parse(text: str, file: str = "plan.toml") -> Plan:
 
 
 def fitted(plan: Plan, robot: Robot) -> Plan:
-    """The plan with the loads that suit the robot in place of those that nobody stated.
+    """The plan with loads that suit the robot in place of those that are not stated.
 
-    With the pulls come the scale that shows them and the hand that sets them: a dynamometer is
-    chosen by its range, and reads to about the same part of it.
+    With the pulls, the scale and the accuracy of setting them are scaled: a dynamometer is chosen
+    by its range, and its uncertainty is about the same fraction of it.
 
     Raises:
-        InputError: A load is more than any such robot holds.
+        InputError: A load is more than any such robot can hold.
     """
-    size = rating.share(robot, np.array(plan.tool["load_point"]))
+    size = share(robot, np.array(plan.tool["load_point"]))
     if size != 1.0:
         plan = revised(plan, _unstated(plan, size))
     way_out = "state others in the plan, or leave them out"
-    rating.refuse_absurd(robot, _hardest(plan), way_out, "plan")
+    holds.refuse_absurd(robot, _hardest(plan), way_out, "plan")
     return plan
 
 
 def _unstated(plan: Plan, size: float) -> dict[str, Any]:
-    """Loads that the plan leaves to us, so many times those of the reference set-up."""
-    pulls, scale, one = plan.pulls, plan.scale, rating.round_pull
+    """Loads that the plan does not state, `size` times those of the reference set-up."""
+    pulls, scale, one = plan.pulls, plan.scale, round_pull
     changed: dict[str, Any] = {
         "steps_n": [one(size * step) for step in pulls.steps_n],
         "masses_kg": [one(size * mass) for mass in pulls.masses_kg],
@@ -343,7 +347,7 @@ def _unstated(plan: Plan, size: float) -> dict[str, Any]:
 
 
 def _hardest(plan: Plan) -> float:
-    """The hardest load of a plan [N]."""
+    """The largest load of a plan [N]."""
     pulls = plan.pulls
     if pulls.load == "payloads":
         return STANDARD_GRAVITY * max(body.mass_kg for body in plan.payload.values())

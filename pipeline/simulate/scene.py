@@ -1,8 +1,7 @@
-"""The virtual cell: a plan becomes poses, pulls, a schedule and a true cell; draws are readings.
+"""The virtual cell: poses, pulls, schedule and true cell of a plan; random draws are readings.
 
-Everything physical is asked of `pipeline.machine.cell`; this file knows what an operator does:
-choose an anchor, tighten until the scale shows the step, read targets and chain, read the zeros
-again.
+All physics comes from `pipeline.machine.cell`; this file models the operator: choose an anchor,
+tighten until the scale shows the step, read targets and chain, read the zeros again.
 """
 
 from __future__ import annotations
@@ -26,12 +25,12 @@ from pipeline.simulate.loads import DOWN, Run, run
 from pipeline.simulate.plan import Plan, fitted
 
 _CHAIN_POINTS_M = (0.1, 0.5)
-"""Where Pl1 and Pl2 sit on the chain, from the load point."""
+"""Distance of Pl1 and Pl2 on the chain from the load point [m]."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Schedule(Locked):
-    """When what is read, in seconds after the first reading.
+    """Times of all readings, in seconds after the first one.
 
     Attributes:
         base: Base reflectors at start and end, shape (2, b).
@@ -46,19 +45,20 @@ class _Schedule(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Scene(Locked):
-    """A virtual campaign before anything scatters, in F_b, SI.
+    """A virtual campaign without random errors, in F_b, SI.
 
     Attributes:
-        plan: What it was made from.
-        cell: What is true: robot, true tool points, springs and planted effects.
+        plan: The plan.
+        cell: The true cell: robot, true tool points, springs and planted effects.
         values: Parameters of all effects of `cell`, shape (k,).
         planted: The planted effects with their values.
-        pulls: Nominal pulls, the force as the scale is meant to show it along the chain, m of them.
+        pulls: Nominal pulls, the force along the chain as the scale is intended to show it, m of
+            them.
         stands: Each pose as its zero is read, p of them: its first pull, or no force where it is
             read unloaded only.
-        run: The loads they are of.
-        anchor: Where each pose's chain is attached [m], shape (p, 3).
-        schedule: When what is read.
+        run: The loads of the pulls.
+        anchor: Anchor of each pose's chain [m], shape (p, 3).
+        schedule: Times of the readings.
     """
 
     plan: Plan
@@ -81,8 +81,9 @@ class Draws(Locked):
     """Readings of n campaigns of one scene, points in the frame of the tracker [m].
 
     Attributes:
-        reading_n: What the scale showed [N], shape (n, m).
-        force_n: Force along the chain as the scale should have shown it, F_b [N], shape (n, m, 3).
+        reading_n: Readings of the scale [N], shape (n, m).
+        force_n: True force along the chain, as an exact scale would show it, F_b [N], shape
+            (n, m, 3).
         gain_error: True relative gain error of the scale, shape (n,).
         base: Base reflectors at start and end, shape (n, 2, b, 3).
         zero: Unloaded targets, shape (n, p, z, t, 3).
@@ -102,16 +103,16 @@ class Draws(Locked):
 def build(
     plan: Plan, robot: Robot, rng: np.random.Generator, hidden: tuple[Planted, ...] = ()
 ) -> Scene:
-    """Fix everything that is true of a campaign: poses, anchors, schedule, cell.
+    """Determine all true values of a campaign: poses, anchors, schedule, cell.
 
     Args:
         plan: The plan.
         robot: Its robot.
-        rng: Draws poses, then what is off from its nominal value.
-        hidden: Further effects, beyond those that the plan names.
+        rng: Draws poses, then deviations from nominal values.
+        hidden: Effects in addition to those that the plan names.
 
     Raises:
-        InputError: A pose, a load or an effect of the plan cannot be.
+        InputError: A pose, a load or an effect of the plan is impossible.
     """
     plan = fitted(plan, robot)
     for_poses, for_truth = rng.spawn(2)
@@ -171,9 +172,10 @@ def _stands(pulls: Pulls, q: Array, approach: Array, schedule: _Schedule) -> Pul
 
 
 def draw(scene: Scene, rng: np.random.Generator, n: int = 1) -> Draws:
-    """Readings of n campaigns: same poses and truth, other scatter.
+    """Readings of n campaigns with the same poses and truth, and independent random errors.
 
-    The operator meets each step only nearly; the scale errs, so another force acts than it shows.
+    The operator meets each step only approximately; the scale errs, so the acting force differs
+    from its reading.
     """
     plan, m = scene.plan, len(scene.pulls)
     for_scale, for_tracker = rng.spawn(2)
@@ -199,7 +201,7 @@ def draw(scene: Scene, rng: np.random.Generator, n: int = 1) -> Draws:
 def _scattered(
     plan: Plan, points: Array, size: float, rng: np.random.Generator, pose: bool
 ) -> Array:
-    """Points as read, each with an error of its own, or those of a pose with one in common."""
+    """Points as read, each with its own error, or those of a pose with a common one."""
     if size == 0:
         return points
     if pose:
@@ -225,7 +227,7 @@ def _stand(plan: Plan, robot: Robot, tool: Tool, rng: np.random.Generator) -> tu
 
 
 def _in_turn(plan: Plan, anchors: int) -> Ints:
-    """The anchor of each pose: as the plan says, else one after the other, over and over."""
+    """The anchor of each pose: as planned, else one after the other, cyclically."""
     if plan.pulls.anchor is not None:
         return np.array(plan.pulls.anchor)
     if plan.poses.count < anchors:
@@ -234,7 +236,7 @@ def _in_turn(plan: Plan, anchors: int) -> Ints:
 
 
 def _approach(plan: Plan) -> Array:
-    """Alternating, with a shift every sixth pose, so that no anchor is met from one side only."""
+    """Alternating, shifted every sixth pose, so no anchor is approached from one side only."""
     if plan.poses.approach is not None:
         return np.array(plan.poses.approach, dtype=float)
     pose = np.arange(plan.poses.number)
@@ -242,7 +244,11 @@ def _approach(plan: Plan) -> Array:
 
 
 def _given(plan: Plan, robot: Robot) -> Array:
-    """The plan's own poses [m] or [rad], each checked against the robot."""
+    """The plan's own poses [m] or [rad], each checked against the robot.
+
+    Raises:
+        InputError: A pose has another number of joints, or is out of limits.
+    """
     for number, row in enumerate(plan.poses.q or [], 1):
         if len(row) != robot.n:
             raise InputError(
@@ -264,7 +270,11 @@ def _given(plan: Plan, robot: Robot) -> Array:
 
 
 def _true(plan: Plan, robot: Robot, points: Array, rng: np.random.Generator) -> tuple[Array, Array]:
-    """True stiffnesses [N/m] or [N m/rad], (n,), and true points of the tool [m], (1 + t, 3)."""
+    """True stiffnesses [N/m] or [N m/rad], (n,), and true points of the tool [m], (1 + t, 3).
+
+    Raises:
+        InputError: The plan states another number of stiffnesses.
+    """
     wish = plan.hidden
     stiffness = 1 / robot.nominal_compliance if wish.stiffness is None else np.array(wish.stiffness)
     if len(stiffness) != robot.n:
@@ -279,7 +289,7 @@ def _true(plan: Plan, robot: Robot, points: Array, rng: np.random.Generator) -> 
 
 
 def _schedule(plan: Plan, count: Ints) -> _Schedule:
-    """Lay the readings along the clock: base, poses with zeros and `count` pulls each, base."""
+    """Lay out the readings in time: base, poses with zeros and `count` pulls each, base."""
     clock, t = plan.clock, len(plan.targets)
     zeros = 2 if plan.pulls.zero == "before_after" else 1
     one = clock.reading_s
@@ -317,16 +327,16 @@ def _aimed(pulls: Pulls, size: Array, load_point: Array, anchor: Array) -> Pulls
 
 
 def _along_chain(cell: Cell, values: Array, pulls: Pulls, shown: Array, anchor: Array) -> Pulls:
-    """Point each force from the load point under load, where it ends up, to the anchor."""
+    """Direct each force from the loaded (deflected) load point to the anchor."""
     at = configure(cell.robot, pulls.q).points(cell.tool.load_point[None])[:, 0]
-    for _ in range(4):  # the load point moves millimetres on metres of chain: three digits a round
+    for _ in range(4):  # millimetres on metres of chain: three digits per iteration
         pulls = _aimed(pulls, shown, at, anchor)
         at = forward.predict(cell, pulls, values).load_point
     return pulls
 
 
 def _pulled(scene: Scene, acting: Array) -> tuple[Pulls, Array, Array]:
-    """What happens under n campaigns' true chain forces (n, m) [N], before anyone looks.
+    """True deflections under n campaigns' true chain forces (n, m) [N], without effects of reading.
 
     Returns:
         Pulls with the force along the chain, load point (n m, 3) and targets (n m, t, 3) in F_b.
@@ -343,7 +353,7 @@ def _pulled(scene: Scene, acting: Array) -> tuple[Pulls, Array, Array]:
 
 
 def _scale(scene: Scene, rng: np.random.Generator, n: int) -> tuple[Array, Array, Array]:
-    """What the scale shows (n, m), its gain error (n,), what acts along the chain (n, m)."""
+    """Readings of the scale (n, m), its gain error (n,), forces along the chain (n, m)."""
     plan = scene.plan
     operator, gain, error = rng.spawn(3)
     nominal = np.linalg.norm(scene.pulls.force, axis=1)
@@ -364,7 +374,7 @@ def _scale(scene: Scene, rng: np.random.Generator, n: int) -> tuple[Array, Array
 
 
 def _scaled(cell: Cell, values: Array, source: str) -> float:
-    """How much larger than stated planted noise effects make a source of error."""
+    """Factor by which planted noise effects enlarge a source of error over the stated one."""
     factor = 1.0
     for effect, part in cell.split(values):
         if isinstance(effect, Noise) and source in effect.source_scaled:
@@ -373,7 +383,7 @@ def _scaled(cell: Cell, values: Array, source: str) -> float:
 
 
 def _still(scene: Scene) -> tuple[Cell, Array]:
-    """The true cell without anyone looking at it: positions as they are, not as they are read."""
+    """The true cell without effects of reading: positions as they are, not as they are read."""
     parts = [(e, v) for e, v in scene.cell.split(scene.values) if not isinstance(e, Observation)]
     still = replace(scene.cell, effects=tuple(effect for effect, _ in parts))
     return still, np.concatenate([part for _, part in parts])
@@ -406,7 +416,7 @@ def _observed(
 def _chain(scene: Scene, pulls: Pulls, load_point: Array, n: int) -> Array:
     """Pl1 and Pl2 as read, in F_b, shape (len(pulls), 2, 3).
 
-    The force of a pull is by definition along the chain as read, so only the place is observed.
+    The force of a pull is by definition along the chain as read, so only the position is observed.
     """
     times = np.tile(scene.schedule.loaded[:, -2:].mean(axis=1, keepdims=True), (n, 1))
     at = _observed(scene, pulls, load_point[:, None], times, ["load_point"])

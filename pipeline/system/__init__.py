@@ -1,1 +1,1 @@
-"""c = B x + G e: its rows, its errors, its solution, and further effects in it."""
+"""The linear system c = B x + G e: rows, errors, solution, and further effects in it."""

@@ -1,76 +1,79 @@
-"""False alarms: how often chance may accuse a clean campaign, test by test and in all.
+"""False-alarm rates: how often chance may accuse a clean campaign, per test and in total.
 
 Every test that can call a clean campaign anything but `adequate` takes its rate from here, so that
-what all of them together may do is one sum. The rate of a family of tests (all suspects, all
-readings) holds for the family, not for each member. There is one budget, which the pulls and the
-positions of one campaign share: every rate is a part of it, and the parts are no more than the
-whole (`TOGETHER`).
+the total is one sum. The rate of a family of tests (all suspects, all readings) holds for the
+family, not for each member. There is one budget, shared by the pulls and the positions of one
+campaign: every rate is a fraction of it, and together they do not exceed it (`TOGETHER`).
 """
 
 from __future__ import annotations
 
 MOST = 0.01
-"""What all tests of one campaign together may reach, be it of pulls, of positions or of both: one
-clean campaign in a hundred, also where a thousand are counted [1]."""
+"""Upper limit of the false-alarm rate of all tests of one campaign together, whether of pulls, of
+positions or of both [1]: one clean campaign in a hundred, also where a thousand are counted."""
 
 SUSPECT = 0.20 * MOST
-"""Probability that any suspect of the catalogue is found beside the joint springs [1]."""
+"""False-alarm rate of finding any suspect of the catalogue in addition to the joint springs [1]."""
 
 PLANNED = SUSPECT / 70
-"""The same of one suspect where a campaign is planned: a measured one finds its own threshold
-(`detect.threshold`), that of some 70 independent tests with the catalogue of a robot on a rail."""
+"""False-alarm rate of one suspect when a campaign is planned [1]: that of some 70 independent tests
+with the catalogue of a robot on a rail. A measured campaign finds its own threshold
+(`detect.threshold`)."""
 
 LACK_OF_FIT = 0.025 * MOST
-"""The same of each of the two tests of lack of fit, by poses and by pulls [1]."""
+"""False-alarm rate of each of the two tests of lack of fit, by poses and by pulls [1]."""
 
 READING = 0.02 * MOST
-"""The same of each family of readings: of poses, of whole poses, of the base, of whole base
-reflectors, of the chain, of the scale, of those with equal digits, and of readings in use that are
-too many too far off [1]."""
+"""False-alarm rate of each family of tests on readings [1]: single readings of poses, whole poses,
+base readings, whole base reflectors, the chain, the scale, readings with equal digits, and too many
+outliers among the readings in use."""
 
 LADDERS = READING / 100
-"""The same of all forces of two poses that stand in each other's place [1]; of an exchange that is
-none likelihoods say so even more rarely, as they bound it for any."""
+"""False-alarm rate of all forces of two poses being exchanged [1]; the likelihood ratio of an
+exchange that did not happen exceeds its limit even more rarely, since that limit bounds the rate
+for any alternative."""
 
 EXCHANGED = READING / 10 - LADDERS
-"""The same of rows of the loads that stand in each other's place: a part of the rate of the scale,
-whose readings they are, since chance has to make two of them fit each other by 3 % and more [1]."""
+"""False-alarm rate of exchanged rows of the loads [1]: with `LADDERS` a tenth of the rate of the
+scale, whose readings they are, since by chance two rows would have to fit each other's force where
+these differ by 3 % or more."""
 
 SCALE = READING - EXCHANGED - LADDERS
-"""What is left of it for a single reading of the scale [1]."""
+"""False-alarm rate that remains for single readings of the scale [1]."""
 
 FRAME = 0.01 * MOST
-"""The same of another frame of the stated covariances [1]."""
+"""False-alarm rate of stated covariances being given in another frame [1]."""
 
 MOVED = 1e-9
-"""The same of an instrument that stood elsewhere from some pose of a series on, or was knocked
-between two rounds of base reflectors [1]. Copies of what the likeliest move leaves reach a quarter
-less than readings without any, of which 2 in 150 had p < 1e-3 and the least had 1e-6; a move by the
-noise of one reading has 1e-9 to 1e-7, twice that 1e-26."""
+"""False-alarm rate of an instrument that stood elsewhere from some pose of a series on, or was
+knocked between two rounds of base reflectors [1]. Copies drawn from the residuals of the likeliest
+move reach a test value a quarter smaller than readings without a move, of which 2 in 150 had
+p < 1e-3 and the smallest p was 1e-6; a move by the noise of one reading has p of 1e-9 to 1e-7,
+twice that 1e-26."""
 
 DRIFT = 0.05 * MOST - MOVED
-"""The same of a motion of the tracker that the base reflectors show [1]."""
+"""False-alarm rate of a motion of the tracker that the base reflectors show [1]."""
 
 MISFIT = 0.04 * MOST
-"""The same of what the model leaves, by chi-square with the noise stated or found [1]: a fit less
-probable than this is never called adequate."""
+"""False-alarm rate of the chi-square test of the residuals with the noise stated or found [1]: a
+fit less probable than this is never called adequate."""
 
 SCATTER = 0.05 * MOST
-"""The same of a scatter beyond `TOLERATED` times the stated one [1]; it is no fault of the model,
-and the joint springs stay."""
+"""False-alarm rate of a scatter beyond `TOLERATED` times the stated one [1]; this is no fault of
+the model, and the joint springs are kept."""
 
 LAW = 0.10 * MOST
-"""The same of a law that nobody listed, in displacements or in positions [1]."""
+"""False-alarm rate of a law that is not in the catalogue, in displacements or in positions [1]."""
 
 GEOMETRY = 0.05 * MOST
-"""The same of one cause among all that unloaded readings are asked for, and of a rough table
-[1]."""
+"""False-alarm rate of one cause among all that unloaded readings are tested for, and of DH
+parameters with larger errors than usual throughout [1]."""
 
 LOOSE = 0.01 * MOST - MOVED
-"""The same of targets that only seem to move against each other under load [1]."""
+"""False-alarm rate of targets that seem to move against each other under load [1]."""
 
 COMPONENT = 0.003
-"""The same of each component of the noise that repeats show to be larger than stated [1]; it
+"""False-alarm rate of each noise component that repeats show to be larger than stated [1]; it
 changes weights and uncertainties only."""
 
 ACCUSING = {
@@ -96,7 +99,7 @@ ACCUSING = {
     "a wrong table": GEOMETRY,
     "loose targets": LOOSE,
 }
-"""Every test that can take `adequate` away from a campaign of pulls, with its rate."""
+"""Every test that can cost a campaign of pulls the verdict `adequate`, with its rate."""
 
 OF_POSITIONS = {
     "a reading off": READING,
@@ -104,7 +107,7 @@ OF_POSITIONS = {
     "a wrong table": GEOMETRY,
     "an instrument that stood elsewhere": MOVED,
 }
-"""The same of a campaign of positions."""
+"""Every such test of a campaign of positions, with its rate."""
 
 TOGETHER = {
     **ACCUSING,
@@ -112,4 +115,5 @@ TOGETHER = {
     "springs that disagree": MISFIT,
     "tables that disagree": GEOMETRY,
 }
-"""The same of a campaign of both, the most that is ever asked of one: the whole budget."""
+"""Every such test of a campaign of both, the largest set that is ever applied to one campaign: the
+whole budget."""

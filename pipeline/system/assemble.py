@@ -1,4 +1,4 @@
-"""Stage 5. Joint values, forces and displacements in, c = B x + G e out: Eqs. (19), (20)."""
+"""Assemble c = B x + G e from joint values, forces and displacements; Eqs. (19), (20)."""
 
 from __future__ import annotations
 
@@ -16,29 +16,31 @@ from pipeline.reduction.measured import Measured
 from pipeline.system.system import Errors, Rows, System
 
 TRACKED = ("tracker", "zero", "direction")
-"""Sources of error that are in proportion to the noise of the tracker."""
+"""Sources of error whose standard uncertainty is proportional to the noise of the tracker."""
 
 POSITIONS = "positions"
-"""Source of what absolute positions of the same robot leave open."""
+"""Source of error: what an estimate from absolute positions of the same robot leaves uncertain."""
 
 _WILD = 20.0
-"""A compliance beyond so many typical ones, or below zero, is no spring's."""
+"""Compliance in typical sizes above which it is not taken for that of a spring [1]; a negative one
+is not either."""
 
 _SMALL_M = 1e-5
-"""Where that noise is not known, directions err by this much, and what it does is divided by it."""
+"""Step used for the direction errors where the noise of the tracker is unknown [m]; the result is
+divided by it."""
 
 
 def assemble(cell: Cell, data: Measured, values: Array) -> System:
-    """The linear system about `values`, with every source of error as a factor of its covariance.
+    """The system linearised about `values`, each source of error as a factor of its covariance.
 
-    B = dd/dx at x0 = `values` and c = delta + (B x0 - d(x0)) [m], d the model's displacements, so
-    that c = B x holds to first order for a model that is not linear; for the paper's model nothing
-    is corrected. Rows are sorted by pose, repeat, target and axis.
+    B = dd/dx at x0 = `values` and c = delta + (B x0 - d(x0)) [m], where d is the displacement
+    predicted by the model, so that c = B x holds to first order for a nonlinear model; for the
+    paper's model the correction is zero. Rows are sorted by pose, repeat, target and axis.
 
     Args:
         cell: The model.
         data: The measurements.
-        values: Parameters about which B and the force errors are taken, shape (k,).
+        values: Parameters about which B and the force errors are linearised, shape (k,).
     """
     values = np.asarray(values, dtype=float)
     k = len(values)
@@ -71,16 +73,18 @@ def errors(cell: Cell, data: Measured, values: Array) -> Errors:
 
     Column j is (dc/dv_j) u(v_j) for an independent input v_j, or (dc/dv) L with L L' = cov(v), so
     that G G' is the law of propagation J cov(v) J' (GUM, JCGM 100:2008, and JCGM 102:2011). A force
-    f enters through the model, dc/df = -dd/df; a turn w of the frame as w x delta - dd/df (w x f).
+    f enters through the model, dc/df = -dd/df; a small rotation w of the frame as w x delta - dd/df
+    (w x f).
 
-    All in metres, but what is in proportion to a noise of the tracker that nobody stated. Last,
-    where it counts, what c = B x leaves out: the geometry of the deflected robot, once.
+    All columns are in metres, except those proportional to a tracker noise that is neither stated
+    nor found. The last column, where it is used, is common to all rows: what c = B x neglects, the
+    geometry of the deflected robot.
     """
     return with_readings(inputs(cell, data, values), data)
 
 
 def with_readings(others: Sequence[Block], data: Measured) -> Errors:
-    """The errors of the readings as these measurements weigh them, and those of all else."""
+    """Combine the errors of the readings, with the covariances of `data`, and all `others`."""
     d, factors = len(data.pull), covariance.factors
     tracker = Block("tracker", False, factors(data.loaded_cov), np.arange(d), d)
     zero = Block("zero", False, factors(data.zero_cov), data.zero, data.zero.max() + 1)
@@ -88,7 +92,10 @@ def with_readings(others: Sequence[Block], data: Measured) -> Errors:
 
 
 def inputs(cell: Cell, data: Measured, values: Array) -> list[Block]:
-    """The errors of all but the readings, arguments as for `errors`; no weight changes them."""
+    """Errors of every input except the readings, arguments as for `errors`.
+
+    They do not depend on how the readings are weighted.
+    """
     d, m = len(data.pull), len(data.pulls)
     unit = 1.0 if data.noise_stated or data.found_m else _SMALL_M
     modes = _of_force(data, unit)
@@ -117,11 +124,11 @@ def inputs(cell: Cell, data: Measured, values: Array) -> list[Block]:
 
 
 def _by_time(data: Measured, scaled: Array) -> Iterator[Block]:
-    """What the readings of a pose, or all of a day, have in common where there is such.
+    """Errors common to the readings of one pose (wander) or of one day, where they are nonzero.
 
     Args:
         data: The measurements.
-        scaled: What a relative error of all displacements moves, shape (d, 3, 1) [m].
+        scaled: Effect of a relative error of all displacements, per unit, shape (d, 3, 1) [m].
     """
     if data.wander is not None and data.wander.any():
         pose = np.unique(data.pulls.pose, return_inverse=True)[1][data.pull]
@@ -132,10 +139,10 @@ def _by_time(data: Measured, scaled: Array) -> Iterator[Block]:
 
 
 def _scaled(cell: Cell, data: Measured, values: Array) -> Array:
-    """What a relative error of all displacements moves, per unit, shape (d, 3, 1) [m].
+    """Effect of a relative error of all displacements, per unit, shape (d, 3, 1) [m].
 
-    Of the model's displacements: with those that were read, small ones would count as more certain
-    and the estimate be too stiff (Peelle's pertinent puzzle).
+    It is proportional to the predicted displacements: with the measured ones, small displacements
+    would get too much weight and the estimate would be too stiff (Peelle's pertinent puzzle).
     """
     if not (data.day_rel or data.length_rel):
         return np.zeros((len(data.pull), 3, 1))
@@ -144,9 +151,9 @@ def _scaled(cell: Cell, data: Measured, values: Array) -> Array:
 
 
 def _of_force(data: Measured, unit: float) -> dict[str, Array]:
-    """What each source of error may change of each force by its standard uncertainty, (m, r, 3).
+    """Change of each force per standard uncertainty of each source of error, (m, r, 3) [N].
 
-    In newtons; directions times `unit`.
+    Directions are multiplied by `unit`.
     """
     force = data.pulls.force
     size = np.linalg.norm(force, axis=1, keepdims=True)
@@ -163,14 +170,14 @@ def _of_force(data: Measured, unit: float) -> dict[str, Array]:
 
 
 def _of_body(data: Measured) -> Array:
-    """Which weight or payload loads each pull, one row for each, shape (b, m)."""
+    """Which weight or payload loads each pull, one row per body, shape (b, m)."""
     bodies = np.unique(data.body[data.body >= 0])
     return np.asarray(data.body == bodies[:, None])
 
 
 @dataclass(frozen=True, eq=False)
 class Block:
-    """Errors of one source: displacement d feels `factor[d]` (3, r) by `owner[d]`."""
+    """Errors of one source: displacement d has `factor[d]` (3, r) times those of `owner[d]`."""
 
     source: str
     common: bool
@@ -180,7 +187,7 @@ class Block:
 
 
 def _together(blocks: list[Block]) -> Errors:
-    """G of all sources, without the columns that move nothing."""
+    """G of all sources, without columns that are zero."""
     ends = np.cumsum([block.owners * block.factor.shape[2] for block in blocks]).tolist()
     firsts = [0, *ends[:-1]]
     value = np.concatenate([block.factor.ravel() for block in blocks])
@@ -199,7 +206,7 @@ def _together(blocks: list[Block]) -> Errors:
 
 
 def _where(block: Block, first: int) -> tuple[Ints, Ints]:
-    """Row and column of every entry of a block whose columns begin at `first`."""
+    """Row and column in G of every entry of a block whose first column is `first`."""
     d, _, r = block.factor.shape
     row = np.broadcast_to(np.arange(3 * d).reshape(d, 3, 1), (d, 3, r))
     column = np.broadcast_to((block.owner[:, None] * r + np.arange(r))[:, None, :], (d, 3, r))
@@ -207,24 +214,25 @@ def _where(block: Block, first: int) -> tuple[Ints, Ints]:
 
 
 def _moved(cell: Cell, data: Measured, values: Array, modes: Array) -> Array:
-    """What small changes of the force, modes (m, r, 3) [N], do to c; shape (d, 3, r) [m].
+    """Change of c due to small changes of the force, modes (m, r, 3) [N]; shape (d, 3, r) [m].
 
-    The model is asked at the force as read, so c - B x moves against the change.
+    The model is evaluated at the force as read, so c - B x moves against the change.
     """
     return -_force_differences(cell, data, values, modes)
 
 
 def by_force(cell: Cell, data: Measured, values: Array) -> Array:
-    """What one newton more along each pull moves, shape (3 d,) [m/N]; rows as in `assemble`."""
+    """Displacement per newton of additional pull, shape (3 d,) [m/N]; rows as in `assemble`."""
     force = data.pulls.force
     along = (force / np.linalg.norm(force, axis=1, keepdims=True))[:, None, :]
     return _force_differences(cell, data, values, along)[..., 0].ravel()
 
 
 def by_inputs(cell: Cell, data: Measured, values: Array) -> tuple[Array, Array]:
-    """What force and frame do to c: 1 N more along each axis of F_b, 1 rad of the tracker about it.
+    """Sensitivity of c to 1 N along each axis of F_b and to 1 rad of the tracker about each.
 
-    Rows as in `assemble`, columns as in its G, shapes (3 d, 3) [m/N] and (3 d, 3) [m/rad].
+    Rows as in `assemble`, signs as in the columns of its G, shapes (3 d, 3) [m/N] and
+    (3 d, 3) [m/rad].
     """
     modes = np.broadcast_to(np.eye(3), (len(data.pulls), 3, 3))
     moved = _moved(cell, data, values, modes), _turned(cell, data, values, np.eye(3))
@@ -232,9 +240,10 @@ def by_inputs(cell: Cell, data: Measured, values: Array) -> tuple[Array, Array]:
 
 
 def _turned(cell: Cell, data: Measured, values: Array, turns: Array) -> Array:
-    """What small rotations (r, 3) [rad] of the tracker do: displacement and force turn together.
+    """Change of c due to small rotations (r, 3) [rad] of the tracker, shape (d, 3, r) [m].
 
-    A weight does not turn: nobody reads which way it pulls.
+    Displacement and measured force direction rotate together; the force of a weight does not, since
+    its direction is not measured.
     """
     moved = np.stack([np.cross(turn, data.delta) for turn in turns], axis=-1)
     read = data.pulls.pulled * data.pulls.force
@@ -243,11 +252,11 @@ def _turned(cell: Cell, data: Measured, values: Array, turns: Array) -> Array:
 
 
 def _geometry(cell: Cell, data: Measured, values: Array) -> Array:
-    """What wrong tool points and wrong zeros of the joints do, each by one sigma, (d, 3, r) [m]."""
+    """Effect on c of one sigma of each tool coordinate and of each joint zero, (d, 3, r) [m]."""
     points = np.vstack([cell.tool.load_point, cell.tool.points])
     moves = data.tool_std * np.eye(points.size).reshape(-1, *points.shape)
     turns = data.joint_std[:, None] * np.eye(cell.robot.n)
-    if data.stance is not None:  # these are known by it
+    if data.stance is not None:  # their uncertainty is part of the stance
         read = [False, *np.isin(cell.tool.targets.astype(str), list(data.stance.points))]
         moves[np.repeat(read, 3)] = 0.0
         turns[[one.joint - 1 for one in data.stance.letters if one.name == "joint_offset"]] = 0.0
@@ -261,7 +270,7 @@ def _geometry(cell: Cell, data: Measured, values: Array) -> Array:
 
 
 def by_stance(cell: Cell, data: Measured, values: Array) -> Array:
-    """What each error a of table and points, `Stance.parts`, does to c, shape (d, 3, r) [m]."""
+    """Effect on c of each error a of table and points, `Stance.parts`, shape (d, 3, r) [m]."""
     assert data.stance is not None
     stance = data.stance
 
@@ -276,9 +285,10 @@ def by_stance(cell: Cell, data: Measured, values: Array) -> Array:
 
 
 def _beside_positions(cell: Cell, data: Measured, values: Array) -> Array:
-    """What errors of absolute positions do to c through table, points and elements, (d, 3, r) [m].
+    """Effect on c of errors of absolute positions via table, points and elements, (d, 3, r) [m].
 
-    The elements of `Stance` are in the cell as positions have them, and err by K a + W w.
+    The elements of `Stance` are held in the cell at the values estimated from positions; their
+    errors are K a + W w.
     """
     assert data.stance is not None
     stance, n = data.stance, len(data.stance.compliance)
@@ -291,7 +301,7 @@ def _beside_positions(cell: Cell, data: Measured, values: Array) -> Array:
 
 
 def _centers(cell: Cell, data: Measured, values: Array) -> Array:
-    """What a wrong centre of each payload does, by one sigma along each axis, (d, 3, r) [m]."""
+    """Effect on c of one sigma of the centre of each payload along each axis, (d, 3, r) [m]."""
     here = predict(cell, data.pulls, values).displacement
     modes = []
     for mine in _of_body(data) * data.center_std:
@@ -304,9 +314,10 @@ def _centers(cell: Cell, data: Measured, values: Array) -> Array:
 
 
 def second_order(cell: Cell, data: Measured, values: Array) -> Array:
-    """How the deflected robot's geometry moves the targets beyond c = B x, shape (d, 3) [m].
+    """Displacement that the deflected geometry of the robot adds to c = B x, shape (d, 3) [m].
 
-    A spring that came out wild, as what hardly shows does, counts as its table has it.
+    An implausible estimated compliance (negative or beyond `_WILD`), as of a joint that the data
+    hardly load, is replaced by its nominal value.
     """
     typical = np.array([p.typical for p in cell.parameters])
     sane = (values > 0) & (values < _WILD * typical)
@@ -324,7 +335,7 @@ def _with_points(cell: Cell, points: Array) -> Cell:
 
 
 def _force_differences(cell: Cell, data: Measured, values: Array, modes: Array) -> Array:
-    """Central differences of the displacements by force modes (m, r, 3), shape (d, 3, r)."""
+    """Central differences of the displacements by force modes (m, r, 3) [N], (d, 3, r) [m]."""
     change = np.moveaxis(modes, 1, 0) / 2
     ahead, behind = data.pulls.force + change, data.pulls.force - change
     pulls = data.pulls.under(np.concatenate([ahead, behind]))

@@ -1,20 +1,21 @@
-"""The noise along the beam and across it, where one figure is stated for both.
+"""Noise along and across the laser beam, where one figure is stated for both.
 
 A tracker measures its range with a laser and its directions with encoders: along the beam it is
-several times better, and across it worse the farther a target is. With u the direction from its
-station to a target, r the distance and r0 its mean over a campaign,
+several times better, and across it worse the farther away a target is. With u the direction from
+its station to a target, r the distance and r0 its mean over a campaign,
 
     C(a, b, g) = M C M,    M = a u u' + b (r / r0)^g (I - u u'),
 
-C as stated. For each g of `_GROWTH` a and b are those of the largest restricted likelihood
-(`restricted`) of what springs and causes leave; which g, and whether any of this is so, is odds, by
-Laplace's approximation of the evidence of a / b (MacKay, Neural Computation 4, 1992), and V has the
-posterior means of the variances, so that nothing is switched on by a test.
+C as stated. For each g of `_GROWTH`, a and b maximise the restricted likelihood (`restricted`) of
+the residuals of springs and causes. The odds of each g, and of any deviation from the stated
+proportion at all, follow from Laplace's approximation of the evidence of a / b (MacKay, Neural
+Computation 4, 1992). V takes the posterior means of the variances, so no test switches anything on
+or off.
 
-A wrong model makes residuals larger, never smaller. Of the two parts only the smaller one is
-therefore taken as found; the other at most so that the variance of all readings is in all what is
-stated, as where the rms of three axes is the figure, and no smaller than it. What is larger than
-stated in all is for contrasts to say (`variance`).
+A wrong model makes residuals larger, never smaller. Of the two parts, therefore, only the smaller
+one is used as found; the other is limited so that the total variance of the readings equals the
+stated one, as when the rms of three axes is the stated figure, and is no smaller than it. Whether
+the total is larger than stated is decided by contrasts (`variance`).
 """
 
 from __future__ import annotations
@@ -33,46 +34,49 @@ from pipeline.system.restricted import PaddedRows, lowest
 from pipeline.system.system import Errors, System
 
 _GROWTH = (0.0, 1 / 3, 2 / 3, 1.0)
-"""Powers of the distance by which the part across the beam grows that are tried [1]: none, to that
-of angles alone; 15 um + 6 um/m of a data sheet is 0.7 from 3 to 14 m."""
+"""Trial exponents of the distance for the part across the beam [1]: from none to that of angles
+alone; 15 um + 6 um/m of a data sheet corresponds to 0.7 from 3 to 14 m."""
 
 _AS_STATED = 0.5
-"""Probability before the data that both parts are in the stated proportion [1]: an assumption, like
-every prior; one figure for all axes is a guess as often as a finding."""
+"""Prior probability that both parts are in the stated proportion [1]: an assumption, like every
+prior; one figure for all axes is a guess as often as a finding."""
 
 _BETTER = 0.9
-"""The same that the range is the better one where they are not [1]: data sheets state 0.5 to 20 um
-for interferometers and absolute distance meters, 10 to 30 um + 2 to 7 um/m for encoders."""
+"""Prior probability that the range is the more precise part if they are not in that proportion [1]:
+data sheets state 0.5 to 20 um for interferometers and absolute distance meters, 10 to 30 um + 2 to
+7 um/m for encoders."""
 
 _LEAST, _MOST = 0.1, 2.0
-"""Range over transverse part that is tried [1]: an interferometer, and a target so near that its
-angles hardly count."""
+"""Limits of the ratio of range to transverse part [1]: an interferometer, and a target so near that
+the angles hardly matter."""
 
 _FEWEST = 30
-"""Degrees of freedom from which the residuals say anything of two parts."""
+"""Minimum degrees of freedom of the residuals for two parts to be estimated."""
 
 _LIKELY = 0.5
-"""Probability beyond which something rather is there than not [1]."""
+"""Probability above which something is taken to be present [1]."""
 
 _WORTH = 1.3
-"""Factor between stated and found from which a part is reported [1], as for certificates."""
+"""Minimum factor between stated and found noise for a part to be reported [1], as for
+certificates."""
 
 _OWN = ("tracker", "zero")
-"""Sources of error whose covariances have a beam. Directions of a chain, which have one too, hardly
-count and stay as stated."""
+"""Sources of error whose covariances are split by the beam. Chain directions, which depend on it
+too, hardly matter and stay as stated."""
 
 
 @dataclass(frozen=True, eq=False)
 class Beam(Locked):
-    """The two parts of the noise, over the stated ones.
+    """The two parts of the noise, relative to the stated ones.
 
     Attributes:
         along: Standard uncertainty along the beam that is used [1].
-        across: The same across it of each displacement, shape (d,).
-        found: Both where the likelihood is largest, at the mean distance, whatever is used.
+        across: Standard uncertainty across the beam that is used for each displacement, shape
+            (d,) [1].
+        found: Both at the maximum of the likelihood, at the mean distance, whatever is used.
         std: Their relative standard uncertainties.
-        probability: That they are not in the stated proportion.
-        p_value: Of a proportion as far from it by chance.
+        probability: Posterior probability that they are not in the stated proportion.
+        p_value: Probability of a proportion this far from the stated one by chance.
     """
 
     along: float
@@ -84,40 +88,40 @@ class Beam(Locked):
 
     @classmethod
     def stated(cls, data: Measured) -> Beam:
-        """Nothing but what is stated."""
+        """Both parts as stated."""
         return cls(1.0, np.ones(len(data.pull)))
 
     @property
     def better(self) -> bool:
-        """Whether the range is better than stated beyond chance, and enough to be worth a word."""
+        """Whether the range is significantly better than stated, by more than a factor `_WORTH`."""
         sure = self.probability > _LIKELY and self.p_value < alarms.COMPONENT
         return sure and self.along * _WORTH < 1
 
     def on(self, data: Measured) -> Measured:
-        """The measurements with both parts in the covariances of their readings."""
+        """The measurements with both parts applied to the covariances of their readings."""
         return _times(data, self.along, self.across)
 
     def off(self, data: Measured) -> Measured:
-        """The measurements without, as stated again."""
+        """The measurements with the stated covariances again, the inverse of `on`."""
         return _times(data, 1 / self.along, 1 / self.across)
 
     @property
     def widest(self) -> float:
-        """Largest variance of a part of a reading, over the stated one and no less than it [1]."""
+        """Largest variance of a part of a reading relative to the stated one, at least 1 [1]."""
         return max(1.0, self.along**2, float(self.across.max()) ** 2)
 
     def change(self, other: Beam) -> float:
-        """Largest difference of two log variances [1]."""
+        """Largest difference between the log variances of two results [1]."""
         across = np.abs(np.log(self.across / other.across)).max()
         return 2 * float(max(across, abs(np.log(self.along / other.along))))
 
 
 def beam(data: Measured, system: System, X: Array) -> Beam:
-    """Both parts as the rows of a campaign show them.
+    """Estimate both parts from the rows of a campaign.
 
-    L is minus twice the restricted log likelihood, L_0 that of the stated proportion, t = log(a /
-    b), w its width and f its density before the data: the odds of each g of k are
-    exp((L_0 - L) / 2) f(t) w sqrt(2 pi) / k, and p = P[chi2(2) > L_0 - min L].
+    L is minus twice the restricted log likelihood, L_0 that of the stated proportion,
+    t = log(a / b), w its standard uncertainty and f its prior density: the odds of each of k
+    exponents g are exp((L_0 - L) / 2) f(t) w sqrt(2 pi) / k, and p = P[chi2(2) > L_0 - min L].
 
     Args:
         data: The measurements.
@@ -130,10 +134,10 @@ def beam(data: Measured, system: System, X: Array) -> Beam:
     u, r = beams
     ratio, grown = _proportion(data, u), r[:, None] ** np.array(_GROWTH)
     more, along, across = _fitted(system, X, u, grown)
-    if not np.isfinite(more).all():  # rows without any noise tell nothing of its parts
+    if not np.isfinite(more).all():  # rows without noise cannot resolve its parts
         return stated
     along = across * np.clip(along / across, _LEAST / ratio, _MOST / ratio)
-    std = np.sqrt(np.array([1.5, 0.75]) / dof)  # of an axis and of two, by counting
+    std = np.sqrt(np.array([1.5, 0.75]) / dof)  # of one axis and of two, by dof
     logs = 0.5 * (more + np.log(2 * np.pi * (std @ std))) + _log_prior(along / across * ratio)
     weight = special.softmax(np.append(0.0, logs))
     used = [_taken(*one, ratio) for one in zip(along, (across * grown).T, strict=True)]
@@ -149,7 +153,7 @@ def beam(data: Measured, system: System, X: Array) -> Beam:
 
 
 def _fitted(system: System, X: Array, u: Array, grown: Array) -> tuple[Array, Array, Array]:
-    """L_0 - L, a and b of each power of the distance, shapes (k,).
+    """L_0 - L, a and b for each exponent of the distance, shapes (k,).
 
     Args:
         system: As for `beam`.
@@ -162,7 +166,7 @@ def _fitted(system: System, X: Array, u: Array, grown: Array) -> tuple[Array, Ar
     for size in grown.T:
         parted = replace(system, errors=_parted(system.errors, u, size))
         blocks = PaddedRows.beside(parted, Q, [("along",), ("across",)])
-        if not tried:  # as it is stated, both parts alike
+        if not tried:  # the stated proportion: one scale for both parts
             found = np.full(2, blocks.rough)
             if not np.isfinite(blocks.whole(found)):
                 none = np.full(grown.shape[1], np.nan)
@@ -175,26 +179,26 @@ def _fitted(system: System, X: Array, u: Array, grown: Array) -> tuple[Array, Ar
 
 
 def _alike(blocks: PaddedRows, start: Array) -> float:
-    """The least loss with one scale for both parts."""
+    """Minimum of the loss with one scale for both parts."""
     return blocks.whole(np.repeat(lowest(lambda x: blocks.loss(np.repeat(x, 2)), start), 2))
 
 
 def _log_prior(ratio: Array) -> Array:
-    """Log odds density of range over transverse part before the data, per log ratio."""
+    """Log of the prior odds density of the ratio of range to transverse part, per log ratio."""
     better, worse = _BETTER / -np.log(_LEAST), (1 - _BETTER) / np.log(_MOST)
     density = np.where(ratio < 1, better, worse) / len(_GROWTH)
     return np.asarray(np.log(density * (1 - _AS_STATED) / _AS_STATED))
 
 
 def _taken(along: float, across: Array, ratio: float) -> tuple[float, Array]:
-    """Both parts as they may be used: the smaller as found, the variance in all as stated at most.
+    """Both parts as they may be used: the smaller as found, the total variance at most as stated.
 
     Args:
-        along: As found.
-        across: As found, of each displacement, shape (d,).
+        along: Part along the beam as found.
+        across: Part across the beam as found, of each displacement, shape (d,).
         ratio: Range over transverse part as stated.
     """
-    share = ratio**2 / (ratio**2 + 2)  # of the range in the variance of a reading
+    share = ratio**2 / (ratio**2 + 2)  # share of the range in the variance of a reading
     mean = float(rms(across))
     if min(along, mean) >= 1:
         return 1.0, np.ones(len(across))
@@ -210,7 +214,7 @@ def _taken(along: float, across: Array, ratio: float) -> tuple[float, Array]:
 def _beams(data: Measured) -> tuple[Array, Array] | None:
     """Directions from the station to the targets, (d, 3), and distances over their mean, (d,).
 
-    None where nobody knows the station, or the noise is not that of a tracker's readings.
+    None where the station is unknown or the noise is not that of a tracker's readings.
     """
     if data.tracker is None or data.poses or not data.tracked or data.paper:
         return None
@@ -229,7 +233,7 @@ def _proportion(data: Measured, u: Array) -> float:
 
 
 def _times(data: Measured, along: float, across: Array) -> Measured:
-    """The measurements with both parts multiplied."""
+    """The measurements with both parts of their covariances multiplied."""
     beams = _beams(data)
     if beams is None or (along == 1.0 and (across == 1.0).all()):
         return data
@@ -239,12 +243,12 @@ def _times(data: Measured, along: float, across: Array) -> Measured:
 
 
 def _parted(errors: Errors, u: Array, size: Array) -> Errors:
-    """The errors with those of readings parted into `along` and `across` the beams.
+    """The errors with those of the readings split into sources `along` and `across` the beams.
 
     Args:
         errors: The errors.
         u: Directions of the beams, shape (d, 3).
-        size: By which the latter are multiplied, shape (d,).
+        size: Factor on the part across, shape (d,).
     """
     own = np.isin(errors.source.astype(str), _OWN)
     along = scipy.sparse.block_diag(list(u[:, :, None] * u[:, None, :]), format="csr")

@@ -1,8 +1,8 @@
-"""The one question: what would further columns add to a model, and how surely?
+"""What would further columns add to a model, and how significantly?
 
-A base, the columns X that are estimated in any case, stands beside suspects: a missing effect, a
-reading that is off, a reflector that was moved, a pose that is left out. Each is a few columns D_j
-of its own. All rows are whitened:
+A base, the columns X that are estimated in any case, is extended by one suspect at a time: a
+missing effect, an outlier, a reflector that was moved, a pose that is left out. Each suspect has a
+few columns D_j of its own. All rows are whitened:
 
     y = X b + D_j s_j + s e,    e ~ N(0, I).
 
@@ -31,20 +31,20 @@ from pipeline.system.blocks import Blocks
 from pipeline.system.elimination import eliminate
 
 _NOTHING = 1e-30
-"""A variance that is rounding [1]."""
+"""Lower limit of a variance, below which it is rounding [1]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Beside(Locked):
-    """What each of many suspects would add to a base, by itself; n suspects of k columns at most.
+    """What each of n suspects, of at most k columns, would add to a base, one suspect at a time.
 
-    A suspect of fewer columns has zeros in place of the others.
+    Suspects with fewer columns are padded with zeros.
 
     Attributes:
         N: D' P D, shape (..., n, k, k).
         g: D' P y, shape (..., n, k).
         whole: Squared lengths of the columns D, shape (..., n, k).
-        rest: Sum of squares that the base leaves.
+        rest: Residual sum of squares of the base.
         dof: Its degrees of freedom.
     """
 
@@ -70,19 +70,19 @@ class Beside(Locked):
 
     @cached_property
     def size(self) -> Array:
-        """N^+ g in the units of the columns, shape (..., n, k)."""
+        """Estimated size N^+ g in the units of the columns, shape (..., n, k)."""
         return np.asarray(np.einsum("...ij,...j->...i", self.cov, self.g))
 
     @cached_property
     def drop(self) -> Array:
-        """How far the sum of squares falls, g' N^+ g, shape (..., n)."""
+        """Drop of the sum of squares, g' N^+ g, shape (..., n)."""
         return np.maximum(np.einsum("...i,...i->...", self.size, self.g), 0.0)
 
     def variance(self, least: float = _NOTHING) -> Array:
-        """(rest - T) / (dof - rank), no less than `least`, shape (..., n).
+        """(rest - T) / (dof - rank), at least `least`, shape (..., n).
 
-        The stated uncertainty may be too large, but chance must not create outliers: where a noise
-        is stated, `least` is 1.
+        Where a noise is stated, `least` is 1: the stated uncertainty may be too large, but a chance
+        low scatter must not create outliers.
         """
         left = (self.rest - self.drop) / np.maximum(self.dof - self.rank, 1)
         return np.maximum(left, least)
@@ -90,12 +90,12 @@ class Beside(Locked):
     def p(self, variance: Array | float | None = None, known_from: float | None = None) -> Array:
         """Probability of such a drop by chance, F = (T / rank) / variance, shape (..., n).
 
-        1 where nothing is left of the columns, or no residuals that tell a variance.
+        1 where nothing is left of the columns, or no residuals from which to estimate a variance.
 
         Args:
-            variance: Of the rows; that of the residuals when not given.
-            known_from: Degrees of freedom that it rests on; infinite where it is known, those of
-                the residuals when not given.
+            variance: Of the rows; estimated from the residuals when not given.
+            known_from: Its degrees of freedom; infinite where it is known, those of the residuals
+                when not given.
         """
         rank = np.maximum(self.rank, 1)
         ratio = self.drop / (self.variance() if variance is None else variance)
@@ -115,7 +115,7 @@ class Beside(Locked):
         return replace(self, N=N, g=self.g[at], whole=self.whole[at])
 
     def rows(self, suspects: Blocks) -> Beside:
-        """The same in the suspects' own order, where they were padded by block."""
+        """The same in the original order of the suspects, where they were padded by block."""
         return replace(
             self, N=suspects.rows(self.N), g=suspects.rows(self.g), whole=suspects.rows(self.whole)
         )
@@ -126,10 +126,11 @@ class Base(Locked):
     """Whitened rows, and the columns that are estimated in any case.
 
     Attributes:
-        blocks: Rows that a suspect may touch: all, or those of one pose.
+        blocks: Blocks of rows that a suspect is confined to: one for all, or one per pose.
         Q: Orthonormal columns that span X, shape (p, s, k).
-        own: Each block has its own coefficients for all columns of X, as six motions of each pose.
-        left: What they leave of y, shape (p, s).
+        own: Whether each block has its own coefficients for all columns of X, as with six rigid
+            motions per pose.
+        left: Residual of y, shape (p, s).
         dof: Rows minus rank of X.
     """
 
@@ -146,8 +147,8 @@ class Base(Locked):
         Args:
             X: Whitened columns, shape (M, k).
             y: Whitened rows, shape (M,).
-            key: Block of each row; all rows are one when not given, shape (M,).
-            own: Each block has its own coefficients for all columns of X.
+            key: Block of each row, shape (M,); a single block when not given.
+            own: Whether each block has its own coefficients for all columns of X.
         """
         blocks = Blocks.of(np.zeros(len(y), np.int64) if key is None else key)
         Q = _spans(blocks, X) if own else blocks.padded(linear.orthonormal(X))
@@ -156,11 +157,11 @@ class Base(Locked):
         return empty.against(y)
 
     def against(self, y: Array) -> Base:
-        """The same columns beside other rows (M,)."""
+        """The same columns with other rows y (M,)."""
         return replace(self, left=self.blocks.padded(self.beyond(y[:, None])[:, 0]))
 
     def beyond(self, rows: Array) -> Array:
-        """What the base does not explain of rows (M, any), shape (M, any)."""
+        """Residuals of rows (M, any) after projection onto the base, shape (M, any)."""
         if not self.own:
             Q = self.blocks.rows(self.Q)
             return rows - Q @ (Q.T @ rows)
@@ -180,15 +181,15 @@ class Base(Locked):
 
     @property
     def rest(self) -> float:
-        """Sum of squares that is left of y."""
+        """Residual sum of squares of y."""
         return float(np.sum(self.left**2))
 
     def beside(self, D: Array) -> Beside:
-        """Suspects that each touch one block.
+        """Suspects that each touch one block only.
 
         Args:
-            D: Whitened columns of n suspects of each block, shape (p, s, n, k); blocks and rows
-                that are missing at the end are zero.
+            D: Whitened columns of n suspects per block, shape (p, s, n, k); blocks and rows that
+                are missing at the end are zero.
         """
         Q, left = (part[: D.shape[0], : D.shape[1]] for part in (self.Q, self.left))
         QD = np.einsum("psk,psni->pkni", Q, D)
@@ -202,7 +203,7 @@ class Base(Locked):
         )
 
     def free(self, rows: Bools) -> Beside:
-        """Some rows set free together, as if they were left out; for a base of one block.
+        """Some rows freed together, as if they were left out; for a base of one block.
 
         Their columns are unit vectors: N = I - Q Q' and g = P y of these rows.
         """
@@ -217,7 +218,7 @@ class Base(Locked):
 
 
 def _spans(blocks: Blocks, X: Array) -> Array:
-    """Orthonormal columns of each block by itself, shape (p, s, r); columns beyond its rank: 0."""
+    """Orthonormal columns of each block by itself, (p, s, r); columns beyond its rank are zero."""
     stack = blocks.padded(X)
     if not blocks.uneven:
         return linear.spans(stack)
@@ -229,9 +230,10 @@ def _spans(blocks: Blocks, X: Array) -> Array:
 
 
 def left_beside(M: Array, base: Ints, at: Ints) -> tuple[Array, Array, Array]:
-    """What a base leaves of products (..., W, W): of all, of each suspect, and its squares before.
+    """Products (..., W, W) with a base eliminated: all, those of each suspect, and its squares.
 
-    Shapes (..., W, W), (..., n, k, k) and (..., n, k), for columns `at` as in `by_products`.
+    The squared lengths are those before elimination. Shapes (..., W, W), (..., n, k, k) and
+    (..., n, k), for columns `at` as in `by_products`.
     """
     S, there = eliminate(M, base), at >= 0
     N = S[..., at[:, :, None], at[:, None, :]] * (there[:, :, None] & there[:, None, :])
@@ -239,13 +241,13 @@ def left_beside(M: Array, base: Ints, at: Ints) -> tuple[Array, Array, Array]:
 
 
 def by_products(M: Array, base: Ints, at: Ints, dof: int, least: float = 0.0) -> Beside:
-    """Suspects that are columns of one matrix of products M = A'A, the rows last: the fastest.
+    """Suspects as columns of one product matrix M = A'A, whose last column is y: the fastest way.
 
     Args:
         M: Products of whitened columns, shape (W, W).
         base: Columns that are estimated in any case.
-        at: Columns of each suspect, -1 where it has fewer, shape (n, k).
-        dof: Degrees of freedom that the base leaves.
+        at: Columns of each suspect, padded with -1, shape (n, k).
+        dof: Residual degrees of freedom of the base.
         least: Mean square below which residuals are rounding.
     """
     S, N, whole = left_beside(M, base, at)
@@ -259,7 +261,7 @@ def by_products(M: Array, base: Ints, at: Ints, dof: int, least: float = 0.0) ->
 
 
 def padded(columns: Sequence[Ints]) -> Ints:
-    """Columns of each of n suspects, -1 where there are fewer than the most, shape (n, k)."""
+    """Columns of each of n suspects, padded with -1 to the largest number, shape (n, k)."""
     out = np.full((len(columns), max(map(len, columns), default=0)), -1)
     for row, mine in zip(out, columns, strict=True):
         row[: len(mine)] = mine
@@ -267,7 +269,7 @@ def padded(columns: Sequence[Ints]) -> Ints:
 
 
 _ROUNDED = 1e-6
-"""Part of a row below which it is rounding [1]."""
+"""Fraction of a row below which it is rounding [1]."""
 
 
 def left_out(X: Array, y: Array, key: Ints, rows: Array, c: Array) -> tuple[Array, Bools]:
@@ -278,8 +280,9 @@ def left_out(X: Array, y: Array, key: Ints, rows: Array, c: Array) -> tuple[Arra
 
         x_p = x - H (I - U_p' U_p)^-1 U_p' r_p
 
-    (Stone, J. Roy. Stat. Soc. B 36, 1974; Cook and Weisberg, Residuals and Influence, 1982).
-    Of solutions that the other blocks leave open x_p is the shortest in unit columns.
+    (Stone, J. Roy. Stat. Soc. B 36, 1974; Cook and Weisberg, Residuals and Influence, 1982). Where
+    the other blocks do not determine x_p uniquely, the solution of minimum norm in unit columns is
+    taken.
 
     Args:
         X: Whitened columns of the base, shape (M + r, k).
@@ -301,7 +304,7 @@ def left_out(X: Array, y: Array, key: Ints, rows: Array, c: Array) -> tuple[Arra
     gone = np.where(seen, own / np.where(seen, kept, 1.0), 0.0)
     b = along - np.einsum("pji,pi->pj", V, gone)
     compared = np.linalg.norm(X, axis=0)[:, None] * inverse.half  # parameters in unit columns
-    for p in np.flatnonzero((~seen).any(axis=1)):  # what stays open is the shortest
+    for p in np.flatnonzero((~seen).any(axis=1)):  # undetermined directions: minimum norm
         free = V[p][:, ~seen[p]]
         b[p] -= free @ linear.least_squares(compared @ free, compared @ b[p])
     at, D = blocks.index[: len(c)], rows @ inverse.half

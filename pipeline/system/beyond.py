@@ -1,4 +1,4 @@
-"""What a model leaves of the readings: rows beside springs and causes, where noise is seen."""
+"""Rows of a campaign with springs and causes as fixed effects: their residuals show the noise."""
 
 from __future__ import annotations
 
@@ -22,9 +22,10 @@ class Beyond(Locked):
     """A campaign's rows, whitened by pose, and the columns that are estimated in any case.
 
     Attributes:
-        white: Whitens them.
+        white: Their whitener.
         X: Springs and causes, orthonormal, then common errors, shape (M, k + r).
-        prior: 0 for the former, 1 for the latter, which are random, shape (k + r,).
+        prior: 0 for springs and causes, which are fixed, 1 for common errors, which are random,
+            shape (k + r,).
         y: The rows, shape (M,).
     """
 
@@ -35,7 +36,7 @@ class Beyond(Locked):
 
     @classmethod
     def of(cls, seen: Linearised, columns: Array, errors: Errors) -> Beyond:
-        """The rows of a campaign beside columns (M, k), with these errors."""
+        """The rows of a campaign with fixed columns (M, k) and these errors."""
         white = whitener(errors, seen.rows.pose)
         fixed = linear.orthonormal(white.by_pose(columns))
         prior = np.repeat([0.0, 1.0], [fixed.shape[1], white.common.shape[1]])
@@ -44,7 +45,7 @@ class Beyond(Locked):
 
     @cached_property
     def base(self) -> Base:
-        """The same as a base, beside which single readings stand."""
+        """The same as a `Base`, for tests of single readings."""
         rows = np.vstack([self.X, np.diag(self.prior)[self.prior > 0]])
         y = np.append(self.y, np.zeros(int(self.prior.sum())))
         return Base.of(rows, y, self.white.key)
@@ -53,7 +54,7 @@ class Beyond(Locked):
         """Rows in which a covariance W of each pose (p, s, s), whitened by pose, is diagonal.
 
         Returns:
-            Its variances (M,), and y (M,) and X (M, k + r) there.
+            Variances on its diagonal (M,), and y (M,) and X (M, k + r) in these rows.
         """
         blocks = self.white.blocks
         values, C = linear.directions(W + np.eye(blocks.shape[1]) * blocks.there[:, None, :])
@@ -64,14 +65,14 @@ class Beyond(Locked):
 
 
 def columns(seen: Linearised, causes: Bools) -> Array:
-    """Springs, and those columns of the suspects that count, in their typical sizes, (M, k)."""
+    """Springs and the suspect columns selected by `causes`, in their typical sizes, (M, k)."""
     typical = np.array([p.typical for p in seen.model.cell.parameters[: seen.model.springs]])
     others = np.array([p.typical for effect in seen.suspects for p in effect.parameters])
     return np.hstack([seen.B * typical, (seen.Z * others)[:, causes]])
 
 
 def free(seen: Linearised) -> Array:
-    """Six rigid motions of the effector in each pose in proportion to the pull, (M, 6 p)."""
+    """Six rigid motions of the effector in each pose, proportional to the pull, (M, 6 p)."""
     size = np.linalg.norm(seen.data.pulls.force, axis=1)[seen.rows.pull, None]
     pose = np.unique(seen.rows.pose, return_inverse=True)[1]
     own = np.eye(int(pose.max()) + 1)[pose]
@@ -84,12 +85,12 @@ class RowReadings(Locked):
     """The readings behind the rows: each loaded target, and the zero of each target in each pose.
 
     Attributes:
-        loaded: How many of them are loaded: one for each displacement, in that order.
-        zero: Number of the zero in `Measured.zero` of each of the others.
-        zero_of: The same of each displacement, shape (d,).
-        D: What one standard uncertainty of each, along three axes, does to the rows of its pose,
-            whitened, shape (p, s, q, 3).
-        blocks: Readings by pose, q of the largest.
+        loaded: Number of loaded readings: one for each displacement, in that order.
+        zero: Number in `Measured.zero` of each unloaded reading.
+        zero_of: Number of the zero of each displacement, shape (d,).
+        D: Effect of one standard uncertainty of each reading, along three axes, on the rows of its
+            pose, whitened, shape (p, s, q, 3).
+        blocks: Readings by pose, at most q each.
     """
 
     loaded: int
@@ -116,7 +117,7 @@ class RowReadings(Locked):
 
     @classmethod
     def unseen(cls, data: Measured) -> RowReadings:
-        """The same where nobody asks what they do."""
+        """The same without their effect on the rows, where it is not needed."""
         nothing = np.zeros(0, np.int64)
         zero = np.unique(data.zero)
         return cls(len(data.pull), zero, data.zero, np.zeros((0, 0, 0, 3)), Blocks.of(nothing))
@@ -134,14 +135,14 @@ class RowReadings(Locked):
         return out
 
     def scaled(self, data: Measured, variance: Array) -> Measured:
-        """The measurements with the covariance of each reading multiplied, `variance` (n,)."""
+        """The measurements with the covariance of each reading multiplied by `variance` (n,)."""
         of_zero = np.ones(int(data.zero.max()) + 1)
         of_zero[self.zero] = variance[self.loaded :]
         return data.reweighed(variance[: self.loaded], of_zero[data.zero])
 
 
 def estimates(base: Base, readings: RowReadings) -> tuple[Array, Array, Bools]:
-    """What the other readings say of each reading's error, in its standard uncertainties.
+    """Each reading's error estimated from the other readings, in its standard uncertainties.
 
     x = N^-1 g with N = D'PD and g = D'Py, see `beside`; its covariance is N^-1 = R diag(v) R'.
 

@@ -16,19 +16,19 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked
 _T = TypeVar("_T", bound=np.generic)
 
 _SMALL = 60
-"""Rows up to which a block is padded whatever the others have: twenty readings in three axes."""
+"""Rows up to which a block is padded in any case: twenty readings in three axes."""
 _WASTE = 4
-"""Work with padding, in times of that without, from which one by one is faster than a stack."""
+"""Ratio of work with and without padding above which block-by-block computation is faster [1]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Blocks(Locked):
-    """Where each row stands among those of its block.
+    """Position of each row within its block.
 
     Attributes:
         index: Number of each row's block 0..p-1, shape (M,).
-        place: Its place in the block, shape (M,).
-        count: Rows of each block, s of the largest, shape (p,).
+        place: Its position in the block, shape (M,).
+        count: Rows of each block, at most s, shape (p,).
     """
 
     index: Ints
@@ -52,14 +52,14 @@ class Blocks(Locked):
 
     @property
     def uneven(self) -> bool:
-        """Whether one block is so large that cubes of the padding cost more than all the rest."""
+        """Whether one block is so large that the cubic work on padding exceeds all the rest."""
         p, s = self.shape
         return s > _SMALL and p * s**3 > _WASTE * int((self.count.astype(np.int64) ** 3).sum())
 
     def square(self, work: Callable[[Array], Array], padded: Array) -> Array:
-        """Work on matrices (p, s, s), of each without its padding where that counts.
+        """Apply `work` to matrices (p, s, s), to each without its padding where blocks are uneven.
 
-        There it is done in place; the padding is the identity, and stays it.
+        In that case it works in place; the padding is the identity and stays so.
         """
         if not self.uneven:
             return work(padded)
@@ -68,9 +68,9 @@ class Blocks(Locked):
         return padded
 
     def solve(self, A: Array, padded: Array) -> Array:
-        """Solutions of the regular A x = y of each block, (p, s, s) and (p, s, j), likewise.
+        """Solve the regular A x = y of each block, (p, s, s) and (p, s, j), as for `square`.
 
-        By the inverse, which is twice as fast where there are more columns y than rows.
+        Even blocks use the inverse, which is twice as fast where y has more columns than rows.
         """
         if not self.uneven:
             return linear.regular_inverse(A) @ padded
@@ -81,23 +81,23 @@ class Blocks(Locked):
 
     @property
     def there(self) -> Bools:
-        """Where a padded array holds a row, shape (p, s)."""
+        """True where a padded array holds a row, shape (p, s)."""
         return np.asarray(np.arange(self.shape[1]) < self.count[:, None])
 
     @property
     def members(self) -> list[Ints]:
-        """The rows of each block, in their own order."""
+        """Indices of the rows of each block, in their original order."""
         order = np.argsort(self.index, kind="stable")
         return np.split(order, np.cumsum(self.count)[:-1])
 
     def padded(self, rows: npt.NDArray[_T]) -> npt.NDArray[_T]:
-        """Rows (M, ...) by block, zeros below the shorter ones, shape (p, s, ...)."""
+        """Rows (M, ...) by block, padded with zeros, shape (p, s, ...)."""
         out = np.zeros((*self.shape, *rows.shape[1:]), rows.dtype)
         out[self.index, self.place] = rows
         return out
 
     def rows(self, padded: npt.NDArray[_T]) -> npt.NDArray[_T]:
-        """The rows of a padded array in their own order, shape (M, ...)."""
+        """The rows of a padded array in their original order, shape (M, ...)."""
         return padded[self.index, self.place]
 
     def covariance(self, G: scipy.sparse.csr_array) -> Array:

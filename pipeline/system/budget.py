@@ -1,4 +1,4 @@
-"""Stage 6c. Which source of error makes how much of each parameter's uncertainty (GUM, 5.1)."""
+"""The contribution of each source of error to each parameter's uncertainty (GUM, 5.1)."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class _Budget(Locked):
 
     @property
     def share(self) -> Array:
-        """Part of each parameter's variance, sums to one over the sources, shape (s, k)."""
+        """Fraction of each parameter's variance, summing to one over the sources, shape (s, k)."""
         variance = np.einsum("skk->sk", self.cov)
         total = variance.sum(axis=0)
         return variance / np.where(total > 0, total, 1.0)
@@ -40,14 +40,14 @@ class _Budget(Locked):
 def budget(system: System, estimate: Estimate, white: Whitener | None = None) -> _Budget:
     """Split the covariance by source: x = K c with K = (B' V^-1 B)^-1 B' V^-1, so K G G' K'.
 
-    The estimator K weighs with the whole V; each source then contributes (K G_s)(K G_s)', and these
-    add up to the covariance of x. Where G is still relative, the sum is scaled to the residuals as
-    the covariance is.
+    The estimator K weights with the whole V; each source then contributes (K G_s)(K G_s)', and
+    these add up to the covariance of x. Where G is still relative, the sum is scaled by the
+    residuals, as the covariance is.
 
     Args:
         system: The system that the estimate is from.
         estimate: For the scale of an unstated noise.
-        white: The system's whitener, if it is at hand.
+        white: The system's whitener, if available.
     """
     white = white or whitener(system.errors, system.rows.pose)
     typical = system.typical

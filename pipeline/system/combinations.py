@@ -1,12 +1,13 @@
-"""What only a combination of parameters determines, and which motion would part its members.
+"""Linear combinations of parameters that the data determine, and motions that would separate them.
 
-Parameters z in their typical sizes, N their information: the inverse of their covariance, singular
-where nothing tells some of them apart. With P the members of a mix and Q all other parameters,
+Parameters z are in their typical sizes; N is their information: the inverse of their covariance,
+singular where the data cannot separate some of them. With P the members of a mix and Q all other
+parameters,
 
     N_P = N_PP - N_PQ N_QQ^+ N_QP
 
-is what the data say of the members whatever the others are; of all mixes w'z over P with w_j = 1
-the best known has w = N_P e_j / (e_j' N_P e_j) and the variance 1 / (e_j' N_P e_j).
+is the information on the members whatever the others are; of all mixes w'z over P with w_j = 1 the
+best determined has w = N_P e_j / (e_j' N_P e_j) and the variance 1 / (e_j' N_P e_j).
 """
 
 from __future__ import annotations
@@ -27,25 +28,25 @@ from pipeline.system.system import System
 from pipeline.system.whiten import whitener
 
 _KEPT = 0.1
-"""Part of its information, per square of its size, that a mix must keep when members leave it [1]:
-half a digit of its value is what a mix of fewer joints is worth."""
+"""Fraction of its information, per square of its size, that a mix must keep when members are
+dropped [1]: half a digit of its value is a fair price for a mix of fewer joints."""
 
 _STEP_RAD, _STEP_M = np.deg2rad(10.0), 0.5
-"""Joint values that are tried are multiples of this."""
+"""Step of the joint values that are tried."""
 
 _POSES = 12
-"""So many of the measured poses stand for all, evenly taken, where there are more."""
+"""Maximum number of measured poses used; of more, evenly spaced ones are taken."""
 
 
 @dataclass(frozen=True, eq=False)
 class _Mix(Locked):
-    """A combination that the data determine, of parameters that they do not.
+    """A combination that the data determine, of parameters that they do not determine singly.
 
     Attributes:
-        of: Indices of its members, ascending, two at least, shape (m,).
-        weights: Of each of them; the largest is 1, shape (m,).
+        of: Indices of its members, ascending, at least two, shape (m,).
+        weights: Weight of each member; the largest is 1, shape (m,).
         value: Sum of weight times parameter, in the members' unit.
-        std: Its standard uncertainty, in the same.
+        std: Its standard uncertainty, in the same unit.
     """
 
     of: Ints
@@ -56,11 +57,11 @@ class _Mix(Locked):
 
 @dataclass(frozen=True)
 class Motion:
-    """A joint to be moved in the poses measured, all pulls being as they were.
+    """A joint to be moved in the measured poses, with all pulls unchanged.
 
     Attributes:
         joint: Index of the joint.
-        to: Its value [m] or [rad].
+        to: Its new value [m] or [rad].
         low: Its smallest value so far.
         high: Its largest value so far.
     """
@@ -72,14 +73,14 @@ class Motion:
 
 
 def information(system: System, n: int, ratio: float = 1.0) -> Array:
-    """Information N on the first n parameters in typical sizes, whatever the others are, (n, n).
+    """Information N on the first n parameters in typical sizes, with the others free, (n, n).
 
-    D B' V^-1 B D / `ratio`^2 with D the typical sizes, the other columns taken out.
+    D B' V^-1 B D / `ratio`^2 with D the typical sizes, the other columns eliminated.
 
     Args:
         system: The system, its noise in metres.
-        n: So many parameters.
-        ratio: Standard uncertainties are this many times those of the system.
+        n: Number of parameters.
+        ratio: Factor on the standard uncertainties of the system.
     """
     A = whitener(system.errors, system.rows.pose)(system.B * system.typical) / ratio
     N = A.T @ A
@@ -89,18 +90,18 @@ def information(system: System, n: int, ratio: float = 1.0) -> Array:
 def mixes(
     N: Array, parameters: Sequence[Parameter], value: Array, alone: Bools
 ) -> tuple[_Mix, ...]:
-    """Every direction that the data determine of parameters that they do not determine singly.
+    """Every combination that the data determine of parameters that they do not determine singly.
 
-    The best known comes first. Each has a member that no later one has, so that they are
-    independent; as many members as possible are left out (`_KEPT`). A mix is determined as a
-    parameter is (`estimate.identifiable`), its typical size the root of the sum of (weight times
-    typical size)^2. Only parameters of one unit are mixed.
+    The best determined comes first. Each has a member that no later one has, so they are
+    independent; as many members as possible are dropped (`_KEPT`). A mix counts as determined by
+    the same rule as a parameter (`estimate.identifiable`), its typical size being the root of the
+    sum of (weight times typical size)^2. Only parameters of one unit are mixed.
 
     Args:
         N: Information on the parameters in typical sizes, shape (n, n).
         parameters: Name, unit and typical size of each.
-        value: Their estimates, SI; any where undetermined, shape (n,).
-        alone: Parameters that are stated by themselves, shape (n,).
+        value: Their estimates, SI; arbitrary where undetermined, shape (n,).
+        alone: Parameters that are reported by themselves, shape (n,).
     """
     typical = np.array([p.typical for p in parameters])
     known = _Known.of(N, value / typical)
@@ -111,7 +112,7 @@ def mixes(
 
 
 def _mix(line: _Line, typical: Array, value: Array) -> _Mix:
-    """A mix in the parameters' own unit."""
+    """The mix in the parameters' own unit."""
     w = line.w / typical
     scale = w[np.argmax(np.abs(w))]
     of = np.flatnonzero(w)
@@ -138,7 +139,7 @@ class _Known(Locked):
     """What is known of parameters z in typical sizes.
 
     Attributes:
-        W: Their information, brought to a unit diagonal, shape (n, n).
+        W: Their information, scaled to a unit diagonal, shape (n, n).
         size: Root of its diagonal; 0 where nothing is known, shape (n,).
         z: Estimates, shape (n,).
     """
@@ -154,7 +155,7 @@ class _Known(Locked):
         return cls(W, np.where(np.isfinite(size), size, 0.0), z)
 
     def lines(self, left: Ints) -> Iterator[_Line]:
-        """Independent determined mixes of some parameters, the best known first."""
+        """Independent determined mixes of some parameters, the best determined first."""
         while True:
             first = [self.line(pivot, left) for pivot in left.tolist()]
             told = [(line.loose, k) for k, line in enumerate(first) if self.tells(line)]
@@ -165,7 +166,7 @@ class _Known(Locked):
             left = np.delete(left, k)
 
     def line(self, pivot: int, members: Ints) -> _Line:
-        """The best known mix of some members with weight one of the pivot."""
+        """The best determined mix of some members in which the pivot has weight one."""
         rest = eliminate(self.W, np.setdiff1d(np.arange(len(self.W)), members))
         w, kept = np.zeros(len(self.W)), float(rest[pivot, pivot])
         if kept <= linear.LEFT:
@@ -181,7 +182,7 @@ class _Known(Locked):
         return bool(identifiable(size, value, std)[0])
 
     def fewest(self, pivot: int, members: Ints) -> _Line:
-        """The same mix with members left out, one after the other, that it can do without."""
+        """The same mix with dispensable members dropped one after the other."""
         line = self.line(pivot, members)
         most = line.loose / _KEPT
         while True:
@@ -194,22 +195,22 @@ class _Known(Locked):
 
 
 def parting(cell: Cell, system: System, pulls: Pulls, N: Array, of: Ints) -> Motion:
-    """The one joint that, moved in the poses measured, would tell the members of a mix apart best.
+    """Find the motion of one joint that would best separate the members of a mix.
 
     For each joint and each of its values within the limits, the strongest pull of each pose is
     repeated there. With B_P the displacements per member in typical sizes and s the rms standard
     uncertainty of a row, that adds B_P' B_P / s^2 to the members' information N_P, all other
-    parameters taken as known, and
+    parameters taken as known. The criterion is
 
-        log det(I + N_P + B_P' B_P / s^2)
+        log det(I + N_P + B_P' B_P / s^2),
 
-    decides: what would be learnt of members that are known to their typical sizes (Lindley, Annals
-    of Mathematical Statistics 27, 1956). Of motions that do as well the shortest is taken.
+    the information gained on members with a prior of their typical sizes (Lindley, Annals of
+    Mathematical Statistics 27, 1956). Among equally good motions the shortest is taken.
 
     Args:
         cell: The model; its first parameters are those of N.
         system: The campaign's system, for s.
-        pulls: What was measured.
+        pulls: The measured pulls.
         N: Information on the parameters in typical sizes, shape (n, n).
         of: The members, shape (m,).
     """
@@ -235,11 +236,12 @@ def parting(cell: Cell, system: System, pulls: Pulls, N: Array, of: Ints) -> Mot
 
 
 _DIGITS = 6
-"""Decimals of a log determinant beyond which two motions do as well."""
+"""Decimals of the log determinant to which motions are compared; equal ones count as equally
+good."""
 
 
 def _strongest(pulls: Pulls) -> Ints:
-    """The strongest pull of each pose, of `_POSES` poses at most."""
+    """The strongest pull of each pose, of at most `_POSES` poses."""
     order = np.lexsort((-np.linalg.norm(pulls.force, axis=1), pulls.pose))
     _, first = np.unique(pulls.pose[order], return_index=True)
     some = np.unique(np.linspace(0, len(first) - 1, min(_POSES, len(first))).astype(int))

@@ -1,7 +1,7 @@
-"""Differences between readings that no model of the robot can make: they show noise alone.
+"""Contrasts: differences between readings that no model of the robot can produce, noise alone.
 
-Changes of the effector's own triangle, zeros read again, and pulls that were repeated. A wrong
-model of the robot therefore does not pass for noise.
+They are changes of the effector's own triangle, repeated zeros, and repeated pulls. A wrong model
+of the robot is therefore not mistaken for noise.
 """
 
 from __future__ import annotations
@@ -24,15 +24,16 @@ from pipeline.reduction.settings import Settings
 from pipeline.system.system import Errors, Rows, System
 
 _SAME_FORCE = 0.03
-"""Repeats pull as strongly as the first of them to this part of it; a turnbuckle is set so."""
+"""Maximum relative difference of force between a repeat and the first pull of its group [1]; a
+turnbuckle can be set to that."""
 
 
 _SAME_DIRECTION = 0.005
-"""And within this angle [rad]: a chain hung into the same place again."""
+"""Maximum angle between their forces [rad]: a chain hung into the same place again."""
 
 
 ZEROS = -1
-"""Stands for the pull of a contrast between zeros."""
+"""Pull index that marks a contrast between zeros."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -55,7 +56,7 @@ class Zeros(Locked):
 
     @classmethod
     def none(cls) -> Zeros:
-        """No zero was repeated."""
+        """The empty set: no zero was repeated."""
         nothing = np.zeros(0, np.int64)
         return cls(nothing, nothing, nothing, np.zeros((0, 3)), np.zeros((0, 3, 3)))
 
@@ -66,7 +67,7 @@ def repeated_zeros(settings: Settings, placed: pd.DataFrame) -> Zeros:
     delta_n = p_n - (p_0 + ... + p_(n-1)) / n [m], cov C_n + (C_0 + ... + C_(n-1)) / n^2 [m^2], F_b:
     Helmert contrasts.
 
-    These differences are independent of each other and of the mean, the zero of the pose.
+    These differences are independent of each other and of the mean, which is the zero of the pose.
 
     Args:
         settings: Names of the measured targets.
@@ -92,21 +93,22 @@ def repeated_zeros(settings: Settings, placed: pd.DataFrame) -> Zeros:
 
 
 def pure_error(system: System, residual: Array, data: Measured, zeros: Zeros, cell: Cell) -> System:
-    """Contrasts of the campaign that no model of the robot can make, as a system without x.
+    """Contrasts of the campaign that no model of the robot can produce, as a system without x.
 
     K' (f c) with K' modes = 0 and K' K = I within each group of rows, f = `to_first`: error
     contrasts, whose factors are K' f G.
 
-    Left out of each group of equal pulls is one free rigid motion of the effector, out of each
-    repeated zero another; with fewer than three targets, zeros are taken to stand still instead.
-    Pulls of a group are brought to the force of the first, so that what the model misses in
-    proportion to the force cancels too.
+    One free rigid motion of the effector is projected out of each group of equal pulls, another out
+    of each repeated zero; with fewer than three targets, the zeros are assumed not to move instead.
+    Pulls of a group are scaled to the force of the first, so that a misfit proportional to the
+    force cancels too.
 
     Args:
         system: The system, for its errors.
-        residual: c - B x; the model only carries small differences of direction in a group [m].
+        residual: c - B x [m]; the model only accounts for small differences of direction in a
+            group.
         data: The measurements that the system was made from.
-        zeros: Repeated zeros; none of them matters when empty.
+        zeros: Repeated zeros, may be empty.
         cell: For the positions of the targets.
     """
     stack = stacked(system, residual, data, zeros, cell)
@@ -135,7 +137,7 @@ def pure_error(system: System, residual: Array, data: Measured, zeros: Zeros, ce
 
 @dataclass(frozen=True, eq=False)
 class Stack(Locked):
-    """All that one campaign's readings tell of displacements: rows of c, then repeated zeros.
+    """All readings of displacements of one campaign: rows of c, then repeated zeros.
 
     Attributes:
         c: Values [m], shape (R,).
@@ -146,7 +148,7 @@ class Stack(Locked):
         pull: Index of its pull, -1 for repeated zeros, shape (R,).
         which: Number of the difference of zeros, 0 for rows of c, shape (R,).
         group: Equal pulls share a number, and so do the targets of one repeated zero, shape (R,).
-        modes: What six small rigid motions of the effector do to it, shape (R, 6).
+        modes: Effect of six small rigid motions of the effector on the row, shape (R, 6).
         to_first: Force of the first pull of its group over its own, shape (R,).
     """
 
@@ -163,7 +165,7 @@ class Stack(Locked):
 
 
 def stacked(system: System, c: Array, data: Measured, zeros: Zeros, cell: Cell) -> Stack:
-    """Rows of c (or of residuals, shape (M,)), and below them the repeated zeros."""
+    """Rows of c (or of residuals, shape (M,)) followed by the repeated zeros."""
     first = np.unique(data.pulls.pose, return_index=True)[1]
     q = dict(zip(data.pulls.pose[first].tolist(), data.pulls.q[first], strict=True))
     zeros = _in_poses(zeros, q, cell) if cell.tool.six else zeros
@@ -209,14 +211,14 @@ def stacked(system: System, c: Array, data: Measured, zeros: Zeros, cell: Cell) 
 
 
 def _turning(data: Measured) -> Array:
-    """Mean variance of positions and of rotations over that of positions, shape (2,)."""
+    """Mean variance of positions and of rotations, relative to that of positions, shape (2,)."""
     own = np.einsum("dii->d", data.loaded_cov)
     mean = np.bincount(data.target, own) / np.bincount(data.target)
     return np.asarray(mean / mean[0])
 
 
 def _rigid(cell: Cell, axes: Array, target: Ints) -> Array:
-    """What six small rigid motions of the effector do to some targets, shape (n, 3, 6)."""
+    """Effect of six small rigid motions of the effector on the given targets, shape (n, 3, 6)."""
     modes = np.zeros((len(target), 3, 6))
     if cell.tool.six:
         for k in (0, 1):
@@ -230,9 +232,9 @@ def _rigid(cell: Cell, axes: Array, target: Ints) -> Array:
 
 
 def _in_poses(zeros: Zeros, q: Mapping[int, Array], cell: Cell) -> Zeros:
-    """Differences of whole poses in place of those of their targets, where all of them were read.
+    """Differences of whole poses in place of those of targets, where all targets were read.
 
-    Their covariance is that of a target; see `measured.in_poses`.
+    Their covariance is the mean of those of the targets; see `measured.in_poses`.
     """
     t = len(cell.tool.points)
     order = np.lexsort((zeros.target, zeros.which, zeros.pose))
@@ -256,11 +258,11 @@ def _in_poses(zeros: Zeros, q: Mapping[int, Array], cell: Cell) -> Zeros:
 
 
 def _repeats(data: Measured) -> tuple[Ints, Array]:
-    """Which pulls repeat each other, and by what each is to be multiplied to be the first of them.
+    """Group pulls that repeat each other, and scale each to the force of the first of its group.
 
-    Repeats have the same pose, kind of load, force, where it acts and branch. Where the branch is
-    not known, the pull before and the last pull unlike theirs have to be alike too: friction
-    answers to where one comes from, and the chain may have been released between two pulls.
+    Repeats agree in pose, kind of load, force, point of action and branch. Where the branch is
+    unknown, the previous pull and the last pull of a different force must agree too: friction
+    depends on the direction of approach, and the chain may have been released between two pulls.
 
     Returns:
         Number of each pull's group, and force of the group's first over its own, both (m,).
@@ -279,7 +281,7 @@ def _repeats(data: Measured) -> tuple[Ints, Array]:
 
 
 def _loaded_alike(pulls: Pulls, order: Ints) -> Ints:
-    """Pulls of one pose, loaded by one kind of load in one place, share a number, shape (m,)."""
+    """Number shared by pulls of one pose with one kind of load at one point, shape (m,)."""
     pose, by, at = pulls.pose[order], pulls.by[order], pulls.acts_at[order]
     if (by == by[:1]).all() and not np.isfinite(at).any():
         return pose
@@ -288,7 +290,7 @@ def _loaded_alike(pulls: Pulls, order: Ints) -> Ints:
 
 
 def _like(pose: Ints, force: Array) -> Ints:
-    """Place of the first pull of the same pose with a force like it, shape (m,)."""
+    """Index of the first pull of the same pose with a similar force, shape (m,)."""
     like = np.full(len(pose), -1, dtype=np.int64)
     while (free := np.flatnonzero(like < 0)).size:
         _, first, which = np.unique(pose[free], return_index=True, return_inverse=True)
@@ -303,7 +305,7 @@ def _like(pose: Ints, force: Array) -> Ints:
 
 
 def _before(pose: Ints, like: Ints) -> Ints:
-    """`like` of the pull before and of the last unlike one, -1 where there is none, (m, 2)."""
+    """`like` of the previous pull and of the last different one, -1 where there is none, (m, 2)."""
     place = np.arange(len(pose))
     new = np.ones(len(pose), dtype=bool)
     new[1:] = (pose[1:] != pose[:-1]) | (like[1:] != like[:-1])
@@ -313,7 +315,7 @@ def _before(pose: Ints, like: Ints) -> Ints:
 
 
 def _contrasts(group: Ints, modes: Array) -> scipy.sparse.csc_array:
-    """Orthonormal columns that the modes of no group can reach, shape (rows, contrasts)."""
+    """Orthonormal columns orthogonal to the modes of each group, shape (rows, contrasts)."""
     order = np.argsort(group, kind="stable")
     ends = np.flatnonzero(np.diff(group[order])) + 1
     blocks, at = [], []

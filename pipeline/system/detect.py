@@ -15,11 +15,12 @@ from pipeline.system.whitened import Whitened, by_pose_drop
 
 @dataclass(frozen=True)
 class Threshold:
-    """What a suspect's F test must fall below.
+    """Threshold of the F tests of the suspects.
 
     Attributes:
-        p: For one suspect, so that the smallest of all stays above it with 1 - FALSE_ALARM.
-        independent: As many independent tests the correlated ones amount to.
+        p: Limit for one suspect, such that the smallest p of all stays above it with probability
+            1 - `alarms.SUSPECT`.
+        independent: Equivalent number of independent tests.
     """
 
     p: float
@@ -29,20 +30,23 @@ class Threshold:
 def threshold(
     view: Whitened, base: Ints, dof: int, rng: np.random.Generator, draws: int = 3000
 ) -> Threshold:
-    """Calibrate the smallest p of all suspects on draws of pure scatter.
+    """Calibrate the smallest p of all suspects on random draws of pure scatter.
 
-    p_min = min_j P[F(k_j, dof - k_j) > F_j], F_j = (T_j / k_j) / ((rest - T_j) / (dof - k_j)),
-    T_j what suspect j takes out of the scatter e ~ N(0, I) beside the base. With q the 2 % quantile
-    of p_min, m = ln(1 - 0.02) / ln(1 - q) independent tests would do the same, so that each may use
-    p = 1 - (1 - alpha)^(1/m), alpha = `alarms.SUSPECT` (Sidak, J. Am. Stat. Assoc. 62, 1967).
+    p_min = min_j P[F(k_j, dof - k_j) > F_j], F_j = (T_j / k_j) / ((rest - T_j) / (dof - k_j)), T_j
+    the drop of the sum of squares of the scatter e ~ N(0, I) when suspect j joins the base. With q
+    the 2 % quantile of p_min, m = ln(1 - 0.02) / ln(1 - q) independent tests would do the same, so
+    that each may use p = 1 - (1 - alpha)^(1/m), alpha = `alarms.SUSPECT` (Sidak, J. Am. Stat.
+    Assoc. 62, 1967).
 
-    The F tests do not depend on the size of the scatter. The tail is taken from the number of
-    independent tests at 2 %, where 3000 draws give it to 13 %.
+    The F tests do not depend on the size of the scatter. The tail is extrapolated from the number
+    of independent tests at 2 %, which 3000 draws give to 13 %.
 
     e is drawn row by row, and T_j = g' N^+ g, g = D_j' P e, follows from it as from readings: no
-    direction or sign that an algorithm chose has a part in it, and it moves by no more than they.
+    arbitrary direction or sign chosen by an algorithm enters, and rounding moves the result no more
+    than these products.
 
-    Where no suspect leaves a row to tell the scatter from, none can be found, and nothing is drawn.
+    Where no suspect leaves a row from which to estimate the scatter, none can be found, and nothing
+    is drawn.
     """
     now = by_products(view.M, base, view.at, dof)
     able = (now.rank > 0) & (now.rank < dof)
@@ -61,7 +65,7 @@ def threshold(
 
 
 _AT_ONCE = 4_000_000
-"""Numbers that are drawn at once, in 32 MB."""
+"""Maximum count of random numbers drawn at once: 32 MB."""
 
 
 def _least(drop: Array, rank: Ints, rest: Array, dof: int) -> Array:
@@ -78,8 +82,8 @@ class Lack:
     """Lack of fit: what free motions of the effector explain beyond the model.
 
     Attributes:
-        p_poses: A free stiffness matrix for each pose, in proportion to the force.
-        p_pulls: Free rigid motions of the effector in each pull.
+        p_poses: p-value against a free stiffness matrix for each pose, proportional to the force.
+        p_pulls: p-value against free rigid motions of the effector in each pull.
     """
 
     p_poses: float
@@ -87,19 +91,19 @@ class Lack:
 
     @property
     def found(self) -> bool:
-        """True when either is too unlikely."""
+        """Whether either p-value is below `alarms.LACK_OF_FIT`."""
         return min(self.p_poses, self.p_pulls) < alarms.LACK_OF_FIT
 
 
 def lack_of_fit(view: Whitened, base: Ints, score: Beside) -> Lack:
-    """Test the base against free motions; the scatter comes from the effector's own rigidity.
+    """Test the base against free motions; the scatter comes from the rigidity of the effector.
 
     F = (drop / k) / (scatter / nu), with k and nu degrees of freedom: the lack of fit against the
     pure error. drop is the part of the base's residual that free motions explain: those of each
     pose in proportion to the force, or (rest - scatter, dof - nu) those of each pull.
 
-    Without three reflectors the scatter is unknown, and nothing is found; nor where
-    free motions add nothing.
+    Without three reflectors the scatter is unknown and nothing is found (p = 1); likewise where
+    free motions add no degrees of freedom.
     """
     if not view.tells_scatter:
         return Lack(1.0, 1.0)

@@ -1,4 +1,4 @@
-"""Sums of squares after some columns are estimated: the algebra of every test."""
+"""Sums of squares after some columns are eliminated: the algebra of every test."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pipeline.base.arrays import Array, Ints
 
 
 def coefficients(M: Array, base: Ints) -> Array:
-    """Least-squares coefficients of the last column by the base, shape (..., b).
+    """Least-squares coefficients of the last column on the base, shape (..., b).
 
     b = N^+ g with N = M[base, base], g = M[base, last]; the pseudo-inverse is taken of N scaled to
     a unit diagonal.
@@ -21,17 +21,18 @@ def coefficients(M: Array, base: Ints) -> Array:
 
 
 def eliminate(M: Array, base: Ints) -> Array:
-    """Products of all columns after the base is taken out of them: the Schur complement.
+    """Products of all columns after the base is eliminated: the Schur complement.
 
     S = M - M[:, base] M[base, base]^+ M[base, :]. With M = A'A that is A' P A, where P projects
-    onto what is orthogonal to the base's columns of A; S[last, last] is the sum of squares left.
+    onto what is orthogonal to the base's columns of A; S[last, last] is the residual sum of
+    squares.
 
     Args:
         M: Products, shape (..., W, W).
-        base: Columns that are estimated along.
+        base: Columns to eliminate.
 
     Returns:
-        Shape (..., W, W); rows and columns of the base are zero but for rounding.
+        Shape (..., W, W); rows and columns of the base are zero up to rounding.
     """
     scaled, size = linear.unit(M[..., base[:, None], base])
     values, vectors = linear.directions(scaled)

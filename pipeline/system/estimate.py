@@ -1,4 +1,4 @@
-"""Stage 6. c = B x + G e in, x with its uncertainty out: generalised least squares."""
+"""Estimate x and its uncertainty from c = B x + G e by generalised least squares."""
 
 from __future__ import annotations
 
@@ -18,25 +18,27 @@ from pipeline.system.system import Estimate, Goodness, System
 from pipeline.system.whiten import Whitener, whitener
 
 MISFIT_P = 0.01
-"""A misfit that chance produces less often than this is a misfit [1]."""
+"""A misfit that chance produces less often than this counts as a misfit of the model [1]."""
 
 _TRACKER_M = 1e-4
-"""A laser tracker measures displacements in a hall to this or better (MPE of the AT500 class)
+"""Upper limit of the noise of a laser tracker for displacements in a hall (MPE of the AT500 class)
 [m]."""
 
 _STEADY = 1e-9
-"""Relative change of a parameter from one round to the next that moves no digit one reads [1]."""
+"""Relative change of a parameter between iterations below which it has converged [1]; it affects no
+digit that is read."""
 
 _NO_NOISE_M = 1e-12
 """Residuals below this are rounding [m]."""
 
 
 def fits(estimate: Estimate, tracked: bool = True) -> bool:
-    """Whether chance alone may have made the misfit.
+    """Whether chance alone may have caused the misfit.
 
     Args:
-        estimate: The estimate; where it states no noise, a laser tracker's is the largest.
-        tracked: Whether a laser tracker measured; of other instruments nothing is known beforehand.
+        estimate: The estimate; without a stated noise its residuals are compared with the largest
+            noise of a laser tracker.
+        tracked: Whether a laser tracker measured; nothing is known beforehand of other instruments.
     """
     if estimate.p_value is None:
         return not tracked or estimate.residual_std_m < _TRACKER_M
@@ -44,21 +46,21 @@ def fits(estimate: Estimate, tracked: bool = True) -> bool:
 
 
 def solve(system: System, start: Array, white: Whitener | None = None) -> Estimate:
-    """Generalised least squares with columns in their typical size.
+    """Generalised least squares with columns scaled to their typical size.
 
     x = (B' V^-1 B)^-1 B' V^-1 c,    cov(x) = s^2 (B' V^-1 B)^-1,    chi2 = r' V^-1 r,  r = c - B x,
 
     with s^2 = chi2 / (M - rank) where V is still relative, else 1 (Aitken, Proc. Roy. Soc.
     Edinburgh 55, 1935). V is that of c, shape (M, M), all in F_b.
 
-    The singular values then read "how many standard uncertainties this mix of parameters moves
-    the data at typical size", and a column of rounding noise stays what it is. Mixes that move
-    nothing keep `start`, and the parameters in them have infinite uncertainty.
+    A singular value then says by how many standard uncertainties this combination of parameters, at
+    typical size, moves the data, and a column of rounding noise stays negligible. Combinations that
+    move nothing keep `start`, and the parameters in them have infinite uncertainty.
 
     Args:
         system: The system; its covariance is used in full.
-        start: Where undetermined parameters stay, shape (k,).
-        white: The system's whitener, if it is at hand.
+        start: Values of undetermined parameters, shape (k,).
+        white: The system's whitener, if available.
     """
     white = white or whitener(system.errors, system.rows.pose)
     typical = system.typical
@@ -86,7 +88,7 @@ def solve(system: System, start: Array, white: Whitener | None = None) -> Estima
 
 
 def identifiable(typical: Array, value: Array, std: Array) -> Bools:
-    """Parameters known to better than half their size, the typical or the estimated one, (k,).
+    """Parameters known to better than half their size, typical or estimated, (k,).
 
     2 u(x) < max(typical, |x|), or max(typical, |x| / 2) where u(x) > 3 typical: an estimate as
     large as that is likely scatter, and must be known to a quarter.
@@ -98,7 +100,7 @@ def identifiable(typical: Array, value: Array, std: Array) -> Bools:
 def least_squares(
     A: Array, y: Array, typical: Array, start: Array
 ) -> tuple[Array, Array, float, int]:
-    """Least squares on whitened rows, columns in their typical size.
+    """Least squares on whitened rows, columns scaled to their typical size.
 
     x = start + D (A D)+ (y - A start) and cov(x) = D (D A'A D)+ D with D = diag(typical) and the
     pseudoinverse of `linear`.
@@ -107,7 +109,7 @@ def least_squares(
         A: Whitened B, shape (M, k).
         y: Whitened c, shape (M,).
         typical: Typical size of each parameter, shape (k,).
-        start: Where undetermined parameters stay, shape (k,).
+        start: Values of undetermined parameters, shape (k,).
 
     Returns:
         Values (k,), covariance (k, k) with infinite variances where undetermined, chi2, rank.
@@ -121,10 +123,16 @@ def least_squares(
 def identify(
     cell: Cell, data: Measured, start: Array, near: Array | None = None
 ) -> tuple[System, Estimate]:
-    """The parameters of a cell from one campaign's measurements; x starts at `start`, or `near`.
+    """Estimate the parameters of a cell from the measurements of one campaign.
 
-    A noise of the tracker that is not stated is found from the residuals, beside the errors that
-    are stated, about the first solution and about the next.
+    A noise of the tracker that is neither stated nor found yet is estimated from the residuals, in
+    addition to the stated errors: at `start`, and twice more at the solution so obtained.
+
+    Args:
+        cell: The model.
+        data: The measurements.
+        start: Values of undetermined parameters, shape (k,).
+        near: First values; `start` when not given, shape (k,).
     """
     value = np.asarray(start, dtype=float)
     if not data.noise_stated and data.found_m is None:
@@ -139,15 +147,15 @@ def identify(
 def tracker_noise(system: System) -> float:
     """Standard uncertainty per axis of a reading [m] for which V = s^2 V_tracker + V_rest fits.
 
-    It minimises the restricted likelihood of the residuals, see `restricted`. With nothing but the
-    tracker's errors that is s^2 = r' V_tracker^-1 r / (M - k).
+    It maximises the restricted likelihood of the residuals, see `restricted`. With nothing but the
+    tracker's errors, s^2 = r' V_tracker^-1 r / (M - k).
 
     Args:
         system: A system whose noise of the tracker is still relative.
     """
     typical = system.typical
     blocks = PaddedRows.of(system, system.B * typical, [TRACKED])
-    if blocks.dof < 1 or blocks.rough < np.log(_NO_NOISE_M) + 4:  # nothing is left but rounding
+    if blocks.dof < 1 or blocks.rough < np.log(_NO_NOISE_M) + 4:  # only rounding is left
         return _NO_NOISE_M
     (log_s,) = lowest(blocks.of_scales(np.array([True])), np.array([blocks.rough]))
     return float(np.exp(log_s))
@@ -159,13 +167,13 @@ def _iterate(
     near: Array | None = None,
     rounds: int = 12,
 ) -> tuple[System, Estimate]:
-    """Solve, take B and the covariance at the solution, and solve again until x stands still.
+    """Solve, re-linearise B and the covariance at the solution, and repeat until x converges.
 
     Args:
         assembled: The system about given parameter values.
-        start: Where undetermined parameters stay, shape (k,).
+        start: Values of undetermined parameters, shape (k,).
         near: First values; `start` when not given, shape (k,).
-        rounds: At most so many.
+        rounds: Maximum number of iterations.
     """
     value = np.asarray(start if near is None else near, dtype=float)
     for _ in range(rounds):
@@ -181,10 +189,11 @@ def _iterate(
 def left_out(system: System, white: Whitener | None = None) -> Array:
     """Residuals of each pose when that pose with all its pulls is left out of the estimate.
 
-    r_p = c_p - B_p x_p, x_p from the poses that stay with the whole V; see `beside.left_out`.
+    r_p = c_p - B_p x_p, with x_p estimated from the remaining poses with the whole V; see
+    `beside.left_out`.
 
     Returns:
-        Unweighted residuals [m], shape (M,); NaN where the rest does not determine x.
+        Unweighted residuals [m], shape (M,); NaN where the other poses do not determine x.
     """
     white = white or whitener(system.errors, system.rows.pose)
     B = system.B * system.typical

@@ -1,4 +1,4 @@
-"""How strongly the data speak for each suspect: F tests, and evidence with physical priors.
+"""Evidence for each suspect: F tests, and Bayesian evidence with physical priors.
 
 Model j adds the columns D_j of suspect j to the base X of springs, common errors and accepted
 causes, all rows whitened, parameters z in their typical sizes:
@@ -23,7 +23,7 @@ from pipeline.base.arrays import Array
 from pipeline.system.beside import Beside
 
 WIDTHS = np.array([0.4, 1.0, 2.5, 6.0])
-"""Prior standard deviations of a parameter in its typical size; each has the same weight."""
+"""Prior standard deviations of a parameter in its typical size [1]; all have the same weight."""
 
 
 ROUNDING = 1e-4
@@ -31,16 +31,17 @@ ROUNDING = 1e-4
 
 
 _LEAST = 1e-100
-"""What is left of data that the base meets to the last digit: no evidence, but a number."""
+"""Lower limit of the residual sum of squares of data that the base meets to the last digit: keeps
+the logarithms finite."""
 
 
 @dataclass(frozen=True, eq=False)
 class Scores(Beside):
-    """Every suspect of the catalogue beside one base.
+    """Every suspect of the catalogue in addition to one base.
 
     Attributes:
-        bounds: What physics allows of each parameter, in typical sizes, shape (2, n, k).
-        log_odds: Natural log of how likely each is before the data, over any other, shape (n,).
+        bounds: Physical bounds of each parameter, in typical sizes, shape (2, n, k).
+        log_odds: Natural log of the prior odds of each suspect relative to any other, shape (n,).
         expected: Expected size of each in typical sizes, shape (n,).
     """
 
@@ -50,10 +51,11 @@ class Scores(Beside):
 
     @cached_property
     def log_evidence(self) -> Array:
-        """Natural log of the evidence for each suspect, over the base alone, shape (n,).
+        """Natural log of the evidence for each suspect, relative to the base alone, shape (n,).
 
-        With the prior odds of the suspects, which are all alike where nothing was learnt.
-        Directions that the base explains are left out of N and g, as N N^+ N and N N^+ g.
+        It includes the prior odds of the suspects, which are all equal unless learnt from other
+        campaigns. Directions that the base explains are projected out of N and g, as N N^+ N and N
+        N^+ g.
         """
         assert self.bounds is not None  # groups of suspects have none
         N, g = self.N @ self.cov @ self.N, np.einsum("nij,nj->ni", self.N, self.size)
@@ -79,9 +81,10 @@ def _evidence(
         mean over w of |I + w^2 G|^(-1/2) (1 - q / rest)^(-dof / 2) prod_i (post_i / prior_i),
         q = h' (G + I / w^2)^-1 h.
 
-    The integral is exact but for the bounds: post_i and prior_i are the parts of the normal
-    marginals of z_i between them, s put at its estimate after and at 1 before the data. MacKay,
-    Neural Computation 4 (1992) 415; unknown s: Zellner, Bayesian Inference in Econometrics (1971).
+    The integral is exact except for the bounds: post_i and prior_i are the probabilities of the
+    normal marginals of z_i between the bounds, with s set to its estimate in the posterior and to 1
+    in the prior. MacKay, Neural Computation 4 (1992) 415; unknown s: Zellner, Bayesian Inference in
+    Econometrics (1971).
     """
     k, rest = G.shape[-1], max(rest, _LEAST)
     width = WIDTHS[:, None, None] * np.asarray(expected)[..., None]
@@ -97,7 +100,7 @@ def _evidence(
 
 
 def _log_share(lower: Array, upper: Array, mean: Array | float, scatter: Array | float) -> Array:
-    """Log of the part of a normal distribution between two bounds."""
+    """Log of the probability of a normal distribution between two bounds."""
     low, high = (lower - mean) / scatter, (upper - mean) / scatter
     flipped = low > 0  # work in the lower tail, where differences keep their digits
     low, high = np.where(flipped, -high, low), np.where(flipped, -low, high)

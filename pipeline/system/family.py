@@ -1,17 +1,17 @@
-"""The family of the noise: how heavy the tails of single readings are, and what each is then worth.
+"""The noise family: how heavy the tails of single readings are, and the weight each then gets.
 
 A reading's error is normal with covariance lambda C, C the stated one, lambda its own:
 
     normal:   lambda = s^2                             Student: lambda = s^2 nu / chi2(nu)
     Eq. (18): lambda = 3 Beta(1/2, 1) s^2              bursts:  lambda = s^2, or k^2 s^2 in a part
-    blunder:  log lambda uniform, in a part that nobody knows
+    blunder:  log lambda uniform, in an unknown fraction
 
 (Lange, Little and Taylor, J. Am. Stat. Assoc. 84, 1989: Student's t as a mixture; Tukey, A survey
 of sampling from contaminated distributions, 1960, for bursts; Box and Tiao, Biometrika 55, 1968,
-for blunders). What the other readings leave of a reading's error, x ~ N(0,
-lambda I + S), says what its lambda is; the product of these densities over all readings, what the
-family is. V then has each reading's lambda at its posterior mean over lambda and family, so that
-nothing is switched on or off.
+for blunders). The estimate of a reading's error from the other readings, x ~ N(0, lambda I + S),
+determines the likelihood of its lambda; the product of these densities over all readings determines
+the likelihood of the family. V then has each reading's lambda at its posterior mean over lambda and
+family, so no test switches anything on or off.
 """
 
 from __future__ import annotations
@@ -27,72 +27,73 @@ from pipeline.base.arrays import Array, Locked
 from pipeline.system.odds import DECIDES
 
 FREEDOM = (3.0, 4.0, 5.0, 7.0, 10.0, 15.0)
-"""Degrees of freedom of Student's distribution that are tried; more look normal in any campaign."""
+"""Trial degrees of freedom of Student's distribution; more look normal in any campaign."""
 
 BURSTS = ((0.03, 3.0), (0.03, 5.0), (0.1, 3.0))
-"""Part of the readings in bursts that is tried, and how much wider these are.
-
-Noise has a bound: no law that is tried throws more than `THROWN` of its readings beyond `AWAY`
-times the width of its core. What a campaign holds beyond that are mistakes."""
+"""Trial pairs: fraction of the readings in bursts, and their width relative to the others.  Noise
+is bounded: no trial law has more than `THROWN` of its readings beyond `AWAY` times the width of its
+core. What a campaign holds beyond that are mistakes."""
 
 AWAY = 10.0
-"""Widths of the core from which a reading is far off [1]: a normal one is never there."""
+"""Distance from which a reading is far off, in widths of the core [1]: never reached by a normal
+one."""
 
 THROWN = 0.013
-"""Part of its readings that an instrument in order throws so far at most [1]: of 1000 rows of a
-published stationary series of an absolute tracker 13 are farther off, and these are failed locks.
-Student's with 3 degrees of freedom throws 0.8 %, bursts five times as wide 0.8 %."""
+"""Maximum fraction of readings that an instrument in order produces so far off [1]: of 1000 rows of
+a published stationary series of an absolute tracker 13 are farther off, and these are failed locks.
+Student's with 3 degrees of freedom gives 0.8 %, bursts five times as wide 0.8 %."""
 
 _LAWS = 1 + len(FREEDOM) + len(BURSTS)
-"""The stated family, Student's and bursts, in this order."""
+"""Number of families: the stated one, Student's and bursts, in this order."""
 
 _OTHER = 0.0045
-"""Probability of each other family before the data [1]: an assumption, like every prior, by which
-some one in twenty is not as stated. A tracker that is as its certificate says is the rule."""
+"""Prior probability of each other family [1]: an assumption, like every prior, by which about one
+campaign in twenty-five is not as stated. A tracker that meets its certificate is the rule."""
 
 _MISTAKES = (1e-4, 1e-3, 1e-2, 1e-1)
-"""Parts of all readings that are mistakes, as large as they like, that are tried [1]: nobody knows
-how careful a campaign was. Of 1000 rows of a published stationary series of an absolute tracker 13
-are failed locks; with one in 10 000 most campaigns have none; with one in ten it is no campaign,
-and yet they are no noise."""
+"""Trial fractions of all readings that are mistakes of any size [1]: how careful a campaign was is
+unknown. Of 1000 rows of a published stationary series of an absolute tracker 13 are failed locks;
+with one in 10 000 most campaigns have none; one in ten is hardly a campaign any more, and yet these
+are not noise."""
 
 _COUNTS = 0.01
-"""A family less likely than this explains nothing [1]."""
+"""Minimum probability of a family that may explain readings far off [1]."""
 
 _SCATTER = 6.0
-"""Standard uncertainties below which a reading that is off is scatter, not a mistake [1]: what a
-normal reading reaches once in a hundred million."""
+"""Standard uncertainties below which an outlier is scatter, not a mistake [1]: a normal reading
+reaches this once in a hundred million."""
 
 LIKELY = 0.5
-"""Probability beyond which something rather is there than not [1]."""
+"""Probability above which something is taken to be present [1]."""
 
 _REACH = (2.4, 4.8, 22.0)
-"""Over so many e-folds of lambda the mistakes of a campaign spread, from the least on, that are
-tried [1]: up to 20 or 66 standard uncertainties, or ten metres. Many of one origin are of one
-order, and noise of a part of the readings would pass for them if they had to be of any."""
+"""Trial ranges of the mistakes of a campaign, in e-folds of lambda above the smallest [1]: up to 20
+or 66 standard uncertainties, or ten metres. Many mistakes of one origin are of one order of
+magnitude; if any size were required, noise in a part of the readings would pass for them."""
 
 _ALIKE = (0.025, 0.025, 0.95)
-"""Probability of each before the data [1]: an assumption; of any order is the rule."""
+"""Prior probability of each of these ranges [1]: an assumption; mistakes of any size are the
+rule."""
 
 _STEP = 0.1
-"""Of the grid below, in natural logarithms [1]."""
+"""Step of the grid below, in natural logarithms [1]."""
 _GRID = np.arange(-3.0, 25.0, _STEP)
 """log lambda: up to an error of ten metres where 0.03 mm is stated."""
 
 _WIDTHS = np.append(np.arange(-34, -14, 2), np.arange(-14, 15)) * _STEP
-"""log s^2 that is tried: a scale found in contrasts holds core, tails and mistakes; a tenth of the
-readings ten standard uncertainties off make nine tenths of it, and tails with nu = 3 two thirds of
-the rest."""
+"""Trial values of log s^2: a scale found in contrasts includes core, tails and mistakes; a tenth of
+the readings being ten standard uncertainties off makes up nine tenths of it, and tails with nu = 3
+two thirds of the rest."""
 
 
 @dataclass(frozen=True)
 class _Core:
-    """How wide the noise is in its middle, tails and mistakes apart.
+    """Width of the core of the noise, tails and mistakes excluded.
 
     Attributes:
         scale: s over the stated one [1].
         std: Its relative standard uncertainty.
-        p_value: Probability of a core as wide or wider if it were as stated, with any tails.
+        p_value: Probability of a core this wide or wider if it were as stated, with any tails.
     """
 
     scale: float
@@ -102,17 +103,17 @@ class _Core:
 
 @dataclass(frozen=True, eq=False)
 class Family(Locked):
-    """What the noise of single readings is.
+    """Distribution of the noise of single readings.
 
     Attributes:
         weight: Probability of the stated family, each of `FREEDOM` and of `BURSTS`, shape (f,).
-        log_scale: log s^2 of each, over the noise that was in use, shape (f,).
-        mistakes: Part of the readings that are mistakes beside each, posterior mean, shape (f,).
-        p_value: Probability of tails as heavy if the stated family were true.
-        paper: The stated family is that of Eq. (18).
-        profile: Log likelihood at each of `_WIDTHS`, the law beside it the likeliest, shape (k,).
+        log_scale: log s^2 of each, relative to the noise in use when it was found, shape (f,).
+        mistakes: Fraction of the readings that are mistakes under each, posterior mean, shape (f,).
+        p_value: Probability of tails this heavy if the stated family were true.
+        paper: Whether the stated family is that of Eq. (18).
+        profile: Log likelihood at each of `_WIDTHS`, maximised over the families, shape (k,).
         widest: Variance of a reading where the beam makes it largest, over the stated one [1].
-        reach: Which part of its mistakes spreads over each of `_REACH`, shape (f, w).
+        reach: Fraction of its mistakes in each range of `_REACH`, shape (f, w).
     """
 
     weight: Array
@@ -131,12 +132,12 @@ class Family(Locked):
 
     @property
     def likely_heavy(self) -> bool:
-        """Whether the tails rather are heavier than stated than not."""
+        """Whether tails heavier than stated are more likely than not."""
         return self.heavy > LIKELY
 
     @property
     def rather(self) -> Family:
-        """The same where the tails rather are heavier than not, else the stated family."""
+        """This family if heavier tails are more likely than not, else the stated one."""
         stated = np.eye(len(self.weight))[0]
         return self if self.likely_heavy else replace(self, weight=stated)
 
@@ -146,10 +147,11 @@ class Family(Locked):
         return FREEDOM[int(np.argmax(self.weight[1 : 1 + len(FREEDOM)]))]
 
     def core(self, used: float) -> _Core:
-        """The width of the core beside whatever tails are likeliest with it.
+        """Width of the core, with the tails that are likeliest for it.
 
-        p = P[chi2(1) > 2 (max L - L_0)] / 2 where s is larger than stated, else no less than a
-        half: L the profile, L_0 that of the stated width, s = 1 / used, or the narrowest tried.
+        p = P[chi2(1) > 2 (max L - L_0)] / 2 where s is larger than stated, else 1 minus that: L is
+        the profile, L_0 its value at the stated width, s = 1 / used, or at the narrowest trial
+        width.
 
         Args:
             used: Standard uncertainty in V over the stated one [1].
@@ -165,18 +167,18 @@ class Family(Locked):
 
     @classmethod
     def stated(cls, paper: bool = False) -> Family:
-        """Nothing but what is stated."""
+        """The stated family with certainty."""
         none = np.zeros(_LAWS)
         usual = float(np.exp(np.mean(np.log(_MISTAKES))))
         return cls(np.append(1.0, none[1:]), none, none + usual, 1.0, paper)
 
     def mistaken(self, square: float, axes: int = 3) -> float:
-        """Probability that a reading so far off is a blunder and not one of this family.
+        """Probability that a reading this far off is a blunder and not part of this family.
 
         Args:
-            square: Square of its error in standard uncertainties, as stated or, where readings
-                scatter more, as found.
-            axes: Coordinates that the square is the sum of.
+            square: Squared error in standard uncertainties, as stated or, where readings scatter
+                more, as found.
+            axes: Number of coordinates that the square is the sum of.
         """
         seen = np.exp(-0.5 * (axes * _GRID + square / self.widest * np.exp(-_GRID)))
         own, odd = (law @ seen for law in self._laws)
@@ -184,20 +186,20 @@ class Family(Locked):
 
     @property
     def _laws(self) -> tuple[Array, Array]:
-        """Share of each log lambda of readings in order, and of mistakes, shape (f, K) each."""
+        """Probability of each log lambda and of being good, or a mistake, shape (f, K) each."""
         part = self.mistakes[:, None]
         odd = np.einsum("fw,wfk->fk", self.reach, _blunders(self.log_scale))
         return (1 - part) * _bulks(self.log_scale, self.paper), part * odd
 
     def away(self, distance: float, others: Array) -> Array:
-        """Mean chance that readings are so far off, mistakes apart, shape (f,).
+        """Mean probability of readings this far off, mistakes excluded, shape (f,).
 
-        x ~ N(0, lambda + S) in each coordinate, its squares over max(1, S) summed. Of the families
-        with a weight of a hundredth at least.
+        x ~ N(0, lambda + S) in each coordinate, its squares over max(1, S) summed. Only families
+        with a weight of at least a hundredth are returned.
 
         Args:
             distance: In standard uncertainties [1].
-            others: Variance S of what the other readings say of each, shape (n, 3).
+            others: Variance S of each reading's prediction from the others, shape (n, 3).
         """
         unit = np.maximum(others, 1.0)
         widest = ((np.exp(_GRID)[:, None, None] + others) / unit).max(axis=2)
@@ -206,15 +208,15 @@ class Family(Locked):
 
     @property
     def width(self) -> float:
-        """Width of the core of the likeliest family over the noise that was in use [1]."""
+        """Width of the core of the likeliest family relative to the noise that was in use [1]."""
         return float(np.exp(self.log_scale[int(np.argmax(self.weight))] / 2))
 
     def of(self, used: float) -> Family:
-        """The same over the stated noise, `used` times which was in use."""
+        """The same family relative to the stated noise; the noise in use was `used` times that."""
         return replace(self, log_scale=self.log_scale + 2 * np.log(used))
 
     def drawn(self, n: int, rng: np.random.Generator) -> Array:
-        """Lambda of n readings, blunders apart."""
+        """Random lambda of n readings, blunders excluded."""
         which = rng.choice(len(self.weight), n, p=self.weight)
         out = 3 * rng.beta(0.5, 1.0, n) if self.paper else np.ones(n)
         for k, nu in enumerate(FREEDOM, 1):
@@ -227,7 +229,7 @@ class Family(Locked):
 
 
 def _posterior_mean(found: Family, seen: Array) -> Array:
-    """Mean of each reading's lambda given what is seen of it, `seen` as of `likelihood`, (n,)."""
+    """Posterior mean of each reading's lambda, with `seen` as from `likelihood`, (n,)."""
     own, odd = found._laws
     joint = seen[None] * (own + odd)[:, None, :]
     mean = (joint @ np.exp(_GRID)) / joint.sum(axis=2)
@@ -235,7 +237,7 @@ def _posterior_mean(found: Family, seen: Array) -> Array:
 
 
 def likelihood(square: Array, variance: Array, now: Array) -> Array:
-    """Density of what is seen of each reading at each log lambda of the grid, shape (n, K).
+    """Likelihood of each log lambda of the grid for each reading, shape (n, K), maximum 1.
 
     N(x; 0, lambda I + S) along three axes; S = diag(v) - lambda_now, v the variance of x now.
 
@@ -253,7 +255,7 @@ def likelihood(square: Array, variance: Array, now: Array) -> Array:
 
 
 def family(seen: Array, paper: bool) -> tuple[Family, Array]:
-    """The family that the readings show, and each reading's lambda.
+    """Estimate the family from the readings, and each reading's lambda.
 
     p = P[chi2(1) > 2 (L_Student - L_stated)] / 2, L the log likelihoods at their best scale and
     freedom: 1 / nu is at the end of its range under the null (Self and Liang, J. Am. Stat. Assoc.
@@ -261,7 +263,7 @@ def family(seen: Array, paper: bool) -> tuple[Family, Array]:
 
     Args:
         seen: `likelihood` of every reading, shape (n, K).
-        paper: The stated family is that of Eq. (18).
+        paper: Whether the stated family is that of Eq. (18).
     """
     tried = _tried(paper)
     own = (seen @ tried.reshape(-1, seen.shape[1]).T).T.reshape(*tried.shape[:2], len(seen))
@@ -279,7 +281,7 @@ def family(seen: Array, paper: bool) -> tuple[Family, Array]:
     part = np.einsum("b,bwf->fw", np.array(_MISTAKES), among)
     mistakes, reach = part.sum(axis=1), part / part.sum(axis=1, keepdims=True)
     if 2 * (best[0] - logs[0, np.abs(_WIDTHS).argmin()]) < DECIDES:
-        scale[0] = 0.0  # what is stated, or was found in contrasts, holds
+        scale[0] = 0.0  # keep the scale that is stated or was found in contrasts
     told = Family(weight, scale, mistakes, p, paper, logs.max(axis=0), reach=reach)
     return told, _posterior_mean(told, seen)
 
@@ -291,7 +293,7 @@ def _tried(paper: bool) -> Array:
 
 
 def _bulks(log_scale: Array, paper: bool) -> Array:
-    """Share of each log lambda under each family, blunders apart, shape (f, K)."""
+    """Probability of each log lambda under each family, blunders excluded, shape (f, K)."""
     scale = iter(log_scale.tolist())
     stated = [_stated(next(scale), paper)]
     student = [_student(nu, next(scale), paper) for nu in FREEDOM]
@@ -300,7 +302,7 @@ def _bulks(log_scale: Array, paper: bool) -> Array:
 
 
 def _stated(log_scale: float, paper: bool) -> Array:
-    """Share of each log lambda of the grid under the stated family, shape (K,)."""
+    """Probability of each log lambda of the grid under the stated family, shape (K,)."""
     if paper:  # density of 3 s^2 b in log lambda, b ~ Beta(1/2, 1): sqrt(b) / 2
         share = np.exp(_GRID - log_scale) / 3
         return _normed(np.where(share <= 1, np.sqrt(share), 0.0))
@@ -325,13 +327,13 @@ def _student(nu: float, log_scale: float, paper: bool) -> Array:
 
 
 def _least(log_scale: Array) -> Array:
-    """Least log lambda of a mistake, `_SCATTER` standard uncertainties but for bursts, (f,)."""
+    """Least log lambda of a mistake: `_SCATTER` standard uncertainties without bursts, (f,)."""
     own = np.array([1.0, *(nu / (nu - 2) for nu in FREEDOM), *np.ones(len(BURSTS))])
     return np.asarray(log_scale + np.log(_SCATTER**2 * own))
 
 
 def _blunders(log_scale: Array) -> Array:
-    """Share of each log lambda of mistakes, spread over each of `_REACH`, shape (w, f, K)."""
+    """Probability of each log lambda of mistakes in each range of `_REACH`, shape (w, f, K)."""
     above = _GRID - _least(log_scale)[:, None]
     reach = np.array(_REACH)[:, None, None]
     inside = (above > -0.5 * _STEP) & (above < reach - 0.5 * _STEP)
@@ -339,7 +341,7 @@ def _blunders(log_scale: Array) -> Array:
 
 
 def _odd(seen: Array) -> Iterator[Array]:
-    """Likelihood of every reading as such a mistake, at all scales, shape (f, scales, n) each."""
+    """For each of `_REACH`: likelihood of every reading as a mistake, shape (f, scales, n)."""
     summed = np.vstack([np.zeros(len(seen)), np.cumsum(seen.T, axis=0)])
     start = np.array(
         [np.searchsorted(_GRID + 0.5 * _STEP, _least(np.full(_LAWS, s))) for s in _WIDTHS]
@@ -350,7 +352,7 @@ def _odd(seen: Array) -> Iterator[Array]:
 
 
 def _logs(own: Array, odd: Array, part: float) -> Array:
-    """Log likelihood of all readings, a part of which are mistakes, shape (f, scales)."""
+    """Log likelihood of all readings, a fraction `part` of them mistakes, shape (f, scales)."""
     return np.asarray(np.log((1 - part) * own + part * odd + 1e-300).sum(axis=2))
 
 

@@ -1,4 +1,4 @@
-"""Readings that are farther off than any noise of an instrument throws so many of them."""
+"""Readings so far off that no noise of an instrument explains their number."""
 
 from __future__ import annotations
 
@@ -18,13 +18,13 @@ from pipeline.system.together import Suspects
 
 @dataclass(frozen=True, eq=False)
 class Far(Locked):
-    """Readings in use that are far off, beside the accepted model.
+    """Readings in use that are far off, relative to the accepted model.
 
     Attributes:
         pose: Pose of each, the farthest first, shape (n,).
         target: Index of its target, shape (n,).
-        p_value: Probability that noise of the likeliest family throws as many.
-        base: How many base readings must be, too.
+        p_value: Probability that noise of the likeliest families produces as many.
+        base: Number of base readings that must be far off, too.
     """
 
     pose: Ints
@@ -34,33 +34,33 @@ class Far(Locked):
 
     @property
     def count(self) -> int:
-        """How many there are."""
+        """Number of readings far off."""
         return len(self.pose) + self.base
 
     @classmethod
     def none(cls) -> Far:
-        """No reading is."""
+        """No reading is far off."""
         nothing = np.zeros(0, np.int64)
         return cls(nothing, nothing, 1.0)
 
 
 def far(seen: Linearised, family: Family, base: tuple[int, int] = (0, 0), used: float = 1.0) -> Far:
-    """Readings beyond `AWAY` of what all others say of them, and whether tails explain so many.
+    """Readings beyond `AWAY` of their prediction by all others, and whether tails explain them.
 
-    In widths of the core that the readings show, which a scatter with mistakes in it is wider than,
-    and no less than the stated uncertainty.
+    `AWAY` is in widths of the core of the readings' noise, which is narrower than a scatter that
+    includes mistakes, but at least in stated uncertainties.
 
-    How far a reading is off counts in its own uncertainty, or in that to which the others tell it
-    where these know less: with x and S as of `family.likelihood` the sum of x^2 / max(1, S).
+    The distance is in the reading's own uncertainty, or in that of the prediction from the others
+    where this is larger: with x and S as in `family.likelihood`, the sum of x^2 / max(1, S).
 
-    p = P[Bin(n, p_f) >= k], the largest of the families with any weight, n readings of which k are
-    so far off and p_f the mean chance of them in family f, mistakes apart: no more than that of
-    unequal chances (Hoeffding, Annals of Mathematical Statistics 27, 1956).
+    p = P[Bin(n, p_f) >= k], the largest over the families with any weight, n readings of which k
+    are far off and p_f the mean probability of that in family f, mistakes excluded: a bound for
+    unequal probabilities (Hoeffding, Annals of Mathematical Statistics 27, 1956).
 
     Args:
-        seen: The campaign linearised at a model, all readings weighed alike.
+        seen: The campaign linearised at a model, all readings weighted alike.
         family: Tails of its readings.
-        base: How many base readings must be as far off, and of how many.
+        base: Number of base readings that must be as far off, and of all base readings.
         used: Noise in use over the stated one [1].
     """
     owner = np.repeat(np.arange(len(seen.suspects)), [len(e.parameters) for e in seen.suspects])
@@ -80,10 +80,10 @@ def far(seen: Linearised, family: Family, base: tuple[int, int] = (0, 0), used: 
 
 
 def _away(base: Base, readings: RowReadings, distance: float) -> tuple[Ints, Array]:
-    """Readings beyond a distance, the farthest first, and S of all that the others control, (n, 3).
+    """Readings beyond a distance, the farthest first, and S of all controlled readings, (n, 3).
 
-    The farthest of each pose are set free, and all others asked again: what one that is off does to
-    its neighbours is no distance of theirs.
+    The farthest of each pose are freed and all others tested again, since an outlier shifts the
+    predictions of its neighbours.
     """
     suspects, found = Suspects(readings.D, readings.blocks), np.zeros(0, np.int64)
     told = None

@@ -1,4 +1,4 @@
-"""Stage 6: the joint springs of one campaign, resting on the noise that its data show."""
+"""The joint springs of one campaign, with the noise that its data show."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from pipeline.system.turning import apart
 from pipeline.system.variance import Components, noise, rescaled, resting_on
 
 _SEED = 20261122
-"""Of its draws: another one moves numbers within what they say of their scatter."""
+"""Seed of the random draws; another one changes results within their stated scatter."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -35,12 +35,12 @@ class Fitted:
     Attributes:
         case: The campaign.
         reduced: Its measurements with the stated noise.
-        plain: Its measurements with the size of the noise that is used, all readings alike.
-        data: The same with the shape of the noise, as it is used.
+        plain: Its measurements with the size of the noise in use, all readings alike.
+        data: `plain` with the shape of the noise, as it is used.
         system: c = B x with that noise.
-        estimate: What the data say about x.
-        noise: Noise found beside the stated one.
-        shape: Tails and wander of it.
+        estimate: The estimate of x.
+        noise: Noise found in addition to the stated one.
+        shape: Tails and wander of the noise.
     """
 
     case: Case
@@ -54,7 +54,7 @@ class Fitted:
 
     @property
     def excess(self) -> Components:
-        """Noise beyond the stated one, each part of it once: what the tails are is no size."""
+        """Noise in excess of the stated one, without counting tails as size."""
         return self.noise.beside(self.shape.family) if self.shape.tailed else self.noise
 
     @property
@@ -64,20 +64,20 @@ class Fitted:
         return float(self.noise.scale[0]) if told else 1.0
 
     def as_noisy(self, data: Measured) -> Measured:
-        """Measurements of the same campaign with the size of the noise that is used."""
+        """Measurements of the same campaign with the size of the noise in use."""
         return rescaled(data, self.noise) if self.noise.used else data
 
     def shaped(self, found: Shape) -> Fitted:
-        """The same campaign weighed by another shape of the noise."""
+        """The same campaign weighted with another shape of the noise."""
         near = self.estimate.value
         return _shaped(self.case, self.reduced, self.plain, self.noise, found, near)
 
     def standing(self, robot: Robot, moved: Callable[[Measured], Measured]) -> Fitted:
-        """The same campaign with its robot as it stands.
+        """The same campaign with another table of its robot.
 
         Args:
-            robot: With the table that holds.
-            moved: Measurements with that robot where it was.
+            robot: The robot with the valid table.
+            moved: Converts measurements to that robot.
         """
         case = replace(self.case, robot=robot)
         reduced = replace(self.reduced, data=moved(self.reduced.data))
@@ -86,7 +86,7 @@ class Fitted:
 
 
 def fit(case: Case, reduced: Reduced, taken: bool = False) -> Fitted:
-    """Identify the joint springs; where the noise is found larger than stated, with that noise.
+    """Identify the joint springs, with the noise found where it contradicts the stated one.
 
     Args:
         case: The campaign.
@@ -96,7 +96,7 @@ def fit(case: Case, reduced: Reduced, taken: bool = False) -> Fitted:
     data, start = reduced.data, case.robot.nominal_compliance
     if data.poses and not data.noise_stated:
         data = apart(case.settings, case.cell, reduced.placed, data, start)
-    data = replace(data, bends=data.noise_stated)  # of residuals alone nobody knows what is noise
+    data = replace(data, bends=data.noise_stated)  # residuals alone do not say what is noise
     system, estimate = identify(case.cell, data, start)
     data = data.in_metres(system.found_m)
     found = noise(case.settings, case.cell, reduced.placed, data, system, estimate, taken)
@@ -105,16 +105,13 @@ def fit(case: Case, reduced: Reduced, taken: bool = False) -> Fitted:
         estimate = identify(case.cell, data, start)[1]
     if data.noise_stated:
         of = shape(beside_everything(case.cell, data, estimate.value))
-    else:  # where noise is what a model leaves, its shape is the model's
+    else:  # noise from residuals has the shape of the misfit
         of = Shape.unseen(data)
     return _shaped(case, reduced, data, found, of, estimate.value)
 
 
 def beside_everything(cell: Cell, data: Measured, values: Array) -> Linearised:
-    """A campaign at its joint springs, beside all that a machine could do.
-
-    That is the catalogue, and what competes with it without a name.
-    """
+    """Linearise a campaign at its joint springs, all known and nameless effects as suspects."""
     known = (one for one in catalogue(cell.robot, data.pulls) if not isinstance(one, Noise))
     model = CurrentModel(replace(cell, equilibrium="undeformed"), values, len(values))
     every = (*known, *nameless(cell.robot))
@@ -136,12 +133,12 @@ def _weighed(
     of: Shape,
     near: Array,
 ) -> Fitted:
-    """The joint springs of measurements with their weights, tested in the shape of the noise."""
+    """Joint springs of weighted measurements; the misfit is tested with the shape of the noise."""
     system, estimate = identify(case.cell, data, case.robot.nominal_compliance, near)
     if estimate.p_value is not None:
         alike = assemble(case.cell, of.alike(data), estimate.value)
         left = goodness(alike, of, np.random.default_rng(_SEED))
         estimate = replace(estimate, goodness=left)
-    if found.used and not estimate.goodness.tails:  # F is that of normal noise
+    if found.used and not estimate.goodness.tails:  # the F test assumes normal noise
         estimate = resting_on(estimate, found)
     return Fitted(case, reduced, plain, data, system, estimate, found, of)

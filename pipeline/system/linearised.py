@@ -1,4 +1,4 @@
-"""One campaign linearised at one model, in metres, before anything is weighted."""
+"""One campaign linearised at one model, in metres, before any weighting."""
 
 from __future__ import annotations
 
@@ -34,14 +34,14 @@ class CurrentModel:
 
 @dataclass(frozen=True, eq=False)
 class Linearised(Locked):
-    """A campaign linearised at a model, before anything is weighted, in metres.
+    """A campaign linearised at a model, in metres, before any weighting.
 
     Attributes:
         model: The model.
         data: The measurements.
         suspects: Causes that are tested.
-        rows: What each row is.
-        errors: Where c may be wrong, as stated.
+        rows: Identity of each row.
+        errors: Errors of c, as stated.
         B: Columns of the springs, shape (M, k).
         Z: Columns of the suspects, shape (M, K).
         y: c linearised at the model, shape (M,).
@@ -67,7 +67,7 @@ class Linearised(Locked):
         )
 
     def beside(self, more: tuple[Effect, ...]) -> Linearised:
-        """The same with further effects tested, behind the suspects."""
+        """The same with further effects appended to the suspects."""
         if not more:
             return self
         flat = replace(self.model.cell, equilibrium="undeformed")
@@ -77,7 +77,7 @@ class Linearised(Locked):
         return replace(self, suspects=self.suspects + more, Z=Z)
 
     def bent(self, equilibrium: str) -> Linearised:
-        """The same springs with another equilibrium: c loses what the second order explains."""
+        """The same springs with another equilibrium: c is reduced by its second-order part."""
         cell = replace(self.model.cell, equilibrium=equilibrium)
         at = (self.data.pull, self.data.target)
         old, new = (
@@ -102,8 +102,8 @@ def linearise(
         model: The model.
         data: The measurements.
         suspects: Causes to test.
-        near: The campaign linearised at a model so close that its errors can be used again; they
-            are computed anew where it is not given.
+        near: The campaign linearised at a model so close that its errors can be reused; they are
+            computed anew when it is not given.
     """
     flat = replace(model.cell, equilibrium="undeformed")
     at = (data.pull, data.target)
@@ -153,7 +153,7 @@ def owners(suspects: tuple[Effect, ...]) -> Ints:
 
 
 def _rigid(cell: Cell, loaded: Loaded) -> Array:
-    """What is read of the six rigid motions of the effector, (m, t, 3, 6)."""
+    """Measured coordinates of six rigid motions of the effector, (m, t, 3, 6)."""
     m = len(loaded.pulls)
     centre = loaded.points.mean(axis=1)
     axes = [np.broadcast_to(row, (m, 3)) for row in np.eye(3)]

@@ -1,4 +1,4 @@
-"""The scatter that a diagnosis rests on: the tracker's, and the scale's beside every suspect."""
+"""Scatter used by a diagnosis: the tracker's, and the scale's with every suspect estimated."""
 
 from __future__ import annotations
 
@@ -15,45 +15,45 @@ from pipeline.system.system import ScatterRatio, System
 from pipeline.system.whitened import Whitened
 
 TOLERATED = 1.3
-"""A certificate that is wrong by less than this factor is not reported."""
+"""Factor by which a certificate may be wrong without being reported [1]."""
 
 _LEAST = 0.01
-"""Readings that scatter less than this part of the stated noise are not from an instrument."""
+"""Minimum scatter relative to the stated noise [1]; less does not come from an instrument."""
 
 _LEAST_M = 1e-7
-"""The same where no noise is stated [m]."""
+"""Minimum scatter where no noise is stated [m]."""
 
 _EXACT = 1e-5
-"""Residuals below this part of the displacements are no scatter of a scale [1]."""
+"""Residuals below this fraction of the displacements are not the scatter of a scale [1]."""
 
 _FEWEST = 10
-"""Degrees of freedom below which nothing is said of the scale."""
+"""Minimum degrees of freedom for the scatter of the scale to be estimated."""
 
 _TRIED = (1.0, 1.4, 2.0, 3.0, 5.0, 8.0, 13.0)
-"""Scatter of the scale over its stated one, relative to the tracker's."""
+"""Trial ratios of the scatter of the scale to its stated one, relative to the tracker's [1]."""
 
 _BEND = 0.1
-"""Differences of log scale for the curvature at the best one."""
+"""Step in log scale for the curvature at the optimum [1]."""
 
 
 def scatter(view: Whitened, system: System, known: tuple[float, float]) -> ScatterRatio:
-    """Both scales over what the data are weighted with.
+    """Scatter of tracker and scale, relative to the noise that the data are weighted with.
 
-    The tracker's is that of the campaign's contrasts, which no model of the robot can make:
-    p = P[chi2(nu) > nu s^2 / `TOLERATED`^2] with nu = (u(s) / s)^-2 / 2. Where they cannot tell, it
-    is that of the joint springs' residuals.
+    The tracker's is that of the campaign's contrasts, which no model of the robot can produce:
+    p = P[chi2(nu) > nu s^2 / `TOLERATED`^2] with nu = (u(s) / s)^-2 / 2. Where they cannot resolve
+    it, it is that of the residuals of the joint springs.
 
     Args:
         view: The campaign from the joint springs alone, with nothing scaled.
         system: Its rows and errors as they are weighted.
         known: The tracker's noise found in contrasts over the one in use, and its relative standard
-            uncertainty; infinite where they cannot tell.
+            uncertainty; infinite where they cannot resolve it.
     """
     tracker, relative = known
     dof, source = 0.5 / relative**2, "contrasts"
     if not np.isfinite(relative):
         dof, source = float(view.rows_left), "residuals"
-        if dof < 1:  # as many stiffnesses as coordinates: nothing is left that could scatter
+        if dof < 1:  # as many stiffnesses as coordinates: no residual degrees of freedom
             return ScatterRatio(1.0, np.inf, 1.0, *_AS_SAID, source)
         tracker = float(np.sqrt(Base.of(view.A[:, view.base], view.A[:, -1]).rest / dof))
     stated = system.noise_stated
@@ -69,15 +69,15 @@ _AS_SAID = (1.0, 0.0, 1.0)
 
 
 def _force(view: Whitened, system: System, tracker: float) -> tuple[float, float, float]:
-    """The scale's scatter by restricted likelihood, springs and all suspects estimated.
+    """The scale's scatter by restricted likelihood, with springs and all suspects estimated.
 
-    L is minus twice the log likelihood of `restricted.Blocks`, t the log of the scale's factor over
-    the tracker's: u(t) = sqrt(2 / L''), and p = P[chi2(1) > L(0) - min L] / 2, as t is at the bound
-    under the null (Self and Liang, J. Am. Stat. Assoc. 82, 1987).
+    L is minus twice the log likelihood of `restricted.PaddedRows`, t the log of the scale's factor
+    over the tracker's: u(t) = sqrt(2 / L''), and p = P[chi2(1) > L(0) - min L] / 2, as t is at the
+    bound under the null (Self and Liang, J. Am. Stat. Assoc. 82, 1987).
 
     Returns:
         Factor on its stated scatter, relative to the tracker's, its standard uncertainty and its
-        p-value; 1, 0 and 1 unless the data say otherwise.
+        p-value; 1, 0 and 1 unless the factor is significant.
     """
     errors = system.errors
     typical = np.concatenate([view.typical[: view.springs], view.typical[view.first :]])

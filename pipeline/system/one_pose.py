@@ -1,7 +1,7 @@
-"""Targets that were computed from one measured pose, found where nobody says so.
+"""Detect targets that were computed from one measured pose where the campaign does not say so.
 
-Such targets keep their distances to rounding, and no instrument reads two points so: what changes
-between them is no repeat of anything and tells no noise.
+Such targets keep their mutual distances to rounding, as no instrument reads two points: differences
+between them are no repeats and contain no noise.
 """
 
 from __future__ import annotations
@@ -26,19 +26,19 @@ from pipeline.system import alarms
 from pipeline.system.estimate import identify
 
 _OFF_RAD = 1e-3
-"""How far a robot's links may point from where its table has them [rad]: as delivered."""
+"""Maximum angle by which a robot's links may deviate from its table [rad]: as delivered."""
 
 _FEWEST = 12
-"""Fewer changes of distances show nothing."""
+"""Minimum number of distance changes for a decision."""
 
 
 @dataclass(frozen=True)
 class OnePose:
-    """What shows that targets were computed from one pose.
+    """Evidence that targets were computed from one pose.
 
     Attributes:
-        kept_m: How far their distances change between states, rms [m].
-        left_m: What the joint springs leave of their displacements, rms [m].
+        kept_m: Change of their distances between states, rms [m].
+        left_m: Residual of their displacements after the joint springs, standard deviation [m].
     """
 
     kept_m: float
@@ -46,7 +46,7 @@ class OnePose:
 
 
 def as_measured(case: Case, reduced: Reduced) -> tuple[Case, Reduced, OnePose | None]:
-    """The campaign with its targets taken for those of one pose where they must be."""
+    """The campaign with its targets treated as those of one pose where they must be."""
     found = one_pose(case, reduced.data)
     if found is None:
         return case, reduced, None
@@ -59,12 +59,13 @@ def as_measured(case: Case, reduced: Reduced) -> tuple[Case, Reduced, OnePose | 
 def one_pose(case: Case, data: Measured) -> OnePose | None:
     """Whether the targets of each state come from one measured pose; None where they need not.
 
-    Their distances change by less than anything that is read, rms s_k / l_k < 1, and what the joint
-    springs leave, r, is impossible beside the limits, of rms l: P[F(n_r, n_s) > (r / l)^2] below
-    `alarms.READING`, n_r and n_s the numbers of residuals left and of changes. Data without any
-    scatter keep both small. The limit l_k of a change holds `STILL_M`, the rounding of two
-    readings, the second order of the turn in its pull, and where it is unknown where the targets
-    stand what `_OFF_RAD` does. One reading that is far off turns no other pull.
+    The distances change by less than any reading could, rms s_k / l_k < 1, while the residual r of
+    the joint springs is impossibly large relative to the limits, of rms l:
+    P[F(n_r, n_s) > (r / l)^2] is below `alarms.READING`, with n_r the residual degrees of freedom
+    and n_s the number of changes. Data without any scatter keep both small. The limit l_k of a
+    change includes `STILL_M`, the rounding of two readings, the second order of the rotation in its
+    pull, and, where the positions of the targets are unknown, the effect of `_OFF_RAD`. An outlier
+    does not rotate any other pull.
 
     Args:
         case: The campaign.
@@ -88,10 +89,11 @@ def one_pose(case: Case, data: Measured) -> OnePose | None:
 
 
 def _changes(case: Case, data: Measured) -> tuple[Array, Array]:
-    """How each distance of two targets changes in each pull, and how far they turn there.
+    """Change of each distance between two targets in each pull, and the rotation in each pull.
 
     Returns:
-        Changes, shape (pairs, m), and turns, the displacements about their mean, rms, (m,) [m].
+        Changes, shape (pairs, m), and rotations, as rms of the displacements about their mean,
+        (m,), both in metres.
     """
     t = len(case.tool.points)
     rows: Bools = (np.bincount(data.pull, minlength=len(data.pulls)) == t)[data.pull]

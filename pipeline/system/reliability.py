@@ -1,14 +1,14 @@
-"""How well the readings control each other, and how far each pull carries what is estimated.
+"""How well the readings control each other, and the influence of each pull on the estimates.
 
-Every error e_j of c = B x + G e stands beside the model as a blunder would: with W = V^-1 and
-H = B (B'WB)^+ B'W its redundancy number, standardised residual and smallest visible size are
+Every error e_j of c = B x + G e is tested against the model as a blunder would be: with W = V^-1
+and H = B (B'WB)^+ B'W its redundancy number, standardised residual and minimal detectable bias are
 
     r_j = g_j' W (I - H) g_j,    w_j = g_j' W (c - B x) / sqrt(r_j),    d_j = sqrt(l / r_j),
 
-g_j the column of G and l the noncentrality at which |w_j| > z(1 - ALPHA / 2) in `_POWER` of the
-cases, d_j in standard uncertainties of e_j: Baarda's internal reliability (A Testing Procedure for
-Use in Geodetic Networks, 1968). Since sum_j g_j g_j' = V, the r_j add up to rows minus parameters.
-What d_j would do to the estimate, (B'WB)^+ B'W g_j d_j, is the external one.
+g_j the column of G and l the noncentrality at which |w_j| > z(1 - `_ALPHA` / 2) with probability
+`_POWER`, d_j in standard uncertainties of e_j: Baarda's internal reliability (A Testing Procedure
+for Use in Geodetic Networks, 1968). Since sum_j g_j g_j' = V, the r_j add up to rows minus
+parameters. The effect of d_j on the estimate, (B'WB)^+ B'W g_j d_j, is the external reliability.
 """
 
 from __future__ import annotations
@@ -27,28 +27,31 @@ from pipeline.system.system import System
 from pipeline.system.whiten import Whitener, whitener
 
 _ALPHA = 0.001
-"""Probability that the test of one reading accuses it by chance [1]; Baarda's own choice."""
+"""False-alarm probability of the test of one reading [1]; Baarda's own choice."""
 
 _POWER = 0.80
-"""Probability that it finds an error of the smallest visible size [1]; Baarda's own choice."""
+"""Probability that the test detects an error of the minimal detectable bias [1]; Baarda's own
+choice."""
 
 CRITICAL = float(special.ndtri(1 - _ALPHA / 2))
-"""|w| from which a reading is suspected."""
+"""|w| from which a reading is suspected [1]."""
 
 _SHIFT = CRITICAL + float(special.ndtri(_POWER))
-"""Mean of |w| for which it is so in `_POWER` of the cases: z(1 - ALPHA / 2) + z(_POWER)."""
+"""Mean of |w| at which it is detected with probability `_POWER` [1]:
+z(1 - `_ALPHA` / 2) + z(`_POWER`)."""
 
 
 @dataclass(frozen=True, eq=False)
 class Reliability(Locked):
-    """What the others tell of each of E errors, and what it does to q quantities a' x.
+    """How well each of E errors is controlled by the others, and its effect on q quantities a' x.
 
     Attributes:
-        r: Redundancy number, 0 where nothing controls it, shape (E,).
-        w: Standardised residual, 0 where nothing controls it, shape (E,).
-        visible: Smallest visible size in standard uncertainties of the error; infinite where
-            nothing controls it, shape (E,).
-        moves: What an error of that size moves, in standard uncertainties, shape (E, q).
+        r: Redundancy number, 0 where uncontrolled, shape (E,).
+        w: Standardised residual, 0 where uncontrolled, shape (E,).
+        visible: Minimal detectable bias in standard uncertainties of the error; infinite where
+            uncontrolled, shape (E,).
+        moves: Effect of an error of that size, in standard uncertainties of each quantity, shape
+            (E, q).
     """
 
     r: Array
@@ -59,7 +62,7 @@ class Reliability(Locked):
 
 @dataclass(frozen=True, eq=False)
 class Solution(Locked):
-    """A system solved: orthonormal directions of its rows, and what each moves.
+    """A solved system: orthonormal directions of its rows, and the effect of each.
 
     Rows are whitened by pose, those of the common errors' priors below: [c; 0] = [B A; 0 I] (x, a).
 
@@ -67,9 +70,9 @@ class Solution(Locked):
         white: The whitener.
         U: Orthonormal directions, shape (M + r, d).
         left: Whitened residual, shape (M + r,).
-        reach: What each direction moves q quantities a' x, shape (q, d).
+        reach: Effect of each direction on q quantities a' x, shape (q, d).
         std: Their standard uncertainties, infinite where undetermined, shape (q,).
-        scale: Standard uncertainties are this many times those that the rows are whitened with.
+        scale: Factor on the standard uncertainties that the rows are whitened with.
     """
 
     white: Whitener
@@ -80,7 +83,7 @@ class Solution(Locked):
     scale: float
 
     def sigmas(self, along: Array) -> Array:
-        """What steps (..., d) along the directions move, in standard uncertainties, (..., q)."""
+        """Effect of steps (..., d) along the directions, in standard uncertainties, (..., q)."""
         return np.asarray(along @ (self.reach / self.std[:, None]).T)
 
 
@@ -90,8 +93,8 @@ def solution(system: System, asked: Array, scale: float = 1.0) -> Solution:
     Args:
         system: c, B and G.
         asked: Coefficients a of quantities a' x in the units of x, shape (q, k).
-        scale: Readings scatter this many times more than G says; where G waits for the noise of
-            the tracker, the residuals say it.
+        scale: Factor on the standard uncertainties in G; where G is still relative to the noise of
+            the tracker, it is estimated from the residuals instead.
     """
     white = whitener(system.errors, system.rows.pose)
     inverse = linear.pseudoinverse(
@@ -109,10 +112,10 @@ def solution(system: System, asked: Array, scale: float = 1.0) -> Solution:
 
 
 def reliability(system: System, at: Solution) -> Reliability:
-    """Redundancy, w and smallest visible size of every column of G.
+    """Redundancy, w and minimal detectable bias of every column of G.
 
-    Sum of all r = M - rank B, errors common to all poses included: those stand among the columns
-    of the least squares as a ~ N(0, I), for which r_k = 1 - |U_k|^2 with U_k the row of the prior.
+    The sum of all r is M - rank B, errors common to all poses included: those are columns of the
+    least squares, a ~ N(0, I), for which r_k = 1 - |U_k|^2 with U_k the row of the prior.
 
     Args:
         system: c, B and G.
@@ -139,7 +142,7 @@ def reliability(system: System, at: Solution) -> Reliability:
 
 
 def _reliability(r: Array, g: Array, moves: Array, scale: float) -> Reliability:
-    """From r, g = g_j' W (c - B x) and what unit errors move; what is left of r is no rounding."""
+    """From r, g = g_j' W (c - B x) and the effect of unit errors; r up to `linear.LEFT` is 0."""
     seen = r > linear.LEFT
     root = np.sqrt(np.where(seen, r, 1.0))
     visible = np.where(seen, scale * _SHIFT / root, np.inf)
@@ -150,11 +153,11 @@ def _reliability(r: Array, g: Array, moves: Array, scale: float) -> Reliability:
 
 @dataclass(frozen=True, eq=False)
 class _BaseReliability(Locked):
-    """The same of the readings of the base reflectors, three errors each.
+    """The same for the readings of the base reflectors, three errors each.
 
     Attributes:
         each: Of all errors, one reading after the other; their r add up to 3 n - 6.
-        error: The errors by one standard uncertainty [m], F_b, shape (3 n, 3).
+        error: The errors of one standard uncertainty [m], F_b, shape (3 n, 3).
     """
 
     each: Reliability
@@ -162,29 +165,30 @@ class _BaseReliability(Locked):
 
 
 _PIECE = 20_000
-"""Base readings at once: what they move of thirty quantities are 15 MB."""
+"""Maximum number of base readings treated at once: their effects on thirty quantities are 15
+MB."""
 
 
 def of_base(
     registration: Registration, at: Solution, turned: Array, cov: Array
 ) -> Iterator[_BaseReliability]:
-    """Base readings in the adjustment that places the tracker, 3 n rows and six parameters.
+    """Base readings in the adjustment that registers the tracker, 3 n rows and six parameters.
 
-    Their errors reach c through the rotation w of the tracker alone, as `turned` w. Many readings
-    are told in pieces, in their order.
+    Their errors affect c through the rotation w of the tracker alone, as `turned` w. Many readings
+    are yielded in pieces, in their order.
 
     Args:
-        registration: Where the tracker stands.
+        registration: Registration of the tracker.
         at: The solution of the campaign's system.
-        turned: What a small rotation of the tracker about the axes of F_b does to c, (M, 3) [m].
-        cov: Covariance of that rotation as it is in use [rad^2], shape (3, 3).
+        turned: Effect on c of a small rotation of the tracker about the axes of F_b, (M, 3) [m].
+        cov: Covariance of that rotation in use [rad^2], shape (3, 3).
 
     Yields:
-        What is known of the next pieces' errors.
+        Reliability of the next piece of the readings.
     """
     r, g, rotation, error, scale = _in_registration(registration, cov)
     M = len(turned)
-    steps = at.white.by_pose(turned).T @ at.U[:M]  # what each axis of the rotation does, (3, d)
+    steps = at.white.by_pose(turned).T @ at.U[:M]  # effect of each axis of the rotation, (3, d)
     for begin in range(0, len(r), 3 * _PIECE):
         some = slice(begin, begin + 3 * _PIECE)
         moves = at.sigmas(rotation[some] @ steps)
@@ -194,7 +198,7 @@ def of_base(
 def _in_registration(
     registration: Registration, cov: Array
 ) -> tuple[Array, Array, Array, Array, float]:
-    """Of every error r, g, the rotation it makes [rad], itself [m], F_b; and their scale."""
+    """r, g, resulting rotation [rad] and value [m], F_b, of every error, and their common scale."""
     table = registration.table
     C = covariance.full(covariance.turned(covariance.numbers(table), registration.R))
     if not np.isfinite(C).all():
@@ -216,11 +220,12 @@ def _in_registration(
 
 
 def influence(system: System, at: Solution) -> Array:
-    """What the estimate moves when each pull is left out, in its standard uncertainties, (m, q).
+    """Change of the estimate when each pull is left out, in its standard uncertainties, (m, q).
 
-    Leaving rows out is estimating a free error of each: D their columns, unit vectors, P orthogonal
-    to the model, x moves by -X^+ D s with s = (D'PD)^-1 D'P y (Cook and Weisberg, Residuals and
-    Influence, 1982). Infinite for what the other pulls do not determine.
+    Leaving rows out is equivalent to estimating a free error of each: with D their columns, unit
+    vectors, and P orthogonal to the model, x moves by -X^+ D s with s = (D'PD)^-1 D'P y (Cook and
+    Weisberg, Residuals and Influence, 1982). Infinite for quantities that the other pulls do not
+    determine.
 
     Args:
         system: For its rows; all pulls of a pose share errors, which whitening has removed.
@@ -239,7 +244,7 @@ def influence(system: System, at: Solution) -> Array:
     steps = at.sigmas(along / np.sqrt(whole)[..., None])
     left, V = linear.directions(N / np.sqrt(whole[:, :, None] * whole[:, None, :]))
     seen = left > linear.LEFT
-    mine = np.swapaxes(V, 1, 2) @ steps  # what each direction moves, (m, n, q)
+    mine = np.swapaxes(V, 1, 2) @ steps  # effect of each direction, (m, n, q)
     size = np.einsum("mni,mn->mi", V, g / np.sqrt(whole)) * seen / np.where(seen, left, 1.0)
     alone = (np.abs(mine) * ~seen[..., None]).max(axis=1, initial=0.0) > linear.LEFT
     return np.where(alone, np.inf, np.abs(np.einsum("mi,miq->mq", size, mine)))

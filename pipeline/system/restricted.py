@@ -1,7 +1,7 @@
-"""Restricted likelihood of the scales of noise components, by pose, and where it is largest.
+"""Restricted likelihood of the scales of noise components, by pose, and its maximum.
 
-The one likelihood of scatter, of contrasts and of residuals alike (Patterson and Thompson,
-Biometrika 58 (1971) 545).
+It is used for all scatter, of contrasts and of residuals alike (Patterson and Thompson, Biometrika
+58 (1971) 545).
 """
 
 from __future__ import annotations
@@ -19,21 +19,22 @@ from pipeline.system.blocks import Blocks
 from pipeline.system.system import System
 
 _Loss = Callable[[Array], tuple[Array, float]]
-"""Minus twice a restricted log likelihood by log scales: part of each pose, and the rest."""
+"""Minus twice a restricted log likelihood as a function of log scales: part of each pose, and the
+rest."""
 
 
 @dataclass(frozen=True, eq=False)
 class PaddedRows(Locked):
-    """Blocks by pose, padded to the largest: y, what is estimated along, and the parts of V.
+    """Rows in blocks by pose, padded to the largest: y, the fixed effects, and the parts of V.
 
     Attributes:
-        rows: By pose, s of the largest.
+        rows: By pose, at most s each.
         y: Shape (p, s).
         X: Orthonormal fixed effects, then errors common to all poses, shape (p, s, k + r).
-        prior: 0 for the former, 1 for the latter, which are random, shape (k + r,).
+        prior: 0 for the fixed effects, 1 for the common errors, which are random, shape (k + r,).
         parts: Covariance of each component as stated, then of the rest, shape (n + 1, p, s, s).
-        rough: Log scale that gives what X leaves its mean square if all components share it.
-        dof: Blocks minus fixed effects.
+        rough: Common log scale of all components that reproduces the residual mean square.
+        dof: Rows minus fixed effects.
     """
 
     rows: Blocks
@@ -46,9 +47,9 @@ class PaddedRows(Locked):
 
     @classmethod
     def of(cls, system: System, X: Array, groups: Sequence[Sequence[str]]) -> PaddedRows:
-        """The rows of a system beside fixed effects X (M, k); sources of error by component.
+        """The rows of a system with fixed effects X (M, k); sources of error by component.
 
-        The fixed effects are thinned to independent ones once: were their rank counted anew at
+        The fixed effects are reduced to independent ones once: if their rank were decided anew at
         every scale, a direction near the limit would come and go and pass for evidence.
         """
         return cls.beside(system, linear.orthonormal(X), groups)
@@ -58,7 +59,7 @@ class PaddedRows(Locked):
         """The same with orthonormal fixed effects (M, k)."""
         blocks, errors = Blocks.of(system.rows.pose), system.errors
         unit = linear.rms(system.c) or 1.0
-        y = (system.c - Q @ (Q.T @ system.c)) / unit  # they count in no pose's score
+        y = (system.c - Q @ (Q.T @ system.c)) / unit  # free of the fixed effects
         A = errors.G[:, errors.common].toarray() / unit
         source, own = errors.source.astype(str), ~errors.common
         rest = ~np.isin(source, [name for group in groups for name in group])
@@ -103,7 +104,7 @@ class PaddedRows(Locked):
         N, g = flat.T @ flat + np.diag(self.prior), flat.T @ y.ravel()
         try:
             factor = linear.cholesky(N)
-        except np.linalg.LinAlgError:  # rows of hardly any noise
+        except np.linalg.LinAlgError:  # rows with almost no noise
             return own, float(linear.log_det(N) - g @ linear.solve(N, g))
         return own, float(factor.log_det - g @ factor.solve(g))
 
@@ -117,7 +118,7 @@ class PaddedRows(Locked):
         return float(own.sum() + rest)
 
     def of_scales(self, told: Bools) -> _Loss:
-        """The loss as a function of some log scales; the other components stay as stated."""
+        """The loss as a function of the log scales marked in `told`; the others stay as stated."""
 
         def loss(x: Array) -> tuple[Array, float]:
             full = np.zeros(len(told))
@@ -128,17 +129,17 @@ class PaddedRows(Locked):
 
 
 _STEP = 3e-3
-"""Differences of log scale for first and second derivatives."""
+"""Step in log scale for first and second derivatives [1]."""
 
 
 def maximum(blocks: PaddedRows, told: Bools) -> tuple[Array, Array, Array]:
     """The log scales that the data determine, their standard uncertainties and p-values.
 
-    With L the loss, H its Hessian and g_p the gradient of pose p's part, u(t)^2 is the larger of
-    2 H^-1 and the sandwich H^-1 (sum_p g_p g_p') H^-1 (White, Econometrica 50, 1982), diagonals
+    With L the loss, H its Hessian and g_p the gradient of pose p's part, u(t)^2 is the larger of 2
+    H^-1 and the sandwich H^-1 (sum_p g_p g_p') H^-1 (White, Econometrica 50, 1982), diagonals
     taken. p = P[chi2(1) > (L(t_k = 0) - min L) / f] / 2, f >= 1 their ratio, or 1 minus that where
-    t_k < 0: the likelihood ratio against the component as stated. A curvature says nothing of it:
-    a component may stand out clearly at a scale at which it would be invisible.
+    t_k < 0: the likelihood ratio against the component as stated. The curvature is no substitute: a
+    component may stand out clearly at a scale at which it would be invisible.
     """
     loss, start = blocks.of_scales(told), np.full(int(told.sum()), blocks.rough)
     x = lowest(loss, start)
@@ -164,7 +165,7 @@ def maximum(blocks: PaddedRows, told: Bools) -> tuple[Array, Array, Array]:
 
 
 def lowest(loss: _Loss, start: Array) -> Array:
-    """Where a loss is lowest, by Newton's method."""
+    """Minimum of a loss by Newton's method."""
     x = start
     for _ in range(40):
         if not len(x):

@@ -1,11 +1,11 @@
-"""The shape of the noise beside a model: its beam, tails of single readings, a common wander.
+"""Shape of the noise: parts along and across the beam, tails of single readings, common wander.
 
-First how good the range is beside the angles, then tails, in readings whitened by that: a tracker
-with one figure for both would else pass for one with tails. All are found in what springs and
-causes leave of the readings and carried in V: each reading's variance, the beam's and the wander's
-at their posterior means, so that nothing is switched on by a test. First beside everything that the
-catalogue knows, which no hidden cause can spoil; once the causes are accepted, beside these alone,
-where far more is left to see the noise in.
+The beam comes first, then tails, in readings whitened accordingly: otherwise a tracker with one
+figure for range and angles would seem to have tails. All are estimated from the residuals of
+springs and causes and carried in V: the variances of readings, beam and wander at their posterior
+means, so no test switches anything on or off. The first estimate is made with everything in the
+catalogue as fixed effects, which no hidden cause can spoil; once the causes are accepted, with
+these alone, which leaves far more degrees of freedom for the noise.
 """
 
 from __future__ import annotations
@@ -28,41 +28,41 @@ from pipeline.system.wander import Wander, wander
 from pipeline.system.whiten import whitener
 
 _ROUNDS = 8
-"""How often readings are weighed at most where blunders are among them: a bad one spoils what is
-seen of its neighbours."""
+"""Maximum number of reweighting iterations where blunders are among the readings: a bad one
+spoils the estimates of its neighbours."""
 
 _STILL = 0.3
-"""Change of a log variance from which they are weighed once more [1]."""
+"""Maximum change of a log variance for the iteration to stop [1]."""
 
 _MANY = 20_000
-"""Rows from which the springs alone stand for the model: a catalogue beside them fills a memory.
-The same where the catalogue would take half of the rows."""
+"""Number of rows above which the springs alone are fixed effects: the whole catalogue would exceed
+the memory. The same applies where the catalogue would take half of the rows."""
 
 _DRAWS = 2000
-"""Campaigns of pure noise that a misfit is compared with."""
+"""Number of simulated campaigns of pure noise that a misfit is compared with."""
 
 _FEWEST = 12
-"""Degrees of freedom from which the residuals say anything of tails."""
+"""Minimum degrees of freedom for tails to be estimated from the residuals."""
 
 _HEAVY = 0.05
-"""Below this probability of heavier tails the misfit is chi-square [1]."""
+"""Probability of heavier tails below which the misfit is compared with chi-square [1]."""
 
 _SEEN = 0.1
-"""Change of a variance, over that of a reading, that is worth looking at a campaign again [1]: a
-twentieth of a standard uncertainty, which no reader would see."""
+"""Change of a variance, relative to that of a reading, for which a campaign is analysed again [1]:
+a twentieth of a standard uncertainty, which no reader would notice."""
 
 
 @dataclass(frozen=True, eq=False)
 class Shape(Locked):
-    """What is found of the noise beside what is stated of its size.
+    """What is found of the noise in addition to its stated size.
 
     Attributes:
         family: Tails of single readings.
-        variance: Of each reading over its stated one, posterior mean, shape (n,).
-        readings: Which readings these are.
-        wander: Common to all targets, in time.
-        weighed: Each reading has a variance of its own.
-        beam: The parts of all readings along and across it.
+        variance: Variance of each reading over its stated one, posterior mean, shape (n,).
+        readings: The readings these belong to.
+        wander: Slow error common to all targets.
+        weighed: Whether each reading has a variance of its own.
+        beam: The parts of all readings along and across the beam.
     """
 
     family: Family
@@ -74,7 +74,7 @@ class Shape(Locked):
 
     @classmethod
     def unseen(cls, data: Measured) -> Shape:
-        """Nothing but what is stated, all readings alike."""
+        """The stated noise, all readings alike."""
         readings = RowReadings.unseen(data)
         variance = np.ones(readings.loaded + len(readings.zero))
         family, slow, parts = Family.stated(data.paper), Wander.none(data), Beam.stated(data)
@@ -82,22 +82,22 @@ class Shape(Locked):
 
     @property
     def likely(self) -> bool:
-        """Whether there rather is heavier noise, or a wander, than not."""
+        """Whether heavier tails, or a wander, are more likely than not."""
         return self.family.likely_heavy or self.wander.probability > LIKELY
 
     @property
     def tailed(self) -> bool:
-        """Whether tails heavier than stated are carried and beyond chance."""
+        """Whether heavier tails than stated are applied and significant."""
         return self.weighed and self.family.p_value < alarms.COMPONENT
 
     @property
     def wanders(self) -> bool:
-        """Whether a wander is carried and beyond chance."""
+        """Whether a wander is applied and significant."""
         likely = self.wander.probability > LIKELY
         return self.weighed and likely and self.wander.p_value < alarms.COMPONENT
 
     def on(self, data: Measured) -> Measured:
-        """The measurements with all of it in their covariances."""
+        """The measurements with the whole shape in their covariances."""
         weighed = self.readings.scaled(self.beam.on(data), self.variance)
         heavy = self.family.heavy if self.weighed else 0.0
         return replace(weighed, wander=self.wander.factor, heavy=heavy)
@@ -107,11 +107,14 @@ class Shape(Locked):
         return replace(self.beam.off(self.alike(data)), wander=None, heavy=0.0)
 
     def alike(self, data: Measured) -> Measured:
-        """The measurements as of `on` with no reading's own variance, but beam and wander."""
+        """Measurements as from `on` without the variances of single readings.
+
+        Beam and wander are kept.
+        """
         return replace(self.readings.scaled(data, 1 / self.variance), heavy=0.0)
 
     def differs(self, other: Shape) -> bool:
-        """Whether the two weigh a campaign differently enough to look at it again."""
+        """Whether the two weight a campaign differently enough to analyse it again."""
         own, theirs = (
             float(np.sum(one.wander.factor**2)) / (3 * len(one.wander.factor))
             for one in (self, other)
@@ -123,22 +126,22 @@ class Shape(Locked):
 
 
 def shape(seen: Linearised, accepted: tuple[int, ...] | None = None, loose: bool = False) -> Shape:
-    """The shape of a campaign's noise.
+    """Estimate the shape of a campaign's noise.
 
-    Beside the accepted causes each reading is weighed by its own variance; beside the whole
-    catalogue it is not, as many columns leave too little of some readings to weigh them by. Where
-    there are too few rows for the catalogue, a stiffness of its own for each pose takes its place;
-    where there are too many, the springs alone.
+    With the accepted causes as fixed effects each reading gets its own variance; with the whole
+    catalogue it does not, since so many columns leave some readings too little redundancy. Where
+    there are too few rows for the catalogue, a free stiffness for each pose takes its place; where
+    there are too many, the springs alone do.
 
     Args:
-        seen: The campaign linearised at a model; the noise of its data is as it is stated or was
-            found in contrasts, that of its rows plays no part.
-        accepted: Suspects that are taken out beside the springs; all of them when not given.
-        loose: A stiffness of its own for each pose is taken out, too: whatever a machine does in
-            proportion to the pull, listed or not, leaves nothing there.
+        seen: The campaign linearised at a model; the noise of its data is as stated or as found in
+            contrasts, that of its rows is not used.
+        accepted: Suspects that are fixed effects besides the springs; all of them when not given.
+        loose: Whether a free stiffness for each pose is a fixed effect, too: it absorbs whatever a
+            machine does in proportion to the pull, in the catalogue or not.
     """
-    # once: weights that follow from weights trust what is off towards the others more than it is
-    # worth, and uncertainties come out too small
+    # one iteration only: weights derived from weights favour readings that deviate in the
+    # same direction, and uncertainties come out too small
     parts, told = _seen(seen, accepted, 1, loose)
     readings, found, variance, beyond = told
     if accepted is None:
@@ -151,8 +154,8 @@ def shape(seen: Linearised, accepted: tuple[int, ...] | None = None, loose: bool
 
 
 _Told = tuple[RowReadings, Family, Array, Beyond]
-"""The readings, their family, the variance of each (n,) over that of the noise without tails, and
-the rows so weighed."""
+"""The readings, their family, the variance of each (n,) relative to the noise without tails, and
+the rows weighted accordingly."""
 
 
 def tails(
@@ -161,12 +164,12 @@ def tails(
     rounds: int = _ROUNDS,
     loose: bool = False,
 ) -> _Told:
-    """The tails of single readings beside a model, arguments as for `shape`.
+    """Estimate the tails of single readings relative to a model, arguments as for `shape`.
 
     Args:
         seen: As for `shape`.
         accepted: As for `shape`.
-        rounds: How often each reading is weighed by what the others, so weighed, say of it.
+        rounds: Maximum number of reweighting iterations.
         loose: As for `shape`.
     """
     return _seen(seen, accepted, rounds, loose)[1]
@@ -175,7 +178,7 @@ def tails(
 def _seen(
     seen: Linearised, accepted: tuple[int, ...] | None, rounds: int, loose: bool
 ) -> tuple[Beam, _Told]:
-    """Beam and tails; where there are tails, the beam anew in readings so weighed, and they."""
+    """Beam and tails; where there are tails, both again with the readings so weighted."""
     X, data = _taken_out(seen, accepted, loose), replace(seen.data, bends=False)
     flat = replace(seen.model.cell, equilibrium="undeformed")
     others = inputs(flat, data, seen.model.values)
@@ -183,14 +186,14 @@ def _seen(
     told = _tails(seen, X, data, others, parts, rounds)
     if told[1].heavy < _HEAVY and np.abs(np.log(told[2])).max() < _STILL:
         return parts, told
-    # where most readings are off it is the model, and no part of the noise is smaller for that
+    # where most readings are off the model is wrong, which makes no part of the noise smaller
     weighed = told[0].scaled(data, told[2] / max(float(np.median(told[2])), 1.0))
     parts = _beam(seen, X, weighed, others)
     return parts, _tails(seen, X, data, others, parts, rounds)
 
 
 def _beam(seen: Linearised, X: Array, data: Measured, others: Sequence[Block]) -> Beam:
-    """Both parts of the noise beside these columns, the readings of `data` weighed as they are."""
+    """Both parts of the noise with X as fixed effects, readings weighted as in `data`."""
     return beam(data, replace(seen.system, errors=with_readings(others, data)), X)
 
 
@@ -202,7 +205,7 @@ def _tails(
     parts: Beam,
     rounds: int,
 ) -> _Told:
-    """The tails of the readings of `stated`, along and across the beam, beside these columns."""
+    """Tails of the readings of `stated`, after the beam is applied, with X as fixed effects."""
     data = parts.on(stated)
     beyond = Beyond.of(seen, X, with_readings(others, data))
     readings, found = RowReadings.of(data, beyond.white), Family.stated(data.paper)
@@ -224,7 +227,7 @@ def _tails(
 
 
 def _taken_out(seen: Linearised, accepted: tuple[int, ...] | None, loose: bool) -> Array:
-    """Columns (M, k) of springs and accepted causes, or of all that a machine could do."""
+    """Fixed effects (M, k): springs and accepted causes, or all that a machine could do."""
     owner = np.repeat(np.arange(len(seen.suspects)), [len(e.parameters) for e in seen.suspects])
     many = len(seen.rows) > _MANY
     few = 2 * (seen.B.shape[1] + seen.Z.shape[1]) > len(seen.rows)
@@ -236,11 +239,11 @@ def _taken_out(seen: Linearised, accepted: tuple[int, ...] | None, loose: bool) 
 
 
 def goodness(system: System, found: Shape, rng: np.random.Generator) -> Goodness:
-    """What a model leaves, and how likely noise of the family that is carried leaves as much.
+    """Goodness of fit of a model with noise of the family in use.
 
-    chi2 = y' V^-1 (y - X b) with V as stated and the wander; where heavier tails are carried,
-    `_DRAWS` campaigns of pure noise are drawn, each reading with a lambda of its own. Tails that
-    are seen and not carried change nothing: chi2 then stands beside the stated noise.
+    chi2 = y' V^-1 (y - X b) with V as stated and the wander; where heavier tails are in use,
+    `_DRAWS` campaigns of pure noise are simulated, each reading with a lambda of its own. Tails
+    that are found but not used change nothing: chi2 is then compared with the stated noise.
 
     Args:
         system: c = B x + G e with the wander, each reading as it is stated.

@@ -1,14 +1,14 @@
-"""What all stiffnesses of a machine are off by in common, against those of the robot file.
+"""Common factor of all stiffnesses of a machine relative to those of the robot file.
 
-A factor common to all forces is one on all stiffnesses and on nothing else, so no residual shows
-it: only what is known of the robot can. With y_j = log(k_j / k_nominal,j), of a range counted from
+A factor on all forces is a factor on all stiffnesses and on nothing else, so no residual shows it:
+only prior knowledge of the robot can. With y_j = log(k_j / k_nominal,j), for a range relative to
 its nearer end,
 
     y_j = g + d_j + e_j,    d_j ~ N(0, tau^2),    e_j ~ N(0, u_j^2),
 
-g the common factor, d_j what one joint has of its own as delivered, u_j = u(k_j) / k_j. How large
-tau is the joints say, and `_OWN` beforehand; g given all of it is Student's t about the weighed
-mean (Gelman et al., Bayesian Data Analysis, 2013, 3.3).
+g is the common factor, d_j the individual deviation of one joint as delivered, u_j = u(k_j) / k_j.
+tau is estimated from the joints, with a prior at `_OWN`; the posterior of g is Student's t about
+the weighted mean (Gelman et al., Bayesian Data Analysis, 2013, 3.3).
 """
 
 from __future__ import annotations
@@ -23,18 +23,18 @@ from pipeline.base.arrays import Array
 from pipeline.machine.robot import Joint
 
 _SPECIMENS = 1.5
-"""Robots of one type differ by less than this in all joints alike [1], a scale read in another unit
-by 2.2 (lb and kg) or more: halfway between 1 and 2.2, by ratios."""
+"""Maximum common factor between robots of one type [1]; a scale read in another unit gives 2.2
+(lb and kg) or more: this is halfway between 1 and 2.2, by ratios."""
 
 _OWN = 0.25
-"""Logarithm by which single joints scatter about the file's stiffness as delivered [1], and the
-number of joints that this assumption counts as."""
+"""Prior standard deviation of the log stiffness of single joints about the file's value, as
+delivered [1]."""
 _OWN_JOINTS = 4.0
-"""That number [1]."""
+"""Number of joints that this prior counts as [1]."""
 
 SURE = 0.95
-"""Probability from which a common factor is told, or a unit that explains it [1]: that of a 95 %
-interval."""
+"""Probability from which a common factor is reported, or a unit that explains it [1]: that of a 95
+% interval."""
 
 
 @dataclass(frozen=True)
@@ -53,12 +53,12 @@ class Common:
 
     @property
     def beyond(self) -> float:
-        """Probability that it is more than a specimen's, to the side where it is."""
+        """Probability that |g| exceeds the spread of specimens, on the side of its estimate."""
         return self._below(abs(self.g) - np.log(_SPECIMENS))
 
     @property
     def within(self) -> float:
-        """Probability that it is no more than a specimen's."""
+        """Probability that |g| is within the spread of specimens."""
         limit = np.log(_SPECIMENS)
         return self._below(limit - self.g) - self._below(-limit - self.g)
 
@@ -73,12 +73,12 @@ class Common:
 
 
 def common(value: Array, std: Array, joints: Sequence[Joint]) -> Common:
-    """The factor of some stiffnesses.
+    """Estimate the common factor of some stiffnesses.
 
     Args:
         value: Stiffnesses [N/m] or [N m/rad], shape (n,).
         std: Their standard uncertainties, shape (n,).
-        joints: What the robot file says of them.
+        joints: Their entries in the robot file.
     """
     y = np.array([_off(float(k), joint) for k, joint in zip(value, joints, strict=True)])
     weight = 1 / (1 + (std / value / _OWN) ** 2)
@@ -89,11 +89,11 @@ def common(value: Array, std: Array, joints: Sequence[Joint]) -> Common:
 
 
 def told(joint: Joint) -> bool:
-    """Whether the robot file says anything of a joint's stiffness."""
+    """Whether the robot file states a stiffness for a joint."""
     return bool(joint.stiffness or joint.stiffness_range)
 
 
 def _off(value: float, joint: Joint) -> float:
-    """Logarithm of a stiffness over what the file states, 0 within a range."""
+    """Logarithm of a stiffness over the one the file states, 0 within a range."""
     low, high = joint.stiffness_range or (joint.typical_stiffness, joint.typical_stiffness)
     return float(np.log(value / np.clip(value, low, high)))

@@ -1,4 +1,4 @@
-"""The linear system c = B x + G e, and what is known of its solution."""
+"""The linear system c = B x + G e, and the record of its solution."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.base.arrays import Array, Bools, Ints, Locked, Parameter, Strings
 
 @dataclass(frozen=True, eq=False)
 class Rows(Locked):
-    """What each row of c and B is: one coordinate of one target in one pull.
+    """Identity of each row of c and B: one coordinate of one target in one pull.
 
     Attributes:
         pose: Pose number, shape (M,).
@@ -41,9 +41,10 @@ class Errors:
     Attributes:
         G: Sensitivity times standard uncertainty [m], sparse, shape (M, E).
         source: Source of each column: `tracker`, `zero`, `wander`, `force_reading`, `direction`,
-            `registration`, `force_gain`, `force_zero`, `payload_mass`, `payload_center`,
-            `geometry`, shape (E,).
-        common: True where one error moves more than one pose (registration, gain, mass ...), (E,).
+            `registration`, `force_gain`, `force_zero`, `payload_mass`, `payload_center`, `geometry`
+            and others, see `assemble.inputs`, shape (E,).
+        common: True where one error acts on more than one pose (registration, gain, mass ...),
+            (E,).
     """
 
     G: scipy.sparse.csr_array
@@ -60,14 +61,14 @@ class System(Locked):
 
     Attributes:
         parameters: Name and unit of each entry of x.
-        rows: What each row is.
-        B: Derivative of the displacements by x, shape (M, k).
+        rows: Identity of each row.
+        B: Derivative of the displacements with respect to x, shape (M, k).
         c: Displacements loaded minus unloaded [m], shape (M,).
-        errors: Where c may be wrong and by how much.
+        errors: Sources of error of c and their sizes.
         noise_stated: False when the campaign states no noise of the tracker.
-        found_m: What of it was found in its place, per axis of one reading [m]; None where it is
-            stated, and where it is not yet found: then G's columns of tracker, zero and direction
-            are relative to it, and the others are in metres.
+        found_m: Noise of one reading per axis that was estimated in its place [m]; None where it is
+            stated or not yet estimated. In the latter case G's columns of tracker, zero and
+            direction are relative to it; all others are in metres.
     """
 
     parameters: tuple[Parameter, ...]
@@ -91,7 +92,7 @@ class System(Locked):
 
     @property
     def of_pulls(self) -> System:
-        """The rows of displacements alone."""
+        """The part of the system whose rows belong to a pull: displacements alone."""
         mine = self.rows.pull >= 0
         return self if mine.all() else self.part(mine)
 
@@ -102,21 +103,24 @@ class System(Locked):
 
     @property
     def relative(self) -> bool:
-        """Whether a part of G still waits for the noise of the tracker."""
+        """Whether some columns of G are still relative to an unknown noise of the tracker."""
         return not self.noise_stated and self.found_m is None
 
 
 @dataclass(frozen=True)
 class Goodness:
-    """What a model leaves and how likely chance leaves as much: one sum of squares and its own p.
+    """Goodness of fit: weighted sum of squared residuals and its own p-value.
 
-    It is made by its class methods only, each of which takes p from the very chi2 that it keeps.
+    Create it with its class methods only, each of which takes p from the very chi2 that it keeps.
 
     Attributes:
-        chi2: Weighted sum of squared residuals in the noise that is used, every reading alike.
+        chi2: Weighted sum of squared residuals with the noise in use, without weights of single
+            readings.
         dof: Rows minus determined parameters.
-        p_value: Probability of a chi2 this large or larger; None where no noise is known beside it.
-        tails: The noise beside which it stands has the tails that were found, not those stated.
+        p_value: Probability of a chi2 this large or larger; None where no independent noise is
+            known.
+        tails: Whether the noise that chi2 is compared with has the tails that were found, not those
+            stated.
     """
 
     chi2: float
@@ -126,17 +130,17 @@ class Goodness:
 
     @classmethod
     def of(cls, chi2: float, dof: int) -> Goodness:
-        """In a normal noise that is stated; p is 1 where nothing is left that could be a misfit."""
+        """With a normal noise that is stated; p is 1 where no degrees of freedom are left."""
         return cls(chi2, dof, float(special.chdtrc(dof, chi2)) if dof > 0 else 1.0)
 
     @classmethod
     def untold(cls, chi2: float, dof: int) -> Goodness:
-        """In a noise that these residuals tell themselves."""
+        """With a noise that is estimated from these residuals themselves: without p."""
         return cls(chi2, dof, None)
 
     @classmethod
     def beyond(cls, chi2: float, dof: int, part: tuple[float, int], nu: float) -> Goodness:
-        """In a noise that a part of the rows tells, known with `nu` degrees of freedom.
+        """With a noise estimated from a part of the rows, with `nu` degrees of freedom.
 
         p is that of F = (chi2 - chi2_part) / (dof - dof_part); None where the part is the whole.
         """
@@ -145,10 +149,10 @@ class Goodness:
 
     @classmethod
     def among(cls, chi2: float, dof: int, drawn: Array) -> Goodness:
-        """Among the chi2 of campaigns of nothing but the noise that was found, shape (d,).
+        """Relative to chi2 of simulated campaigns of nothing but the noise that was found, (d,).
 
-        p is the share of them that leaves as much. What such noise does to the scale of chi2 is
-        taken off: half of the campaigns then stay below the median of chi-square.
+        p is the fraction of these with at least this chi2. The scale is corrected for such noise:
+        chi2 is multiplied so that the median of the simulated ones is that of chi-square.
         """
         p = float((1 + np.sum(drawn >= chi2)) / (1 + len(drawn)))
         middle = float(special.chdtri(dof, 0.5)) / float(np.median(drawn))
@@ -157,15 +161,16 @@ class Goodness:
 
 @dataclass(frozen=True, eq=False)
 class Estimate(Locked):
-    """What the data say about x.
+    """Estimate of x with its uncertainty.
 
     Attributes:
         parameters: Name and unit of each entry of x.
         value: Best estimate, shape (k,).
         cov: Covariance of `value`, shape (k, k); infinite on the diagonal where undetermined.
-        identifiable: True where the data determine the entry to better than its typical size, (k,).
+        identifiable: True where the entry is known well enough to be reported, see
+            `estimate.identifiable`, (k,).
         residual: c - B x [m], shape (M,).
-        goodness: What of the residuals chance explains.
+        goodness: Goodness of fit.
         noise_from: `stated`, `replicates` or `residuals`.
         residual_std_m: Unweighted residual standard deviation, sqrt(r'r / dof) [m].
         quantile: Half width of a 95 % interval in standard deviations (normal or Student).
@@ -188,7 +193,7 @@ class Estimate(Locked):
 
     @property
     def chi2(self) -> float:
-        """Weighted sum of squared residuals, about `dof` if model and noise are true."""
+        """Weighted sum of squared residuals, about `dof` if model and noise are correct."""
         return self.goodness.chi2
 
     @property
@@ -207,13 +212,14 @@ class ScatterRatio:
     """Scatter found over scatter stated.
 
     Attributes:
-        tracker: Of the tracker's readings.
+        tracker: Ratio for the tracker's readings.
         tracker_std: Its standard uncertainty.
-        tracker_p: Probability of so much if it were `TOLERATED` at most.
-        force: Of the scale's readings, relative to the tracker's; 1 unless the data say otherwise.
-        force_std: Its standard uncertainty; 0 where it is not looked at.
-        force_p: Probability of so much more by chance.
-        known_from: `contrasts` that no model of the robot can make, or `residuals`.
+        tracker_p: Probability of a ratio this large if the true one were `TOLERATED`.
+        force: Ratio for the scale's readings, relative to the tracker's; 1 unless the data
+            contradict it.
+        force_std: Its standard uncertainty; 0 where it is not estimated.
+        force_p: Probability of an excess this large by chance.
+        known_from: `contrasts` that no model of the robot can produce, or `residuals`.
     """
 
     tracker: float

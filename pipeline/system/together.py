@@ -1,11 +1,11 @@
-"""Which of many suspects are at work together: all are asked beside all that are held.
+"""Find which of many suspects are at work together: each is tested given all that are held.
 
-Tests of one suspect after the other fail where several are at work: those that are not yet held
-widen the scatter that each is judged by. Here the scatter is a median, which up to half of the
-readings cannot move (Hampel, J. Am. Stat. Assoc. 69, 1974), those that stand out join block by
-block, and after each round everyone that is held is asked again beside the others: it stays, goes,
-or gives its place to a better one of its block (forward search with deletion; Atkinson and Riani,
-Robust Diagnostic Regression Analysis, 2000).
+Testing one suspect after the other fails where several are at work: those not yet held widen the
+scatter that each is judged by. Here the scatter is a median, which up to half of the readings
+cannot move (Hampel, J. Am. Stat. Assoc. 69, 1974); significant suspects join block by block, and
+after each round every held one is tested again given the others: it stays, is dropped, or is
+exchanged for a better one of its block (forward search with deletion; Atkinson and Riani, Robust
+Diagnostic Regression Analysis, 2000).
 """
 
 from __future__ import annotations
@@ -25,31 +25,32 @@ from pipeline.system.blocks import Blocks
 from pipeline.system.odds import DECIDES
 
 _TOLD = 0.37
-"""Part of the degrees of freedom that a median of squares tells of a variance [1]: the efficiency
-of the median absolute deviation for normal errors (Rousseeuw and Croux, J. Am. Stat. Assoc. 88,
-1993)."""
+"""Efficiency of a variance from a median of squares, as a fraction of the degrees of freedom [1]:
+that of the median absolute deviation for normal errors (Rousseeuw and Croux, J. Am. Stat. Assoc.
+88, 1993)."""
 
 _AS_FAR = 0.25
-"""Drop, over the largest of all, from which a suspect joins in the same round [1]: a small one
-beside a large one may be its shadow."""
+"""Minimum drop, relative to the largest of all, for a suspect to join in the same round [1]: a
+small one next to a large one may be an artefact of it."""
 
 _MOST = 0.5
-"""Part of a base's degrees of freedom that suspects may take [1]; beyond it nothing is the rule."""
+"""Maximum fraction of a base's degrees of freedom that suspects may take [1]; beyond it the search
+stops."""
 
 _PART = 0.01
-"""Part of the suspects that is at work beforehand [1]: the largest but one of `family.MISTAKES`."""
+"""Prior fraction of suspects at work [1]: the largest but one of `family._MISTAKES`."""
 
 _EFOLDS = 10.0
-"""Over so many e-folds the logarithm of a size in standard deviations is spread beforehand [1]."""
+"""Width of the prior of the logarithm of a size in standard deviations, in e-folds [1]."""
 
 _SETS = 600
-"""Sets of suspects of one block that are compared at most; more take too long."""
+"""Maximum number of sets of suspects of one block that are compared; more take too long."""
 
 _SAME = 1e-6
-"""Minus twice a log likelihood that is no difference [1]."""
+"""Difference of minus twice a log likelihood that counts as none [1]."""
 
 _ROUNDS = 100
-"""Rounds after which the search ends; each but the last changes who is held."""
+"""Maximum number of rounds of the search; each but the last changes which suspects are held."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,7 +66,7 @@ class Suspects(Locked):
     blocks: Blocks
 
     def rows(self, base: Base, chosen: Ints) -> Array:
-        """Columns of some of them as rows of a base, shape (M, k m)."""
+        """Columns of the chosen suspects as rows of a base, shape (M, k m)."""
         shape, k = base.blocks.shape, self.D.shape[3]
         out = np.zeros((*shape, len(chosen) * k))
         for column, one in enumerate(chosen.tolist()):
@@ -74,21 +75,21 @@ class Suspects(Locked):
         return base.blocks.rows(out)
 
     def beside(self, base: Base, held: Ints) -> tuple[Base, Beside]:
-        """The base with some of them, and each of all beside it."""
+        """The base extended by the held suspects, and every suspect tested in addition to it."""
         wider = base.more(self.rows(base, held)) if len(held) else base
         return wider, wider.beside(self.D).rows(self.blocks)
 
     def farthest(self, drop: Array) -> Ints:
-        """In each block the one of the largest drop, unless it may be a larger one's shadow."""
+        """The suspect of largest drop in each block, unless it may be an artefact of another."""
         best = np.zeros(self.blocks.shape[0])
         np.maximum.at(best, self.blocks.index, drop)
         least = np.maximum(best[self.blocks.index], _AS_FAR * drop.max(initial=0.0))
         return np.flatnonzero((drop > 0) & (drop >= least))
 
     def rivals(self, held: Held) -> list[Ints]:
-        """For each that is held who would do nearly as well in its place, beside all others.
+        """For each held suspect, those that would do nearly as well in its place.
 
-        And who is nobody beside it: else both may be at work.
+        A rival must explain nothing in addition to it; otherwise both may be at work.
         """
         left = self.beside(held.given, held.which)[1].drop < DECIDES * held.variance
         out = []
@@ -108,12 +109,12 @@ class Held(Locked):
     Attributes:
         which: Their numbers, ascending, shape (m,).
         size: Their sizes, estimated together, shape (m, k).
-        drop: How far the sum of squares falls by each beside all others, shape (m,).
-        rank: Directions in which each is determined, shape (m,).
-        variance: Of the rows, from the median of what all others would add.
-        given: The base beside which they are held.
+        drop: Drop of the sum of squares by each given all others, shape (m,).
+        rank: Number of determined directions of each, shape (m,).
+        variance: Of the rows, from the median drop of all suspects that are not held.
+        given: The base without them.
         base: The same with all of them.
-        tests: Suspects that were asked.
+        tests: Number of suspects that were tested.
     """
 
     which: Ints
@@ -129,7 +130,7 @@ class Held(Locked):
         """Minus twice the log of likelihood and priors, up to a constant.
 
         M log v + rest / v + sum of 2 ln(1 / pi) + k ln(drop / v), v the variance of the M rows: a
-        suspect is at work with probability pi, and the logarithm of its size is anything.
+        suspect is at work with probability pi, and the logarithm of its size has a flat prior.
         """
         v = max(self.base.rest / max(self.base.dof, 1), least)
         rows = self.base.dof + int(self.rank.sum())
@@ -137,12 +138,12 @@ class Held(Locked):
         return float(rows * np.log(v) + self.base.rest / v + held)
 
     def p(self) -> Array:
-        """Probability that chance makes any suspect look as large, shape (m,)."""
+        """Probability that chance makes any suspect look this large, shape (m,)."""
         return self.tests * chance(self.drop, self.rank, self.variance, self.base.dof)
 
 
 def cost(drop: Array | float, rank: Array | Ints | float) -> Array:
-    """What the prior takes from minus twice the log likelihood, Laplace's approximation.
+    """Penalty of the prior on minus twice the log likelihood, Laplace's approximation.
 
     2 ln(L S_k drop^(k/2) / (pi (2 pi)^(k/2))), S_k = 2 pi^(k/2) / Gamma(k/2) the sphere of all
     directions, L = `_EFOLDS`, pi = `_PART`.
@@ -157,38 +158,38 @@ def cost(drop: Array | float, rank: Array | Ints | float) -> Array:
 
 
 def chance(drop: Array, rank: Ints, variance: float, dof: int) -> Array:
-    """Probability of a drop of the sum of squares by chance, the variance known from a median."""
+    """Probability of this drop of the sum of squares by chance, with the variance from a median."""
     told = max(_TOLD * dof, 1.0)
     known = np.maximum(rank, 1)
     return np.where(rank > 0, special.fdtrc(known, told, drop / known / variance), 1.0)
 
 
 def together(base: Base, suspects: Suspects, least: float) -> Held:
-    """All suspects that are at work beside a base.
+    """All suspects that are at work in addition to a base.
 
-    From two starts: rows that scatter as their median says, and rows that scatter no more than
-    they must. The end that is likelier stands: few suspects beside much noise, or more beside less.
+    The search has two starts: the scatter of the rows from their median, and the smallest possible
+    scatter. The likelier end is returned: few suspects with much noise, or more with less.
 
     Args:
         base: Columns that are estimated in any case.
         suspects: Suspects, each within one block of the base's rows.
-        least: Variance below which the rows do not scatter.
+        least: Lower limit of the variance of the rows.
     """
     wide = _end(base, suspects, least, np.inf)
     if not len(_joining(suspects.beside(base, wide.which)[1], suspects, least)):
-        return wide  # nobody stands out of the stated scatter either
+        return wide  # none is significant in the smallest scatter either
     return min((wide, _end(base, suspects, least, least)), key=lambda one: one.loss(least))
 
 
 def _end(base: Base, suspects: Suspects, least: float, most: float) -> Held:
-    """Where nobody joins, leaves or gives way, rows scattering `most` at most while it lasts."""
+    """End of the search: none joins, leaves or is exchanged; variance at most `most` until then."""
     held, tried = np.zeros(0, np.int64), set[bytes]()
     for _ in range(_ROUNDS):
         wider, found = suspects.beside(base, held)
         variance = min(_variance(found, held, least), most)
         joined = np.union1d(held, _joining(found, suspects, variance))
         joined = _staying(base, suspects, joined, variance)
-        if joined.tobytes() == held.tobytes():  # dear, and seldom needed before all have joined
+        if joined.tobytes() == held.tobytes():  # costly, seldom needed before all have joined
             joined = _exchanged(base, suspects, joined, variance)
         if joined.tobytes() in tried or joined.size * suspects.D.shape[3] > _MOST * base.dof:
             break
@@ -203,7 +204,7 @@ def _end(base: Base, suspects: Suspects, least: float, most: float) -> Held:
 def _seen_from_all(
     base: Base, suspects: Suspects, held: Ints, least: float
 ) -> tuple[Ints, float, Beside, Base]:
-    """Those of an end that stand out in the scatter of all others, whatever it was judged by."""
+    """Held suspects that are significant in the scatter of all others, without the cap on it."""
     while True:
         wider, found = suspects.beside(base, held)
         variance = _variance(found, held, least)
@@ -214,7 +215,7 @@ def _seen_from_all(
 
 
 def _variance(found: Beside, held: Ints, least: float) -> float:
-    """Median of what suspects that are not held would add, over that of chi-square."""
+    """Median drop of the suspects that are not held, over that of chi-square."""
     there = found.rank > 0
     there[held] = False
     if not there.any():
@@ -224,14 +225,14 @@ def _variance(found: Beside, held: Ints, least: float) -> float:
 
 
 def _joining(found: Beside, suspects: Suspects, variance: float) -> Ints:
-    """In each block the suspect that stands out most, where chance does not explain it."""
+    """The most significant suspect of each block, where chance does not explain it."""
     tests = int((found.rank > 0).sum())
     p = tests * chance(found.drop, found.rank, variance, found.dof)
     return suspects.farthest(np.where(p < alarms.READING, found.drop, 0.0))
 
 
 def _each(base: Base, suspects: Suspects, held: Ints) -> tuple[Array, Array, Ints]:
-    """Size, drop and rank of each that is held beside all others."""
+    """Size, drop and rank of each held suspect given all others."""
     k = suspects.D.shape[3]
     if not len(held):
         return np.zeros((0, k)), np.zeros(0), np.zeros(0, np.int64)
@@ -244,12 +245,12 @@ def _each(base: Base, suspects: Suspects, held: Ints) -> tuple[Array, Array, Int
 
 
 def sizes(base: Base, suspects: Suspects, held: Ints) -> Array:
-    """Sizes of some suspects, estimated together beside a base, shape (m, k)."""
+    """Sizes of some suspects, estimated together with a base, shape (m, k)."""
     return _each(base, suspects, held)[0]
 
 
 def _staying(base: Base, suspects: Suspects, held: Ints, variance: float) -> Ints:
-    """Those that stand out beside all others; the least goes first."""
+    """Those that are significant given all others; the least significant is dropped first."""
     tests = len(suspects.blocks.index)
     while len(held):
         _, drop, rank = _each(base, suspects, held)
@@ -261,7 +262,7 @@ def _staying(base: Base, suspects: Suspects, held: Ints, variance: float) -> Int
 
 
 def _exchanged(base: Base, suspects: Suspects, held: Ints, variance: float) -> Ints:
-    """In each block those that are likeliest together, as many as are held there or fewer."""
+    """The likeliest set of each block, as large as what is held there or smaller."""
     for block in np.unique(suspects.blocks.index[held]):
         mine = suspects.blocks.index[held] == block
         others = np.setdiff1d(held, held[mine])
@@ -273,11 +274,11 @@ def _exchanged(base: Base, suspects: Suspects, held: Ints, variance: float) -> I
 
 
 def _likeliest(base: Base, suspects: Suspects, among: Ints, held: Ints, variance: float) -> Ints:
-    """Of a block's suspects those with the smallest loss; the ones that are held, if none is less.
+    """The suspects of a block with the smallest loss; those that are held, if none is smaller.
 
-    -T / v and the cost of each, T the drop of all of them together: all sets as large as what is
-    held or smaller, where they are no more than `_SETS`; else the same with one of them exchanged
-    or without it.
+    The loss is -T / v plus the cost of each, T the drop of the set. All sets as large as what is
+    held or smaller are compared, if they are no more than `_SETS`; otherwise those with one member
+    exchanged or dropped.
     """
     k = suspects.D.shape[3]
     found = base.beside_all(suspects.rows(base, among))
@@ -296,7 +297,7 @@ def _likeliest(base: Base, suspects: Suspects, among: Ints, held: Ints, variance
 
 
 def _sets(n: int, held: Ints) -> list[Ints]:
-    """Sets of n suspects that may stand in the place of those that are held, by their size."""
+    """Candidate sets of n suspects to replace those that are held, by their size."""
     sizes = range(1, len(held) + 1)
     if sum(comb(n, m) for m in sizes) <= _SETS:
         return [np.array(list(combinations(range(n), m))) for m in sizes]

@@ -1,10 +1,10 @@
-"""The noise of a measured pose where nobody states it: rotations err otherwise than positions.
+"""Unstated noise of a measured pose: rotations and positions have different noises.
 
 Position s and rotation L w of a pose are six coordinates in metres (`machine.six`), read by one
-instrument with two noises. Weighed alike, springs that rest on the noisier kind come out too sure.
-The ratio of the two is found by restricted likelihood, V = s_p^2 V_p + s_r^2 V_r + V_rest, from
-contrasts that no model of the robot can make, or from what the joint springs leave where these
-are too few.
+instrument with two noises. If both are weighted alike, springs that rest on the noisier kind get
+too small an uncertainty. The ratio of the two is estimated by restricted likelihood,
+V = s_p^2 V_p + s_r^2 V_r + V_rest, from contrasts that no model of the robot can produce, or from
+the residuals of the joint springs where these are too few.
 """
 
 from __future__ import annotations
@@ -27,22 +27,22 @@ from pipeline.system.system import Errors, System
 from pipeline.system.variance import UNTOLD
 
 _TURNED = "turned"
-"""Stands for the sources of `TRACKED` where they move a rotation."""
+"""Name of the sources `tracker` and `zero` where they act on a rotation."""
 
 _FEWEST = 24
-"""Fewer contrasts do not tell two noises: a dozen each, as one noise needs."""
+"""Minimum number of contrasts to resolve two noises: a dozen each, as one noise needs."""
 
 
 def apart(
     settings: Settings, cell: Cell, placed: pd.DataFrame, data: Measured, start: Array
 ) -> Measured:
-    """The measurements with rotations weighed by their own noise, in units of the positions'.
+    """The measurements with rotations weighted by their own noise, relative to that of positions.
 
     Args:
         settings: Names of the measured targets.
         cell: The joint springs.
-        placed: Table PLACED, for zeros that were read again.
-        data: Six coordinates of poses whose noise nobody states.
+        placed: Table PLACED, for repeated zeros.
+        data: Six coordinates of poses whose noise is not stated.
         start: First values of the compliances, shape (n,).
     """
     system, estimate = identify(cell, data, start)
@@ -62,7 +62,7 @@ def apart(
 
 
 def _by_kind(seen: Errors, errors: Errors, kind: Ints) -> Errors:
-    """Errors with sources of their own for rotations, by the rows that each moves most, (M,)."""
+    """Errors with separate sources for rotations, according to the row that each moves most."""
     row = np.asarray(abs(seen.G).argmax(axis=0)).ravel()
     turns = kind[row] == ROWS.index("rotation")
     mine = turns & np.isin(seen.source.astype(str), ("tracker", "zero"))
@@ -70,7 +70,7 @@ def _by_kind(seen: Errors, errors: Errors, kind: Ints) -> Errors:
 
 
 def _ratio(system: System) -> float | None:
-    """Noise of rotations over that of positions, None where the rows do not tell."""
+    """Noise of rotations over that of positions, None where the rows cannot resolve it."""
     if len(system.rows) - system.B.shape[1] < _FEWEST:
         return None
     columns = system.B * system.typical if system.B.shape[1] else system.B

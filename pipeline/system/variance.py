@@ -1,4 +1,4 @@
-"""Stage 6b. How large the noise is, from the data: variance components by restricted likelihood.
+"""Size of the noise from the data, variance components by restricted likelihood.
 
 V = sum_s scale_s^2 G_s G_s' + the rest as stated, shape (M, M) [m^2]; the scales minimise
 
@@ -40,23 +40,24 @@ _SCALED: Mapping[str, tuple[str, ...]] = {
 
 
 NAMES = {"tracker": "tracker_noise", "force_reading": "force_noise"}
-"""What the contract calls a component that is larger than stated."""
+"""Name in the contract of each component that is larger than stated."""
 
 
 UNTOLD = 0.5
-"""Above this relative standard uncertainty the data do not determine a scale."""
+"""Relative standard uncertainty of a scale above which the data do not determine it [1]."""
 
 
 _FAR = 10.0
-"""Stated noise is contradicted from below where readings scatter this many times less. Stating the
-MPE, or the expanded uncertainty, for the standard one makes 2 of it, the noise at the far end of
-the rail for that nearby another 2 or 3; units of length begin to differ here (cm and mm)."""
+"""Factor by which readings must scatter less than stated for the stated noise to be contradicted
+from below [1]. Stating the MPE, or the expanded uncertainty, for the standard one makes 2 of it,
+the noise at the far end of the rail for that nearby another 2 or 3; units of length begin to differ
+here (cm and mm)."""
 
 _LEAST_M = 1e-7
-"""Displacements that scatter less [m] are computed, not read: exports are rounded to as much."""
+"""Scatter below which displacements are computed, not read [m]: exports are rounded to as much."""
 
 _FEWEST = 12
-"""Fewer contrasts determine no component."""
+"""Minimum number of contrasts to determine any component."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -65,18 +66,18 @@ class Components(Locked):
 
     Attributes:
         name: `tracker`, `force_reading`, shape (n,).
-        scale: Factor on the stated standard uncertainty; 1 where the data cannot tell, shape (n,).
-        std: Relative standard uncertainty of `scale`; infinite where the data cannot tell, (n,).
+        scale: Factor on the stated standard uncertainty; 1 where undetermined, shape (n,).
+        std: Relative standard uncertainty of `scale`; infinite where undetermined, (n,).
         p_value: Probability of a scale this large or larger if the stated noise were true, (n,).
-        dof: Contrasts that were looked at.
+        dof: Degrees of freedom of the contrasts.
         stated: False when the campaign states no noise of the tracker; its scale then is in m.
         chi2: Weighted sum of squares of the contrasts of pulls, which are a part of the misfit of
-            every model, in the noise as it is used.
+            every model, with the noise as it is used.
         chi2_dof: Their number.
-        taken: The tracker's is used without being larger beyond chance: with the stated one the
-            model leaves more than chance does, with this one it does not.
+        taken: Whether the tracker's scale is used although it is not significantly larger: with the
+            stated noise the misfit of the model is significant, with this one it is not.
         p_smaller: Probability of a scale this small or smaller if the noise were a tenth of the
-            stated one (`_FAR`), shape (n,); empty where nobody asks.
+            stated one (`_FAR`), shape (n,); empty where not computed.
     """
 
     name: Strings
@@ -92,20 +93,20 @@ class Components(Locked):
 
     @property
     def smaller(self) -> Bools:
-        """Components that are far smaller than stated beyond chance, shape (n,)."""
+        """Components significantly smaller than the stated ones over `_FAR`, shape (n,)."""
         p = self.p_smaller if len(self.p_smaller) else np.ones(len(self.name))
         return np.asarray(p < alarms.COMPONENT)
 
     @property
     def larger(self) -> Bools:
-        """Components that are larger than stated beyond chance, shape (n,)."""
+        """Components that are significantly larger than stated, shape (n,)."""
         return self.p_value < alarms.COMPONENT
 
     @property
     def replaced(self) -> Bools:
-        """Components whose noise found takes the place of the stated or missing one, shape (n,).
+        """Components whose estimate replaces the stated or missing noise, shape (n,).
 
-        Stated noise that the data contradict, from above or from below, is as good as none.
+        Stated noise that the data contradict, from above or from below, is treated as none.
         """
         missing = (self.name == "tracker") & (not self.stated)
         taken = (self.name == "tracker") & self.taken
@@ -115,12 +116,12 @@ class Components(Locked):
 
     @property
     def used(self) -> bool:
-        """Whether any is."""
+        """Whether any component is replaced."""
         return bool(self.replaced.any())
 
     @property
     def left(self) -> tuple[float, float]:
-        """Scale of the tracker once what was found is used, and its relative uncertainty."""
+        """Scale of the tracker relative to the noise in use, and its relative uncertainty."""
         used = self.replaced[0] or not self.stated
         return (1.0 if used else float(self.scale[0])), float(self.std[0])
 
@@ -129,9 +130,9 @@ class Components(Locked):
         return float(self.scale[list(self.name).index(name)])
 
     def beside(self, family: Family) -> Components:
-        """The same with the tracker's that of the core of its noise, beside the tails of a family.
+        """The same, but the tracker's scale is that of the core, given the tails of a family.
 
-        A variance holds core and tails: of an excess that the tails explain nothing is left.
+        A variance includes core and tails: an excess that the tails explain is removed.
         """
         mine = self.name == "tracker"
         if not (mine & self.larger).any():
@@ -152,11 +153,12 @@ def variance_components(
 ) -> Components:
     """Scales of the noise components by restricted maximum likelihood.
 
-    Fixed effects are the columns of `design`; what is left is normal with V = sum s^2 G_s G_s' +
-    stated rest, the errors common to all poses among it. For an answer that no wrong model of the
-    robot can spoil, give the system of `pure_error`; for residuals of a model, the campaign's own.
-    The standard uncertainties are the larger of the information's and of the scatter from pose to
-    pose, so that tails longer than normal do not make them too small.
+    Fixed effects are the columns of `design`; the residual is normal with
+    V = sum s^2 G_s G_s' + stated rest, including the errors common to all poses. For an answer that
+    no wrong model of the robot can spoil, give the system of `pure_error`; for residuals of a
+    model, the campaign's own. The standard uncertainties are the larger of those from the
+    information and from the scatter between poses, so that tails longer than normal do not make
+    them too small.
 
     Args:
         system: c, and its errors by source.
@@ -198,7 +200,7 @@ def _components(
 
 
 def _stated_m(system: System, sources: Sequence[str]) -> float:
-    """What sources of error are stated to move a displacement by, rms [m]."""
+    """Displacement caused by sources of error as stated, rms [m]."""
     G = system.errors.G[:, np.isin(system.errors.source.astype(str), sources)]
     return float(np.sqrt(G.power(2).sum() / max(G.shape[0], 1)))
 
@@ -209,10 +211,10 @@ def _told(system: System, sources: Sequence[str]) -> bool:
 
 
 def rescaled(data: Measured, found: Components) -> Measured:
-    """The same measurements with the noise that was found wherever it is larger than stated.
+    """The same measurements with the noise that was found where it replaces the stated one.
 
-    A tracker noisier than stated also placed the base frame worse, unless the scatter of the base
-    reflectors themselves already states how well that is placed.
+    A tracker noisier than stated also registered the base frame less well, unless the uncertainty
+    of the registration already comes from the scatter of the base reflectors.
     """
     used = found.replaced | ~np.array([found.stated, True])
     factor = np.where(used, found.scale, 1.0)
@@ -228,11 +230,11 @@ def rescaled(data: Measured, found: Components) -> Measured:
 
 
 def resting_on(estimate: Estimate, found: Components) -> Estimate:
-    """The estimate whose noise is itself estimated: Student's quantile, and the test of misfit.
+    """The estimate with a noise that is itself estimated: Student's quantile and test of misfit.
 
-    The noise was made to fit the contrasts, so they cannot speak for the model: what chi2 holds
-    beside them is compared with them, see `Goodness.beyond`. nu = (u(scale) / scale)^-2 / 2 is that
-    of Student's t, too (GUM, JCGM 100:2008, Eq. (G.3)); of several scales the least certain counts.
+    The noise was fitted to the contrasts, so they cannot test the model: the rest of chi2 is
+    compared with them, see `Goodness.beyond`. nu = (u(scale) / scale)^-2 / 2 is also that of
+    Student's t (GUM, JCGM 100:2008, Eq. (G.3)); of several scales the least certain counts.
     """
     nu = 0.5 / float(np.max(found.std[found.replaced])) ** 2
     part = found.chi2, found.chi2_dof
@@ -245,11 +247,11 @@ def resting_on(estimate: Estimate, found: Components) -> Estimate:
 
 
 def at_most(p: float, odds: float = 1.0) -> float:
-    """The largest probability that a p-value leaves to what contradicts the null, at prior odds.
+    """Upper bound, given a p-value and prior odds, of the probability of what contradicts the null.
 
-    No alternative makes the null less likely than -e p ln p against one (Sellke, Bayarri and
+    No alternative makes the null less likely than -e p ln p relative to it (Sellke, Bayarri and
     Berger, American Statistician 55, 2001), so P = o / (o - e p ln p) for p < 1/e and odds o: at
-    even ones 0.95 where p is 0.003, and a half where p says nothing.
+    even odds 0.95 where p is 0.003, and a half where p says nothing.
     """
     against = 1.0 if p >= np.exp(-1) else -np.e * special.xlogy(p, p)
     return float(odds / (odds + against))
@@ -273,12 +275,12 @@ def noise(
 
 
 def _with_scale(found: Components, system: System, estimate: Estimate) -> Components:
-    """With the scale's scatter from residuals, where contrasts leave it open and it is far smaller.
+    """Add the scale's scatter from residuals, if contrasts cannot resolve it and it is far smaller.
 
-    A wrong model makes residuals larger, never smaller: they can contradict what is stated from
-    below, and from above only contrasts can. With L the loss of `restricted.Blocks` at the log
-    scale t, p = P[chi2(1) > L(-log FAR) - min L] / 2; the scale that is used is the largest with
-    L - min L within the 95 % of chi2(1), since none but an upper limit may be told.
+    A wrong model makes residuals larger, never smaller: they can contradict the stated noise from
+    below, only contrasts can from above. With L the loss of `restricted.PaddedRows` at the log
+    scale t, p = P[chi2(1) > L(-log FAR) - min L] / 2; the scale used is the largest with L - min L
+    within the 95 % of chi2(1), since only an upper limit may be given.
     """
     k = list(found.name).index("force_reading")
     stated_m = _stated_m(system, _SCALED["force_reading"])
@@ -303,7 +305,7 @@ def _with_scale(found: Components, system: System, estimate: Estimate) -> Compon
 
 
 _LOWER = -np.log(_FAR) * np.linspace(1.0, 6.0, 61)
-"""Log scales that are tried, from a tenth to a millionth of the stated noise."""
+"""Trial log scales, from a tenth to a millionth of the stated noise."""
 
 
 def _of_pulls(pure: System, found: Components) -> dict[str, Any]:

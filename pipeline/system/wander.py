@@ -1,16 +1,17 @@
-"""The slow wander of the instrument: common to all targets, as large in three axes, in time.
+"""Slow wander of the instrument: correlated in time, common to all targets, equal in three axes.
 
-w(t) is an Ornstein-Uhlenbeck process of unit variance, E[w(t) w(t')] = rho(t - t') =
-exp(-|t - t'| / tau). A displacement, read at t and measured from zeros read at z_1 .. z_n, feels
-w(t) - mean w(z_k), so that within a pose
+w(t) is an Ornstein-Uhlenbeck process of unit variance,
+E[w(t) w(t')] = rho(t - t') = exp(-|t - t'| / tau). A displacement, read at t and measured from
+zeros read at z_1 .. z_n, contains w(t) - mean w(z_k), so that within a pose
 
     K_ij = rho(t_i - t_j) - mean_k rho(t_i - z_k) - mean_k rho(t_j - z_k) + mean_kl rho(z_k - z_l);
 
-poses share too little of it to matter. w is a shift of the instrument, the same wherever a target
-is, or its turn, as of a stand that tilts or a beam that the air bends: a target at p from it then
-moves by w x p, more the farther it is. Which of both, and how large it is, nobody knows: V has its
-posterior mean over ways, sizes and times (Uhlenbeck and Ornstein, Physical Review 36, 1930;
-Kermarrec et al., Sensors 19, 2019, for noise of laser instruments that is correlated in time).
+correlation between poses is too small to matter. w is a shift of the instrument, the same wherever
+a target is, or its rotation, as of a stand that tilts or a beam that the air bends: a target at p
+from it then moves by w x p, more the farther it is. Which of the two, and how large it is, is
+unknown: V has its posterior mean over ways, sizes and times (Uhlenbeck and Ornstein, Physical
+Review 36, 1930; Kermarrec et al., Sensors 19, 2019, for noise of laser instruments that is
+correlated in time).
 """
 
 from __future__ import annotations
@@ -29,33 +30,35 @@ from pipeline.system import alarms
 from pipeline.system.beyond import Beyond
 
 TIMES_S = (300.0, 1200.0, 4800.0)
-"""Correlation times that are tried [s]: from the length of a pose to that of a campaign; longer
-ones are a random walk within a pose."""
+"""Trial correlation times [s]: from the length of a pose to that of a campaign; longer ones are a
+random walk within a pose."""
 
 SIZES = (0.2, 0.35, 0.6, 1.0, 1.8, 3.2, 6.0, 12.0)
-"""What the wander adds to a displacement, rms, over the standard uncertainty of a reading per
-axis."""
+"""Trial sizes of the wander: its effect on a displacement, rms, over the standard uncertainty of a
+reading per axis [1]."""
 
 _NONE = 0.5
-"""Probability of no wander before the data."""
+"""Prior probability of no wander [1]."""
 
 _BEFORE = np.log(np.append(_NONE, np.full(len(SIZES), (1 - _NONE) / len(SIZES))))
-"""That of no wander and of each size; its logarithm."""
+"""Log of the prior probability of no wander and of each size."""
 
 
 @dataclass(frozen=True, eq=False)
 class Wander(Locked):
-    """What the rows show of a wander.
+    """Estimate of the wander from the rows.
 
     Attributes:
         factor: F_p with F_p F_p' its covariance in the displacements of each pose, all ways, sizes
             and times together [m], shape (d, 3, k).
-        size: Standard deviation that it adds to a displacement, mean over the posterior [m].
+        size: Standard deviation that it adds to a displacement, root of the posterior mean
+            square [m].
         std: Its standard uncertainty [m].
         time_s: Likeliest correlation time [s].
-        p_value: Probability of so much by chance.
-        probability: That there is any.
-        process: Variance of the shift [m^2] and of the turn [rad^2] for each of `TIMES_S`, (2, t).
+        p_value: Probability of a wander this large by chance.
+        probability: Posterior probability that there is any.
+        process: Variance of the shift [m^2] and of the rotation [rad^2] for each of `TIMES_S`,
+            (2, t).
         unit: Standard uncertainty of a reading per axis, root mean square [m].
     """
 
@@ -79,7 +82,7 @@ class Wander(Locked):
 
         Args:
             times: When they were made [s], shape (n,).
-            levers: Where from the instrument, axes of F_b [m], shape (n, 3).
+            levers: Positions relative to the instrument, axes of F_b [m], shape (n, 3).
         """
         apart = np.abs(times[:, None] - times)
         ways = np.tile(np.eye(3), (len(times), 1, 1)), linear.turning(levers)
@@ -92,7 +95,7 @@ class Wander(Locked):
 
 
 def _along(ways: Array, factor: Array) -> Array:
-    """Rows (n, 3, 3 k) of what moves them along three `ways` (n, 3, 3), each by a factor (n, k)."""
+    """Rows (n, 3, 3 k) of motions along three `ways` (n, 3, 3), each with the factor (n, k)."""
     return np.einsum("nia,nk->niak", ways, factor).reshape(len(ways), 3, -1)
 
 
@@ -101,9 +104,9 @@ def _unit(data: Measured) -> float:
 
 
 def kernel(data: Measured, time_s: float) -> tuple[Array, float]:
-    """K of all poses as factors by pull with mean square one, shape (m, k), and what it was.
+    """Factors by pull of K of all poses, mean square one, (m, k), and the mean square removed.
 
-    Zero without times.
+    Zero where times are missing.
     """
     pose = np.unique(data.pulls.pose, return_inverse=True)[1]
     out = np.zeros((len(pose), int(np.bincount(pose).max())))
@@ -122,11 +125,11 @@ def kernel(data: Measured, time_s: float) -> tuple[Array, float]:
 
 
 def restless(data: Measured, moves: Array, time_s: float) -> Array:
-    """What joints do whose compliance is another in each pull, rows of mean square one, (d, 3, j).
+    """Effect of joints whose compliance varies between pulls, rows of mean square one, (d, 3, j).
 
-    Every compliance varies by a like part of itself, alike within some time: K of a pose is
-    sum_j b_j b_j' rho, with b_j what joint j adds to a row under its pull. A wander moves all
-    targets by as much under any pull; this follows the torques.
+    Every compliance varies by the same fraction of itself, correlated in time: K of a pose is
+    sum_j b_j b_j' rho, with b_j the contribution of joint j to a row under its pull. A wander moves
+    all targets equally under any pull; this follows the torques.
 
     Args:
         data: The measurements.
@@ -148,25 +151,26 @@ def restless(data: Measured, moves: Array, time_s: float) -> Array:
 
 
 def wander(data: Measured, beyond: Beyond, told: bool = True, moves: Array | None = None) -> Wander:
-    """How much of it the rows show, by restricted likelihood over `SIZES` and `TIMES_S`.
+    """Estimate the wander by restricted likelihood over `SIZES` and `TIMES_S`.
 
     With W = L^-1 K L^-T of each pose, rotated to diag(w), and a the size:
 
         L(a) = sum log(1 + a^2 w) + log|N| + sum y^2 / (1 + a^2 w) - g' N^-1 g,
 
     N = X' D X + prior, g = X' D y, D = diag(1 / (1 + a^2 w)). p is that of the likelihood ratio
-    with two degrees of freedom, half of it as the size is at its bound under the null.
+    with two degrees of freedom, halved as the size is at its bound under the null, and multiplied
+    by the number of ways.
 
-    What wanders along one axis only is no instrument, and none is found. Joints that are `restless`
-    compete with it, all sizes and times together, at the odds of what has no name: what is theirs
-    of the probability is taken from the wander's.
+    A wander along one axis only is not of the instrument, and none is returned. Joints that are
+    `restless` compete with it, all sizes and times together, at the prior odds of nameless effects:
+    their probability is taken from that of the wander.
 
     Args:
         data: The measurements.
-        beyond: Their rows beside a model.
-        told: Whether there are enough of them; else nothing is looked for.
-        moves: Columns of the springs in their typical sizes, shape (M, n); nothing competes when
-            not given.
+        beyond: Their rows relative to a model.
+        told: Whether there are enough of them; if not, none is returned.
+        moves: Columns of the springs in their typical sizes, shape (M, n); without them nothing
+            competes.
     """
     unit = _unit(data)
     kernels = [kernel(data, time_s) for time_s in TIMES_S]
@@ -202,20 +206,20 @@ def wander(data: Measured, beyond: Beyond, told: bool = True, moves: Array | Non
 
 
 def _each_felt(data: Measured, ways: Sequence[Array], factors: Array) -> tuple[list[Array], Array]:
-    """What rows feel of each way and time, and its mean square."""
+    """Effect of each way and time on the rows, and its mean square."""
     found = [_felt(data, way, one) for way in ways for one in factors]
     return [one for one, _ in found], np.array([size for _, size in found])
 
 
 def _every_way(data: Measured, ways: Sequence[Array], share: Array, factors: Array) -> Array:
-    """Factor of a wander whose variance each way has these shares by time, shape (M, k)."""
+    """Factor of a wander with these shares of variance by way and time, shape (d, 3, k)."""
     whole = (_together(data, one, factors) for one in share)
     each = [_shifted(data, *one) for one in zip(ways, whole, strict=True)]
     return np.concatenate(each, axis=2)
 
 
 def _ways(data: Measured) -> list[Array]:
-    """How a unit of it moves each displacement: a shift, and a turn where places are known."""
+    """Displacement per unit of shift and, if the positions are known, of rotation, (d, 3, 3)."""
     shift = np.tile(np.eye(3), (len(data.pull), 1, 1))
     if data.tracker is None or not np.isfinite(data.unloaded).all():
         return [shift]
@@ -228,7 +232,7 @@ def _shifted(data: Measured, way: Array, factor: Array) -> Array:
 
 
 def _felt(data: Measured, way: Array, factor: Array) -> tuple[Array, float]:
-    """The same with mean square one per axis, and what that was."""
+    """The same scaled to mean square one per axis, and the mean square removed."""
     rows = _shifted(data, way, factor)
     mean = max(float(np.sum(rows**2)) / (3 * len(rows)), linear.TINY)
     return rows / np.sqrt(mean), mean
@@ -245,10 +249,11 @@ def _together(data: Measured, share: Array, factors: Array) -> Array:
 
 
 def _likely(losses: Array) -> tuple[Array, float]:
-    """Posterior weights of times and sizes, none among these, and p of the likelihood ratio.
+    """Posterior weights of times and sizes, including none, and p of the likelihood ratio.
 
     Args:
-        losses: -2 L of each way and time and of no wander and `SIZES`, shape (k, 1 + sizes).
+        losses: -2 log likelihood of each way and time (rows) for no wander and each of `SIZES`,
+            shape (k, 1 + sizes).
     """
     ratio = np.maximum(losses[:, 0, None] - losses, -700.0)  # 2 (L_a - L_0)
     weight = np.asarray(special.softmax(0.5 * ratio + _BEFORE))
@@ -258,7 +263,7 @@ def _likely(losses: Array) -> tuple[Array, float]:
 def _not_joints(
     data: Measured, beyond: Beyond, moves: Array | None, losses: Array, weight: Array
 ) -> float:
-    """Probability of a wander or of nothing against joints that are `restless`; 1 of nothing."""
+    """Probability of a wander or of nothing against `restless` joints; 1 where nothing competes."""
     if moves is None or weight[:, 1:].sum() <= _NONE:
         return 1.0
     others = [_unit(data) * restless(data, moves, time_s) for time_s in TIMES_S]
@@ -269,9 +274,9 @@ def _not_joints(
 
 
 def _along_one_axis(beyond: Beyond, factor: Array, size: float) -> bool:
-    """Whether one axis of F_b fits better than three alike, and as well as sizes of their own.
+    """Whether one axis of F_b fits better than three equal ones, and as well as individual sizes.
 
-    By chi2(2), each; sizes are put where the likelihood is largest one after the other, twice.
+    Tested by chi2(2) each; the sizes are optimised one after the other, twice.
     """
 
     def loss(one: Array) -> float:

@@ -1,4 +1,4 @@
-"""From c = B x + G e to rows with unit, uncorrelated errors: the whole covariance, pose by pose."""
+"""Whitening of c = B x + G e to rows with unit, uncorrelated errors, with the full covariance."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class Whitener(Locked):
         V^-1/2 = (I - U diag(1 - 1 / sqrt(1 + S^2)) U') L^-1.
 
     Attributes:
-        blocks: Rows by pose, s of the largest.
+        blocks: Rows by pose, at most s each.
         inverse: Inverse Cholesky factor of each block, padded with ones, shape (p, s, s).
         common: The common errors after whitening by pose, A, shape (M, r).
     """
@@ -38,7 +38,7 @@ class Whitener(Locked):
     def _along(self) -> tuple[Array, Array]:
         """U, orthonormal columns that span A, (M, r), and 1 - 1 / sqrt(1 + S^2) along each, (r,).
 
-        Few ask for them: rows with priors need no square root of the whole.
+        Computed on demand: rows with priors do not need the square root of the whole.
         """
         axes, size, _ = np.linalg.svd(self.common, full_matrices=False)
         return axes, 1 - 1 / np.sqrt(1 + size**2)
@@ -64,10 +64,10 @@ class Whitener(Locked):
         return np.concatenate([self.blocks.index, np.full(self.common.shape[1], len(self.inverse))])
 
     def with_priors(self, rows: Array) -> Array:
-        """Rows (M,) or (M, any) whitened by pose, and below them one of zeros per common error.
+        """Rows (M,) or (M, any) whitened by pose, followed by a row of zeros per common error.
 
         Common errors a ~ N(0, I) are columns [A; I]: with a prior row for each of them, least
-        squares weighs with the whole V.
+        squares weights with the whole V.
         """
         below = np.zeros((self.common.shape[1], *rows.shape[1:]))
         return np.concatenate([self.by_pose(rows), below])
@@ -78,12 +78,12 @@ class Whitener(Locked):
         return np.vstack([self.common, np.eye(self.common.shape[1])])
 
     def base(self, columns: Array, y: Array) -> Base:
-        """Columns (M, k) and common errors with their priors, beside which suspects stand."""
+        """Base of columns (M, k) and common errors with their priors."""
         X = np.hstack([self.with_priors(columns), self.columns])
         return Base.of(X, self.with_priors(y), self.key)
 
     def own_base(self, columns: Array, y: Array) -> Base:
-        """Columns (M, k) that each pose has to itself; of common errors no pose knows enough."""
+        """Base of columns (M, k) with separate coefficients per pose, without common errors."""
         return Base.of(self.by_pose(columns), self.by_pose(y), self.blocks.index, own=True)
 
 

@@ -2,7 +2,7 @@
 
 All questions (is something missing, what, how much, what would another pose add) are then sums of
 squares, computed from one matrix of products, columns [springs | common errors | suspects | c], and
-from its part of each pose.
+from the contribution of each pose to it.
 """
 
 from __future__ import annotations
@@ -28,11 +28,11 @@ from pipeline.system.system import Errors, Rows
 from pipeline.system.whiten import Whitener, whitener
 
 _FEWEST = 10
-"""Degrees of freedom from which a scatter is known well enough to test against it."""
+"""Minimum degrees of freedom of a scatter to test against it."""
 
 _LOOSE = 0.05
-"""How far a law may be off in one pull alone, as a fraction of what it moves; the rest of its
-tolerance applies to all pulls together."""
+"""Maximum error of a law in one pull alone, as a fraction of the displacement it causes [1]; the
+rest of its tolerance applies to all pulls together."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -44,20 +44,20 @@ class Whitened(Locked):
         suspects: All causes that are tested, accepted ones included.
         owner: Index of the suspect of each suspect column, shape (K,).
         typical: Typical size of each column's parameter: springs, common (1), suspects.
-        rows: What each row of the campaign is.
-        raw: Columns [springs | suspects | c] before whitening [m], c linearised at the model,
-            shape (M, k + K + 1).
+        rows: Identity of each row of the campaign.
+        raw: Columns [springs | suspects | c] before whitening [m], c linearised at the model, shape
+            (M, k + K + 1).
         A: [springs | common | suspects | c] in typical sizes, whitened by pose, with one row per
-            common error below (its prior), shape (M + r, W). Least squares on these rows weighs
+            common error below (its prior), shape (M + r, W). Least squares on these rows weights
             with the whole V: common errors a ~ N(0, I) are columns with a prior row of their own.
         pose: Index of the pose of each row of A, -1 for priors, shape (M + r,).
         M: A'A, shape (W, W).
         springs: Number of spring columns.
         common: Number of columns of common errors.
         spread: Standard uncertainty of each row of c [m], shape (M,).
-        noise: Standard uncertainties are this many times the stated ones.
-        least: Mean square below which residuals say nothing of the noise: rounding, or what
-            weights have taken from them.
+        noise: Factor on the stated standard uncertainties.
+        least: Lower limit of the residual mean square: below it residuals are rounding, or were
+            reduced by reweighting.
         seen: The linearised campaign.
         white: Its whitener.
     """
@@ -85,7 +85,7 @@ class Whitened(Locked):
 
     @property
     def scatter(self) -> float:
-        """Sum of squares [1] that no rigid motion of the effector can make."""
+        """Residual sum of squares after all rigid motions of the effector are estimated [1]."""
         return self._rigid.square / self.noise**2
 
     @property
@@ -100,15 +100,15 @@ class Whitened(Locked):
 
     @property
     def soft_p(self) -> float:
-        """Probability of what the reflectors move against each other in proportion to the load.
+        """p-value of the motion of reflectors against each other in proportion to the load.
 
-        If that were scatter; 1 where no degrees of freedom are left for the test.
+        1 where no degrees of freedom are left for the test.
         """
         return self._rigid.soft_p
 
     @cached_property
     def free(self) -> Base:
-        """Six rigid motions of each pose in proportion to the force, a free stiffness of each."""
+        """Six rigid motions of each pose proportional to the force: a free stiffness of each."""
         size = np.linalg.norm(self.seen.data.pulls.force, axis=1)[self.rows.pull, None]
         return self.white.own_base(self.seen.motions * size, self.seen.y)
 
@@ -133,19 +133,20 @@ class Whitened(Locked):
 
     @cached_property
     def rows_left(self) -> int:
-        """Rows minus what the springs take up: priors of common errors pay for themselves."""
+        """Rows minus rank of the springs; common errors bring a prior row each."""
         return len(self.rows) - _taken(self)
 
     def beside(
         self, base: Ints, M: Array | None = None, fewer: int = 0, among: Ints | None = None
     ) -> Scores:
-        """Every suspect beside a base.
+        """Every suspect tested in addition to a base.
 
         Args:
             base: Columns of A that are estimated in any case.
             M: Products to use instead of the whole campaign's.
-            fewer: Rows that are missing in them.
-            among: Columns of each suspect, -1 for none, shape (n, k); those of `at` when not given.
+            fewer: Number of rows missing in them.
+            among: Columns of each suspect, padded with -1, shape (n, k); those of `at` when not
+                given.
         """
         dof = self.dof(base) - fewer
         at = self.at if among is None else among
@@ -158,14 +159,14 @@ class Whitened(Locked):
 
     @cached_property
     def at(self) -> Ints:
-        """Columns of each suspect, -1 where it has fewer, shape (n, k)."""
+        """Columns of each suspect, padded with -1, shape (n, k)."""
         first = np.searchsorted(self.owner, np.arange(len(self.suspects) + 1))  # one by one
         every = self.first + np.arange(len(self.owner))
         return padded([every[a:b] for a, b in itertools.pairwise(first.tolist())])
 
     @cached_property
     def bounds(self) -> Array:
-        """What physics allows of each of these columns, in typical sizes, shape (2, n, k)."""
+        """Physical bounds of each of these columns, in typical sizes, shape (2, n, k)."""
         out = np.stack([np.full(self.at.shape, -np.inf), np.full(self.at.shape, np.inf)])
         for i, effect in enumerate(self.suspects):
             for k, p in enumerate(effect.parameters):
@@ -180,18 +181,18 @@ class Whitened(Locked):
         return left_out(self.A[:, base], self.A[:, -1], self.pose, rows, self.raw[:, -1])[0]
 
     def predicted(self, base: Ints, M: Array, rows: Bools) -> Array:
-        """What a base estimated from products M predicts of some rows of c [m]."""
+        """Prediction of some rows of c [m] by a base estimated from products M."""
         kept, raw = self._raw(base)
         x = coefficients(M, base) * self.typical[base]
         return np.asarray(self.raw[np.ix_(rows, raw)] @ x[kept])
 
     def _raw(self, base: Ints) -> tuple[Bools, Ints]:
-        """Which columns of A move a prediction, as common errors do not, and those of `raw`."""
+        """Base columns that contribute to a prediction, not common errors, and those of `raw`."""
         kept = (base < self.springs) | (base >= self.first)
         return kept, np.where(base < self.springs, base, base - self.common)[kept]
 
     def dof(self, base: Ints) -> int:
-        """Degrees of freedom that a base leaves."""
+        """Residual degrees of freedom of a base."""
         return self.rows_left - (len(base) - self.first)
 
     def without(self, pose: int) -> Array:
@@ -210,10 +211,10 @@ def whiten(
 
     Args:
         seen: The campaign linearised at a model.
-        noise: Standard uncertainties are this many times the stated ones.
-        force_noise: The scale's readings scatter this many times more than the tracker's do.
-        doubt: Accepted suspects whose law is known to a fraction only: what they move in each
-            pull is uncertain by that fraction.
+        noise: Factor on the stated standard uncertainties.
+        force_noise: Factor on the scatter of the scale's readings, relative to the tracker's.
+        doubt: Accepted suspects whose law is known to a fraction only: their effect in each pull is
+            uncertain by that fraction.
     """
     errors = _widened(seen, doubt, force_noise)
     white = whitener(errors, seen.rows.pose)
@@ -246,9 +247,9 @@ def with_laws(seen: Linearised, errors: Errors, doubt: Sequence[tuple[int, float
 
 
 def _kin(seen: Linearised, accepted: int, fraction: float) -> Array:
-    """Other laws of the same gear, each moving a fraction of what the accepted one moves, (M, j).
+    """Alternative laws of the same element, each a fraction of the accepted one's effect, (M, j).
 
-    Column k is fraction |Z_a z_a| / |Z_k| Z_k [m], Z_a z_a what the accepted one moves.
+    Column k is fraction |Z_a z_a| / |Z_k| Z_k [m], Z_a z_a the effect of the accepted one.
 
     The shape of a law is known to that fraction only, and all pulls deviate together.
     """
@@ -270,7 +271,7 @@ def _kin(seen: Linearised, accepted: int, fraction: float) -> Array:
 
 
 def _widened(seen: Linearised, doubt: Sequence[tuple[int, float]], force_noise: float) -> Errors:
-    """The errors with the doubt about accepted laws: one error per pull along what they move."""
+    """Errors including the doubt about accepted laws: one error per pull along their effect."""
     errors, rows, Z = seen.errors, seen.rows, seen.Z
     model, suspects = seen.model, seen.suspects
     G, source, common = errors.G, errors.source, errors.common
@@ -330,7 +331,7 @@ class _Rigid:
     Attributes:
         square: Its sum of squares, in units of the stated variance.
         dof: Its degrees of freedom; 0 where there are too few.
-        soft_p: Probability of what moves single reflectors by the load, if it were scatter.
+        soft_p: p-value of motions of single reflectors in proportion to the load.
     """
 
     square: float = 0.0
@@ -339,11 +340,12 @@ class _Rigid:
 
 
 def _rigid(seen: Linearised, white: Whitener) -> _Rigid:
-    """Rows beside six rigid motions of the effector to each pull, and what the load moves there.
+    """Residual of six rigid motions of the effector per pull; its part proportional to the load.
 
     The effector is stiff: whatever happens to arm, rail, force or tracker, its reflectors keep
-    their distances. What changes them is the scatter of the readings alone; or, in proportion to
-    the load, a loose nest or a soft effector, and then that is no scatter.
+    their distances. Changes of these are scatter of the readings alone, unless they are
+    proportional to the load (a loose nest or a soft effector), in which case they are excluded from
+    the scatter.
     """
     place = _place_in_pose(seen.rows)
     wide = np.zeros((len(place), 6 * (place.max() + 1)))
@@ -362,7 +364,7 @@ def _rigid(seen: Linearised, white: Whitener) -> _Rigid:
 
 
 def _loose(seen: Linearised) -> Array:
-    """Each reflector by itself, along each axis of F_b and of the tool, by the load, (M, 6 t)."""
+    """Motion of each reflector along each axis of F_b and of the tool per kN of load, (M, 6 t)."""
     data, rows = seen.data, seen.rows
     axes = load(seen.model.cell, data.pulls, seen.model.values).configuration.flange_axes
     size = np.linalg.norm(data.pulls.force, axis=1)[rows.pull] / 1000.0
@@ -387,10 +389,10 @@ def _taken(view: Whitened) -> int:
 
 
 def by_pose_drop(view: Whitened, base: Ints) -> tuple[float, int]:
-    """Sum of squares that a free stiffness of each pose takes out of the base's residual; dof.
+    """Drop of the base's residual sum of squares by a free stiffness of each pose; dof.
 
-    |r|^2 - |P r|^2 with r = y - A_base b whitened and P orthogonal to `free`; the rank of these
-    columns minus springs and accepted causes are its degrees of freedom.
+    |r|^2 - |P r|^2 with r = y - A_base b whitened and P orthogonal to `free`; the degrees of
+    freedom are the rank of these columns minus springs and accepted causes.
     """
     rows = len(view.rows)
     residual = view.A[:rows, -1] - view.A[:rows, base] @ coefficients(view.M, base)

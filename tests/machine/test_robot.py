@@ -301,6 +301,8 @@ def test_a_robot_that_does_not_ship_is_refused_by_name():
         (("lower_deg = -120.0", "stiffness_range_nm_per_rad = [2e5, 1e5]"), "theta6: the range"),
         (("payload_kg = 480", "payload_kg = 0"), "payload_kg"),
         (("payload_kg = 480", "flange = { rpy_deg = [0, 0] }"), "flange.rpy_deg"),
+        (("offset_deg = [0, 0, 0,", "offset_deg = [5, 0, 0,"), "has 5 for r1, which is prismatic"),
+        (("offset_deg = [0, 0, 0,", "offset_deg = [0,"), "5 values, not 7"),
     ],
 )
 def test_a_wrong_robot_file_is_refused_with_the_place(change, says):

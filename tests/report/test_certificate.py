@@ -13,11 +13,9 @@ import report_sample
 from pdf_text import pages_of
 
 from pipeline.annex.figures.heldout import judged
-from pipeline.answer.contract import About, Amplitude, Cause, Line, Reason
-from pipeline.answer.nouns import amount, noun
+from pipeline.answer.amounts import amount
+from pipeline.answer.contract import About, Amplitude, Line, Reason
 from pipeline.answer.words import DO
-from pipeline.machine.effects import catalogue
-from pipeline.machine.robot import SHIPPED, load
 from pipeline.report.certificate import certificate, digest, found, to_do
 from pipeline.report.figures.catalogue import draw
 from pipeline.report.figures.certificate import arm_of
@@ -204,21 +202,6 @@ def test_models_are_judged_at_poses_that_took_no_part(sample):
     (dot,) = models[0].poses.query("pose == 3")["mm"]
     assert dot == pytest.approx(1e3 * np.sqrt(np.mean(off**2)))
     assert models[2].mm == answer.validation.held_out_rms_mm
-
-
-@pytest.mark.parametrize("robot", SHIPPED)
-def test_every_parameter_has_a_noun(robot):
-    """No parameter of any cause is told by the name of a variable."""
-    for effect in catalogue(load(robot)):
-        for one in effect.parameters:
-            cause = Cause(
-                name=effect.name, where=effect.where, axis=effect.axis, probability=1.0,
-                parameters=(), p_value=None, rivals=(), gain=None,
-            )  # fmt: skip
-            said = noun(cause, one.name)
-            assert said != "size", (effect.label, one.name)
-            assert "{" not in said
-            assert one.name not in said
 
 
 @pytest.mark.parametrize(

@@ -1,4 +1,4 @@
-"""The catalogue of physics: one file per effect or for effects of one law, one line each below."""
+"""The catalogue of physical effects: one file per effect or family of effects, listed below."""
 
 from collections.abc import Callable, Sequence
 from dataclasses import replace
@@ -55,7 +55,7 @@ CATALOGUE: tuple[Callable[[Robot], tuple[Effect, ...]], ...] = (
     load_point_offset.effects,
     noise.effects,
 )
-"""What the paper's model does not know; each entry gives an effect for every place it can act."""
+"""Effects that the paper's model omits; each entry returns one effect per possible place."""
 
 
 def catalogue(robot: Robot, pulls: Pulls | None = None) -> tuple[Effect, ...]:
@@ -63,8 +63,8 @@ def catalogue(robot: Robot, pulls: Pulls | None = None) -> tuple[Effect, ...]:
 
     Args:
         robot: The robot.
-        pulls: The loads of a campaign, which leave out what cannot act on any of them; all kinds
-            when not given.
+        pulls: Loads of a campaign; effects that act on none of them are left out. By default all
+            kinds of load are assumed.
     """
     names = axes.alone(robot)
     every = (_named(effect, names) for entry in CATALOGUE for effect in entry(robot))
@@ -74,7 +74,7 @@ def catalogue(robot: Robot, pulls: Pulls | None = None) -> tuple[Effect, ...]:
 
 
 def _named(effect: Effect, names: Sequence[str | None]) -> Effect:
-    """The effect with the controller's name of its joint."""
+    """The effect with the controller's name of its joint, if it acts at a joint."""
     if not isinstance(effect.where, int):
         return effect
     return replace(effect, axis=names[effect.where - 1])

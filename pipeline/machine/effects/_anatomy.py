@@ -1,4 +1,4 @@
-"""Which joint is the rail, the shoulder, the wrist: what a cause needs to know of a robot."""
+"""Anatomy of a robot as needed by the effects: rail, shoulder, elbow, wrist."""
 
 from __future__ import annotations
 
@@ -8,7 +8,6 @@ from functools import lru_cache
 import numpy as np
 
 from pipeline.base.arrays import Array
-from pipeline.base.strict import STANDARD_GRAVITY
 from pipeline.machine.effect import Loaded
 from pipeline.machine.robot import Configuration, Robot
 from pipeline.machine.robot.weight import gravity_torque
@@ -18,7 +17,7 @@ _RATED_TWIST_RAD = 1e-3
 
 
 def rail(robot: Robot) -> bool:
-    """True when the first joint slides."""
+    """True if the first joint is prismatic."""
     return robot.joints[0].prismatic
 
 
@@ -28,9 +27,9 @@ def turning(robot: Robot) -> tuple[int, ...]:
 
 
 def arm(robot: Robot) -> tuple[int, int, int] | None:
-    """Numbers of shoulder, elbow and the joint whose frame sits in the wrist centre.
+    """Numbers of the shoulder, the elbow and the joint whose frame sits at the wrist centre.
 
-    They are the second, third and fifth revolute joint of a six-axis arm; None for other robots.
+    These are the second, third and fifth revolute joint of a six-axis arm; None for other robots.
     """
     numbers = turning(robot)
     return (numbers[1], numbers[2], numbers[4]) if len(numbers) == 6 else None
@@ -42,22 +41,18 @@ def compliance(robot: Robot, joint: int) -> float:
 
 
 def rated_torque(robot: Robot, joint: int) -> float:
-    """Torque that twists a gear of this stiffness by `_RATED_TWIST_RAD` [N m]."""
+    """Torque that twists a gear of nominal compliance by `_RATED_TWIST_RAD` [N m]."""
     return _RATED_TWIST_RAD / compliance(robot, joint)
 
 
-@lru_cache(maxsize=1)  # all joints ask of the same pulls
+@lru_cache(maxsize=1)  # shared by all joints for the same pulls
 def by_weight(robot: Robot, here: Configuration) -> Array:
-    """What the links' weight does to each joint, before the pull [N m], shape (m, n)."""
+    """Joint torques due to the weight of the links, before the pull [N m], shape (m, n)."""
     m = len(here.q)
-    return gravity_torque(robot, here, _GRAVITY, np.zeros(m), np.zeros((m, 3)))
+    return gravity_torque(robot, here, robot.gravity, np.zeros(m), np.zeros((m, 3)))
 
 
-_GRAVITY = np.array([0.0, 0.0, -STANDARD_GRAVITY])
-"""Acceleration in F_b, whose z points up [m/s^2]."""
-
-
-@lru_cache(maxsize=8)  # every effect of the carriage asks for those of the same poses
+@lru_cache(maxsize=8)  # shared by all effects of the carriage for the same poses
 def rail_axes(loaded: Loaded) -> tuple[Array, Array, Array]:
     """Unit vectors along the rail, across it and up, each (m, 3), in F_b."""
     along = loaded.configuration.axes[:, 0, :, 2]
@@ -66,12 +61,13 @@ def rail_axes(loaded: Loaded) -> tuple[Array, Array, Array]:
 
 
 def rail_ends(robot: Robot) -> tuple[float, float]:
-    """Where the rail begins and ends [m]; ten metres where its file does not say."""
-    return (robot.lower[0], robot.upper[0]) if np.isfinite(robot.upper[0]) else (0.0, 10.0)
+    """Lower and upper end of the rail [m]; 0 and 10 m if its file does not state them."""
+    ends = robot.lower[0], robot.upper[0]
+    return ends if np.isfinite(ends).all() else (0.0, 10.0)
 
 
 def harmonics(angle: Array, numbers: Sequence[int]) -> Array:
-    """cos(k a), sin(k a) of angles (m,) for each of some k, shape (m, 2 numbers)."""
+    """cos(k a), sin(k a) of angles (m,) for each k in `numbers`, shape (m, 2 len(numbers))."""
     return np.stack([wave(k * angle) for k in numbers for wave in (np.cos, np.sin)], axis=1)
 
 
@@ -81,13 +77,13 @@ def carriage(loaded: Loaded) -> Array:
 
 
 def clamp(robot: Robot, joint: int) -> str:
-    """What else turns about the axis of the last joint, for `needs`; empty for other joints."""
+    """Addition to `needs` for the last joint, which looks like play of the clamp; else empty."""
     if joint != turning(robot)[-1]:
         return ""
     return "; reflectors on the flange, as an effector that turns in its clamp looks the same"
 
 
 def direction(loaded: Loaded) -> Array:
-    """Unit vector of the pull on the robot, zero where nothing pulls, shape (m, 3)."""
+    """Unit vector of the force on the robot, zero without a force, shape (m, 3)."""
     size = np.linalg.norm(loaded.force, axis=1, keepdims=True)
     return np.asarray(loaded.force / np.where(size > 0, size, 1.0))

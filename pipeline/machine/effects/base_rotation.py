@@ -1,6 +1,6 @@
-"""Tracker and robot do not share F_b: all that is read is turned by a small rotation e.
+"""Tracker and robot do not share F_b: all readings are rotated by a small angle vector e.
 
-Read are p + e x p and f + e x f; true is the force turned back.
+Measured are p + e x p and f + e x f; the acting force is the measured one rotated back.
 """
 
 from typing import Any
@@ -12,12 +12,12 @@ from pipeline.machine.effect import Compound, Loaded, Observation, Wrench
 
 
 def _observe(loaded: Loaded, points: Array, time: Array, values: Array) -> Array:
-    """Points as read."""
+    """Points as measured."""
     return points + np.cross(values, points)
 
 
 def _wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
-    """The load point of the robot, the force as read turned back; weights pull where they did."""
+    """Load point of the robot and the measured force rotated back; weights keep their direction."""
     read = loaded.pulls.pulled * loaded.force
     return loaded.load_point, loaded.force - np.cross(values, read)
 
@@ -27,7 +27,10 @@ _SAID: dict[str, Any] = {
     "noun": "rotation of the base frame",
     "place": "metrology",
     "shows_unloaded": True,
-    "parameters": tuple(Parameter(f"e_{axis}", "rad", 2e-3, -0.1, 0.1) for axis in "xyz"),
+    "parameters": tuple(
+        Parameter(f"e_{axis}", "rad", 2e-3, -0.1, 0.1, f"rotation of the base frame about {axis}")
+        for axis in "xyz"
+    ),
     "signature": "displacements and forces are rotated together against the robot; lengths do not "
     "change",
     "needs": "more base reflectors, or the unloaded absolute positions with the tool's coordinates "

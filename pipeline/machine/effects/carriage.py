@@ -1,4 +1,4 @@
-"""The carriage on its rail yields: one spring about or along each of the rail's three axes."""
+"""Compliance of the carriage on its rail: a spring about or along each of the rail's three axes."""
 
 from __future__ import annotations
 
@@ -12,25 +12,25 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import rotation_about, translation_along
 
 ALONG, ACROSS, UP = range(3)
-"""Axes of the rail, as `rail_axes` gives them."""
+"""Indices of the rail's axes in `rail_axes`."""
 
 
 def rotation(loaded: Loaded, axis: int) -> Array:
-    """Screw of a carriage that turns about an axis of the rail, shape (m, 1, 6)."""
+    """Screw of a rotation of the carriage about an axis of the rail, shape (m, 1, 6)."""
     return rotation_about(carriage(loaded), rail_axes(loaded)[axis])[:, None]
 
 
 def translation(loaded: Loaded, axis: int) -> Array:
-    """Screw of a carriage that shifts along an axis of the rail, shape (m, 1, 6)."""
+    """Screw of a translation of the carriage along an axis of the rail, shape (m, 1, 6)."""
     return translation_along(rail_axes(loaded)[axis])[:, None]
 
 
-def _shift(name: str, typical: float) -> Parameter:
-    return Parameter(name, "m/N", typical, 0.0, 2e-07)
+def _shift(name: str, typical: float, meaning: str) -> Parameter:
+    return Parameter(name, "m/N", typical, 0.0, 2e-07, meaning)
 
 
-def _turn(name: str, typical: float) -> Parameter:
-    return Parameter(name, "rad/(N m)", typical, 0.0, 5e-07)
+def _turn(name: str, typical: float, meaning: str) -> Parameter:
+    return Parameter(name, "rad/(N m)", typical, 0.0, 5e-07, meaning)
 
 
 _SOURCE = {
@@ -38,7 +38,7 @@ _SOURCE = {
     "rad/(N m)": "rotation column (a x (p - o)) (a . ((l - o) x f)); size an estimate for "
     "roller carriages",
 }
-"""Where the formula comes from, by the unit of the compliance."""
+"""Source of the formula, by the unit of the compliance."""
 
 
 def _spring(
@@ -67,7 +67,7 @@ _SPRINGS = (
     _spring(
         "rail_lateral",
         "lateral compliance of the carriage",
-        _shift("c_lateral", 5e-09),
+        _shift("c_lateral", 5e-09, "lateral compliance of the carriage"),
         partial(translation, axis=ACROSS),
         signature="all reflectors move alike across the rail in proportion to the lateral "
         "force, with no lever arm; rail_roll grows with the height of the load",
@@ -75,7 +75,7 @@ _SPRINGS = (
     _spring(
         "rail_vertical",
         "vertical compliance of the carriage",
-        _shift("c_vertical", 2.5e-09),
+        _shift("c_vertical", 2.5e-09, "vertical compliance of the carriage"),
         partial(translation, axis=UP),
         signature="all reflectors move alike up or down in proportion to the vertical "
         "force, with no lever arm",
@@ -83,7 +83,7 @@ _SPRINGS = (
     _spring(
         "rail_roll",
         "roll of the carriage about the rail",
-        _turn("c_roll", 1e-08),
+        _turn("c_roll", 1e-08, "roll compliance of the carriage about the rail"),
         partial(rotation, axis=ALONG),
         signature="all reflectors turn together about the rail, whatever the arm does; tilt "
         "of joint 2 turns with the arm",
@@ -93,7 +93,7 @@ _SPRINGS = (
     _spring(
         "rail_pitch",
         "pitch of the carriage",
-        _turn("c_pitch", 5e-09),
+        _turn("c_pitch", 5e-09, "pitch compliance of the carriage about the axis across the rail"),
         partial(rotation, axis=ACROSS),
         signature="all reflectors turn together about the axis across the rail, whatever the arm "
         "does",
@@ -102,14 +102,14 @@ _SPRINGS = (
     _spring(
         "rail_yaw",
         "yaw of the carriage",
-        _turn("c_yaw", 7e-09),
+        _turn("c_yaw", 7e-09, "yaw compliance of the carriage about the vertical"),
         partial(rotation, axis=UP),
         signature="cannot be distinguished from the compliance of joint 2, whose axis it shares",
     ),
 )
-"""Springs that are missing from Eq. (3); the yaw shares the axis of joint 2."""
+"""Springs that Eq. (3) omits; the yaw shares the axis of joint 2."""
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
-    """All of them; none on a robot without a rail."""
+    """All springs of the carriage; none on a robot without a rail."""
     return _SPRINGS if rail(robot) else ()

@@ -1,7 +1,7 @@
-"""The chain's reflectors do not sit on its line: Eq. (10) points a little wrong.
+"""The chain's reflectors are not on its line of action: the direction of Eq. (10) is biased.
 
-A reflector off the line by d, fixed to the tool, turns the direction by R_7 d / L with L the
-distance between the two; only the part across the pull matters.
+A reflector that is off the line by d, fixed to the tool, turns the direction by R_7 d / L, where L
+is the distance between the two; only the component across the pull matters.
 """
 
 import numpy as np
@@ -12,7 +12,7 @@ from pipeline.machine.effects._anatomy import direction
 
 
 def _wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
-    """The force as read, turned; its size stays."""
+    """The measured force with its direction corrected and its magnitude unchanged."""
     u = direction(loaded)
     size = np.linalg.norm(loaded.force, axis=1, keepdims=True)
     true = u + loaded.pulls.pulled * (loaded.configuration.flange_axes @ values)
@@ -24,7 +24,13 @@ effects = Wrench(
     name="chain_offset",
     noun="offset of the chain reflectors",
     place="force",
-    parameters=tuple(Parameter(f"d_{axis}_over_L", "1", 8e-3, -0.2, 0.2) for axis in "xyz"),
+    parameters=tuple(
+        Parameter(
+            *(f"d_{axis}_over_L", "1", 8e-3, -0.2, 0.2),
+            f"offset of the chain along {axis} over its length",
+        )
+        for axis in "xyz"
+    ),
     signature="the force seems to act aslant, in a direction fixed in the tool; "
     "in proportion to the load",
     needs="one pose repeated with the last joint turned by 180 degrees",

@@ -1,13 +1,12 @@
-"""The chain and the scale hang: half their weight W pulls down where the scale cannot see it.
+"""Weight W of chain and scale: half of it acts downwards on the robot, unseen by the scale.
 
-The chain pulls the robot with H u - (W/2) e_z, where H u is the pull at the middle of its weight.
-A scale reads the tension where it sits, S = H - s (W/2) u_z; so S u - (W/2) (e_z - s u_z u) acts,
-and only the part of the weight across the pull is the same wherever the scale sits.
+The chain pulls the robot with H u - (W/2) e_z, where H u is the tension at the middle of its
+weight. A scale reads the tension at its own place, S = H - s (W/2) u_z, so that
+S u - (W/2) (e_z - s u_z u) acts, and only the component of the weight across the pull does not
+depend on the place of the scale.
 """
 
 from functools import partial
-
-import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
 from pipeline.machine.effect import PULLED, Loaded, Wrench
@@ -15,14 +14,14 @@ from pipeline.machine.effects._anatomy import direction
 from pipeline.machine.robot import Robot
 
 _SIDE = {"scale at the robot": 1.0, "scale amid the chain": 0.0, "scale at the anchor": -1.0}
-"""s: how much of half the weight along the pull the scale reads too much, +1, or too little."""
+"""s: coefficient of half the weight along the pull in the reading, by the place of the scale
+[1]."""
 
 
-def _wrench(loaded: Loaded, values: Array, side: float) -> tuple[Array, Array]:
-    """Load point and force that act."""
+def _wrench(loaded: Loaded, values: Array, side: float, up: Array) -> tuple[Array, Array]:
+    """Acting load point and force."""
     u = direction(loaded)
-    up = np.array([0.0, 0.0, 1.0])
-    weight = values[0] / 2 * (up - side * u * u[:, 2:])
+    weight = values[0] / 2 * (up - side * u * (u @ up)[:, None])
     return loaded.load_point, loaded.force - loaded.pulls.pulled * weight
 
 
@@ -34,12 +33,12 @@ def effects(robot: Robot) -> tuple[Wrench, ...]:
             noun="weight of the chain",
             place="force",
             form=form,
-            parameters=(Parameter("w_chain", "N", 50.0, 0.0, 600.0),),
+            parameters=(Parameter("w_chain", "N", 50.0, 0.0, 600.0, "weight of chain and scale"),),
             signature="a constant pull downwards; along the chain as much of it as hangs between "
             "scale and robot",
             needs="the weight of chain and scale, from any balance, and where the scale sits",
             source="catenary to first order; 50 to 100 N is an estimate",
-            wrench=partial(_wrench, side=side),
+            wrench=partial(_wrench, side=side, up=-robot.down),
             of=(PULLED,),
         )
         for form, side in _SIDE.items()

@@ -1,8 +1,8 @@
-"""The gravity compensator stiffens the shoulder, by an amount that depends on its angle.
+"""The gravity compensator stiffens the shoulder by an amount that depends on its angle.
 
 The compliance of the shoulder joint is c + c_cos cos(theta) + c_sin sin(theta): the first harmonic
-of a spring or gas strut beside the gear; or with the second one, which a strut near its dead
-centre has.
+of a spring or gas strut in parallel with the gear; a second form adds the second harmonic, as of a
+strut near its dead centre.
 """
 
 from pipeline.base.arrays import Array, Parameter
@@ -35,7 +35,14 @@ def _effect(robot: Robot, shoulder: int, form: str) -> Elastic:
         place="shoulder",
         form=form,
         tolerance=0.1,
-        parameters=tuple(Parameter(name, "rad/(N m)", 0.05 * c, -c, c) for name in names),
+        parameters=tuple(
+            Parameter(
+                *(name, "rad/(N m)", 0.05 * c, -c, c),
+                "change of the shoulder's compliance with its angle, "
+                f"{name.removeprefix('c_comp_')[:3]} part",
+            )
+            for name in names
+        ),
         signature=f"the compliance of joint {shoulder} changes with its angle, not with the load",
         needs=f"one pull repeated at four angles of joint {shoulder}",
         source="equivalent spring beside the gear: Klimchik et al., compensator models "

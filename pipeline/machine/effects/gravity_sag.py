@@ -1,7 +1,7 @@
-"""The arm hangs under its own weight, where the joint log does not see it.
+"""The arm sags under its own weight, unseen by the joint log.
 
-Before the pull joint j stands off by c_j tau_g,j; under the pull the torque of gravity changes with
-the deflection, which adds c_j sum_k G_jk c_k tau_k with G = d tau_g / dq.
+Before the pull joint j is displaced by c_j tau_g,j; under the pull the torque of gravity changes
+with the deflection, which adds c_j sum_k G_jk c_k tau_k with G = d tau_g / dq.
 """
 
 from dataclasses import dataclass
@@ -10,7 +10,6 @@ from typing import Any
 import numpy as np
 
 from pipeline.base.arrays import Array, Parameter
-from pipeline.base.strict import STANDARD_GRAVITY
 from pipeline.machine.effect import Compound, Elastic, Geometry, Loaded, Pulls
 from pipeline.machine.effects._anatomy import arm, turning
 from pipeline.machine.robot import Configuration, Robot, configure
@@ -18,12 +17,9 @@ from pipeline.machine.robot.configuration import torque
 from pipeline.machine.robot.rating import relative
 from pipeline.machine.robot.weight import stiffening
 
-_WEIGHT_OF_1_KG = np.array([0.0, 0.0, -STANDARD_GRAVITY])
-"""Of a kilogram at the standard acceleration of gravity [N], F_b."""
-
 
 def effects(robot: Robot) -> tuple[Compound, ...]:
-    """Two point masses, in the middles of upper arm and forearm, of a six-axis arm."""
+    """Two point masses, at the middle of upper arm and forearm, of a six-axis arm."""
     joints = arm(robot)
     if joints is None:
         return ()
@@ -42,7 +38,7 @@ def effects(robot: Robot) -> tuple[Compound, ...]:
 
 
 def under_pulls(compliance: Array, moments: Array, gravity: Array) -> Elastic:
-    """Known links whose weight turns the joints further as a pull moves it, c G c tau.
+    """Known links whose weight adds to the deflection under a pull, c G c tau.
 
     Args:
         compliance: c of each joint [m/N] or [rad/(N m)], shape (n,).
@@ -63,15 +59,20 @@ def under_pulls(compliance: Array, moments: Array, gravity: Array) -> Elastic:
 
 
 def _said(size: float) -> dict[str, Any]:
-    """Links of the KR500, or as much lighter as the robot carries less."""
+    """Description with link masses of the KR500, scaled by `size` for robots of another payload."""
     return {
         "name": "gravity_sag",
         "noun": "sag under the arm's own weight",
         "place": "metrology",
         "shows_unloaded": True,
         "parameters": (
-            Parameter("m_upper_arm", "kg", 500.0 * size, 0.0, 2000.0 * size),
-            Parameter("m_forearm", "kg", 400.0 * size, 0.0, 2000.0 * size),
+            Parameter(
+                *("m_upper_arm", "kg", 500.0 * size, 0.0, 2000.0 * size),
+                "mass that sags the upper arm",
+            ),
+            Parameter(
+                *("m_forearm", "kg", 400.0 * size, 0.0, 2000.0 * size), "mass that sags the forearm"
+            ),
         ),
         "signature": "the unloaded reflectors hang millimetres lower the further the arm reaches; "
         "the displacements hardly show it",
@@ -83,10 +84,10 @@ def _said(size: float) -> dict[str, Any]:
 
 @dataclass(frozen=True)
 class _Link:
-    """A point mass in the middle of a link.
+    """A point mass at the middle of a link.
 
     Attributes:
-        robot: The robot it is part of.
+        robot: Robot that it is part of.
         near: Joint at which the link begins, counted from 1.
         far: Joint at which it ends.
         chain: Joints that carry it.
@@ -99,7 +100,7 @@ class _Link:
 
     @property
     def at(self) -> list[int]:
-        """Where the joints of the chain stand in an array."""
+        """Array indices of the joints of the chain."""
         return [joint - 1 for joint in self.chain]
 
     @property
@@ -108,31 +109,31 @@ class _Link:
         return self.robot.nominal_compliance[self.at]
 
     def middle(self, configuration: Configuration) -> Array:
-        """Where the mass is [m], shape (m, 3)."""
+        """Position of the mass in F_b [m], shape (m, 3)."""
         ends = (configuration.frame(joint)[1] for joint in (self.near, self.far))
         return np.asarray(sum(ends) / 2)
 
     def torque(self, configuration: Configuration, mass: float) -> Array:
-        """What the weight does at the joints of the chain [N m], shape (m, k)."""
-        weight = np.broadcast_to(mass * _WEIGHT_OF_1_KG, (len(configuration.twists), 3))
+        """Torques of the weight about the joints of the chain [N m], shape (m, k)."""
+        weight = np.broadcast_to(mass * self.robot.gravity, (len(configuration.twists), 3))
         return torque(configuration.twists[:, self.at], self.middle(configuration), weight)
 
     def stiffening(self, configuration: Configuration) -> Array:
         """G = d tau_g / dq of 1 kg at r: F . (z_j x (z_k x (r - o_k))) for j <= k, (m, k, k)."""
         z, o = configuration.axes[..., 2][:, self.at], configuration.origin[:, self.at]
         inner = np.cross(z, self.middle(configuration)[:, None] - o)
-        full = np.cross(z[:, :, None], inner[:, None]) @ _WEIGHT_OF_1_KG
+        full = np.cross(z[:, :, None], inner[:, None]) @ self.robot.gravity
         return np.asarray(np.triu(full) + np.swapaxes(np.triu(full, 1), 1, 2))
 
 
 @dataclass(frozen=True)
 class _Masses:
-    """What all of them do together; the joints of the links one link after the other."""
+    """Combined effect of all point masses; joints are ordered link by link."""
 
     links: tuple[_Link, ...]
 
     def geometry(self, robot: Robot, pulls: Pulls, values: Array) -> Array:
-        """Joint values under the weights, before any pull."""
+        """Joint values under the weights, before any pull [m] or [rad], shape (m, n)."""
         now = configure(robot, pulls.q)
         sag = np.zeros_like(pulls.q)
         for link, mass in zip(self.links, values, strict=True):
@@ -140,7 +141,7 @@ class _Masses:
         return np.asarray(pulls.q + robot.nominal_compliance * sag)
 
     def response(self, loaded: Loaded, tau: Array) -> Array:
-        """How far 1 kg turns each joint on, as the pull deflects the others."""
+        """Additional rotation of each joint per 1 kg, as the pull deflects the others."""
         ends = np.cumsum([len(link.chain) for link in self.links])[:-1]
         parts = zip(self.links, np.split(tau, ends, axis=1), strict=True)
         turned = [

@@ -1,13 +1,14 @@
-"""A gear has another stiffness each way of its torque: two straight lines that meet at zero.
+"""The stiffness of a gear depends on the sign of its torque: bilinear, with a kink at zero.
 
-Beside c tau the joint turns by
+In addition to c tau the joint turns by
 
 - pull: dc |tau|
-- total: dc (|tau + tau_w| - |tau_w|), tau_w what the arm's own weight does before the pull
+- total: dc (|tau + tau_w| - |tau_w|), where tau_w is the torque of the arm's own weight before
+  the pull
 
-Its compliance is c + dc where the torque is positive and c - dc where it is negative; c alone is
-that of neither. The pull may carry the torque of `total` across zero, whose displacement is the
-difference of two states.
+The compliance is c + dc for positive and c - dc for negative torque; c alone is that of neither
+direction. In `total` the pull may carry the torque across zero: the displacement is the difference
+of two states.
 """
 
 import numpy as np
@@ -20,7 +21,7 @@ from pipeline.machine.robot.weight import weighs
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
-    """One effect for each revolute joint; of the total torque, too, where masses are known."""
+    """One effect for each revolute joint; also of the total torque if link masses are known."""
     forms = ("total", "pull") if weighs(robot) else ("pull",)
     return tuple(_effect(robot, joint, form) for joint in turning(robot) for form in forms)
 
@@ -46,7 +47,12 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         where=joint,
         form=form,
         tolerance=0.005,
-        parameters=(Parameter(f"dc_{joint}", "rad/(N m)", 0.15 * c, -2 * c, 2 * c),),
+        parameters=(
+            Parameter(
+                *(f"dc_{joint}", "rad/(N m)", 0.15 * c, -2 * c, 2 * c),
+                "half of the difference of both compliances of {joint}",
+            ),
+        ),
         signature=f"displacement over force at joint {joint} is constant each way of its torque, "
         "and another one each way: even in the load, a kink at zero",
         needs="pulls that turn this joint both ways",

@@ -1,6 +1,6 @@
-"""A gear grows stiffer (or softer) with its torque: a law that is not a straight line.
+"""A gear stiffens (or softens) with its torque: a nonlinear torsion curve.
 
-Beside c tau the joint turns by
+In addition to c tau the joint turns by
 
 - cubic, quadratic: h tau (|tau| / tau_rated)^e, e = 2 or 1
 - low knee, high knee: h sgn(tau) (|tau| - tau_knee) beyond the knee at 20 % or 50 % of tau_rated
@@ -42,7 +42,12 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         where=joint,
         form=form,
         tolerance=0.2,
-        parameters=(Parameter(f"h_{joint}", "rad/(N m)", 0.15 * c, -0.6 * c, 0.6 * c),),
+        parameters=(
+            Parameter(
+                *(f"h_{joint}", "rad/(N m)", 0.15 * c, -0.6 * c, 0.6 * c),
+                "change of the compliance of {joint} with the load",
+            ),
+        ),
         signature=f"displacement over force at joint {joint} changes with the force: "
         "odd in the load, no jump at zero",
         needs="three load levels at one pose that turns this joint",

@@ -1,10 +1,11 @@
-"""Friction in a gear: unloading does not come back the way loading went.
+"""Friction in a gear: unloading does not follow the loading curve.
 
-- held: friction takes its part of the torque both ways, -h sgn(tau) branch
-- left over: what loading wound up is left while unloading, h sgn(tau) on the way down
-- bow: a loop that closes at zero and at the pose's peak, h 4 (t - t^2), t = tau / peak
-- sliding: the joint follows its torque late by -h z; z slides along the loads of the pose,
-  dz = (1 - z sgn(dtau)) dtau / s (Dahl), which closes to an exponential on each way up or down
+- held: friction carries part of the torque in both directions, -h sgn(tau) branch
+- left over: part of the wind-up remains while unloading, h sgn(tau) on the way down
+- bow: a loop that closes at zero and at the pose's peak torque, h sgn(tau) 4 (t - t^2) on the way
+  down, t = |tau| / peak
+- sliding: the joint lags its torque by -h z; z evolves along the load steps of the pose,
+  dz = (1 - z sgn(dtau)) dtau / s (Dahl), which integrates to an exponential on each monotonic part
 
 branch is +1 while the turnbuckle tightens and -1 while it slackens.
 """
@@ -17,7 +18,7 @@ from pipeline.machine.effects._anatomy import clamp, rated_torque, turning
 from pipeline.machine.robot import Robot
 
 _SLIDES_OVER = {"sliding, tight": 0.05, "sliding": 0.15, "sliding, wide": 0.4}
-"""s over the rated torque."""
+"""Sliding scale s of each form, as a fraction of the rated torque [1]."""
 
 _FORMS = ("held", "left over", "bow", *_SLIDES_OVER)
 
@@ -49,7 +50,9 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
         where=joint,
         form=form,
         tolerance=0.2,
-        parameters=(Parameter(f"f_{joint}", "rad", 5e-5, 0.0, 1e-3),),
+        parameters=(
+            Parameter(f"f_{joint}", "rad", 5e-5, 0.0, 1e-3, "hysteresis of {joint}, each way"),
+        ),
         signature=f"at the same reading joint {joint} stands elsewhere while unloading than while "
         "loading",
         needs="the same loads on the way up and on the way down, branch recorded in loads.csv"
@@ -61,7 +64,10 @@ def _effect(robot: Robot, joint: int, form: str) -> Elastic:
 
 
 def slid(pose: Ints, repeat: Ints, torque: Array) -> Array:
-    """Dahl's z after each pull, the pulls of a pose in turn and each pose from rest, (m, 1)."""
+    """Dahl's z after each pull, integrated in order within each pose from rest, shape (m, 1).
+
+    Torques are given in units of s.
+    """
     z, before = np.zeros(len(pose)), np.full(len(pose), -1)
     order = np.lexsort((repeat, pose))
     follows = pose[order[1:]] == pose[order[:-1]]
@@ -79,7 +85,7 @@ def slid(pose: Ints, repeat: Ints, torque: Array) -> Array:
 
 
 def _peak(pose: Ints, torque: Array) -> Array:
-    """Largest torque of the pull's pose, shape (m, 1)."""
+    """Largest torque within the pose of each pull, shape (m, 1)."""
     _, number = np.unique(pose, return_inverse=True)
     peak = np.zeros(number.max(initial=0) + 1)
     np.maximum.at(peak, number, torque[:, 0])

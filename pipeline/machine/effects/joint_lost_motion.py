@@ -1,11 +1,11 @@
-"""A gear has lost motion: it turns by b as soon as its torque leaves zero.
+"""Lost motion of a gear: it turns by b as soon as its torque leaves zero.
 
-The joint turns, beside c tau, by
+In addition to c tau the joint turns by
 
 - pull: b tanh(tau / tau_b)
-- total: b (tanh((tau + tau_w) / tau_b) - tanh(tau_w / tau_b)), tau_w what the arm's own weight
-  does before the pull: flanks that the weight holds together stay so until the pull takes the
-  torque across zero
+- total: b (tanh((tau + tau_w) / tau_b) - tanh(tau_w / tau_b)), where tau_w is the torque of the
+  arm's own weight before the pull: flanks that the weight holds in contact stay so until the pull
+  takes the torque across zero
 """
 
 import numpy as np
@@ -17,14 +17,16 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.robot.weight import weighs
 
 _WIDTH = {"narrow": 0.03, "wide": 0.08}
-"""tau_b over the rated torque; lost motion is specified at 3 % of the rated torque."""
+"""tau_b as a fraction of the rated torque [1]; lost motion is specified at 3 % of the rated
+torque."""
 
 _MOST_RAD = 2.2e-3
-"""Half of 15 arcmin, the backlash of ordinary planetary gears; a worn reducer comes there, too."""
+"""Upper bound of b [rad]: half of 15 arcmin, the backlash of ordinary planetary gears, which a worn
+reducer may also reach."""
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
-    """One effect for each revolute joint, in each form; of the total torque where masses are."""
+    """One effect per revolute joint and form; also of the total torque if link masses are known."""
     totals = (False, True) if weighs(robot) else (False,)
     return tuple(
         _effect(robot, joint, width, total)
@@ -54,7 +56,11 @@ def _effect(robot: Robot, joint: int, width: str, total: bool) -> Elastic:
         where=joint,
         form=f"{width}, total" if total else width,
         tolerance=0.15,
-        parameters=(Parameter(f"b_{joint}", "rad", 6e-5, 0.0, _MOST_RAD),),
+        parameters=(
+            Parameter(
+                f"b_{joint}", "rad", 6e-5, 0.0, _MOST_RAD, "half of the lost motion of {joint}"
+            ),
+        ),
         signature=f"joint {joint} turns by the same angle at every load, in the sense of its "
         "torque: half of the gear's total lost motion",
         needs="a small and a large load at poses that turn this joint both ways"

@@ -1,4 +1,4 @@
-"""A joint's zero is off: the true joint value is q_j + d_j, not that of the log."""
+"""Joint offset: the true joint value is q_j + d_j, where q_j is logged."""
 
 from dataclasses import replace
 
@@ -26,7 +26,12 @@ def _effect(robot: Robot, joint: int) -> Geometry:
         place="metrology",
         shows_unloaded=True,
         where=joint,
-        parameters=(Parameter(f"d_{joint}", "m" if slides else "rad", 1e-3, -0.02, 0.02),),
+        parameters=(
+            Parameter(
+                *(f"d_{joint}", "m" if slides else "rad", 1e-3, -0.02, 0.02),
+                "error of the zero of {joint}",
+            ),
+        ),
         signature=f"the unloaded reflectors stand millimetres off as joint {joint} would move "
         "them; "
         "the displacements hardly show it",
@@ -37,12 +42,12 @@ def _effect(robot: Robot, joint: int) -> Geometry:
 
 
 def since(robot: Robot, joint: int, before: tuple[int, ...], pose: int) -> Geometry:
-    """The zero of a joint that changed in mid-campaign, the log being right since then.
+    """Joint offset that existed only before a change of the zero in mid-campaign.
 
     Args:
         robot: The robot.
-        joint: Which, from 1.
-        before: Numbers of the poses before.
+        joint: Joint number, from 1.
+        before: Numbers of the poses before the change.
         pose: Number of the first pose after it.
     """
     usual = _effect(robot, joint)

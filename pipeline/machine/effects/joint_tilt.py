@@ -1,16 +1,17 @@
-"""The bearing of a joint tilts: it yields about the two axes across its own, missing in Eq. (3).
+"""Tilt of a joint bearing: compliance about the two axes across its own, missing in Eq. (3).
 
-c_tilt_x and c_tilt_y turn about x_j and y_j of the joint's frame, behind its own motion, through
-the seat of the bearing on the joint's axis. A table of frames does not give it: it puts the frame
-of the first turning joint at the height of the shoulder, and its bearing may sit there, or in the
-base at the other end of the link's offset, or between.
+c_tilt_x and c_tilt_y turn about x_j and y_j of the joint's frame, after its own motion, through the
+seat of the bearing on the joint's axis. The kinematic table does not give this seat: it puts the
+frame of the first revolute joint at the height of the shoulder, but the bearing may sit there, in
+the base at the other end of the link's offset, or in between.
 
-Nor does a table give the directions in which a housing is softest. In the oblique form they are any
-across the joint's axis,
+Nor does the table give the directions in which a housing is softest. The oblique form allows any
+direction across the joint's axis,
 
     (phi_x, phi_y)' = [[c_x, c_xy], [c_xy, c_y]] (tau_x, tau_y)',
 
-c_xy = c_yx as the strain energy of the bearing is one function of both moments (Maxwell and Betti).
+where c_xy = c_yx as the strain energy of the bearing is one function of both moments (Maxwell and
+Betti).
 """
 
 from dataclasses import replace
@@ -24,19 +25,21 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import rotation_about
 
 _SEAT = {"at its origin": 0.0, "amid its offset": 0.5, "at the foot of its axis": 1.0}
-"""Where the bearing sits, from O_j to the foot of the perpendicular from O_j-1 on the axis."""
+"""Position of the bearing on the way from O_j to the foot of the perpendicular from O_j-1 on the
+axis, as a fraction [1]."""
 
 _SHORT_M = 0.3
-"""A bearing is as wide as an offset below this, so its seat makes little difference."""
+"""Offset [m] below which the seat makes little difference, as the bearing is about as wide."""
 
 _OBLIQUE = "oblique"
 
 _BETWEEN = 0.1
-"""A bearing a quarter of the offset away from its seat in a form has levers longer by this."""
+"""Relative error of the levers if the bearing sits a quarter of the offset from the seat of a form
+[1]."""
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
-    """Two forms for each revolute joint, soft along its frame or obliquely, in each seat."""
+    """Two forms for each revolute joint, aligned with its frame or oblique, in each seat."""
     seated = (
         (joint, _effect(robot, joint, form, _offset(robot, joint) * seat))
         for joint in turning(robot)
@@ -48,7 +51,7 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
 
 
 def _offset(robot: Robot, joint: int) -> float:
-    """How far O_j lies along the joint's axis from the foot of O_j-1 on it [m]."""
+    """Signed distance along the joint's axis from the foot of O_j-1 to O_j [m]."""
     placement = robot.placement[joint - 1]
     return float(placement[:3, 3] @ placement[:3, 2])
 
@@ -80,7 +83,11 @@ def _effect(robot: Robot, joint: int, form: str, below: float) -> Elastic:
         form=form,
         tolerance=_BETWEEN if form else 0.03,
         parameters=tuple(
-            Parameter(f"c_tilt{joint}_{axis}", "rad/(N m)", c / 6, 0.0, 5 * c) for axis in "xy"
+            Parameter(
+                *(f"c_tilt{joint}_{axis}", "rad/(N m)", c / 6, 0.0, 5 * c),
+                "tilt compliance of the bearing of {joint} about " + axis,
+            )
+            for axis in "xy"
         ),
         signature=f"everything behind joint {joint} turns about axes across it, "
         "that turn with the joint",
@@ -93,7 +100,7 @@ def _effect(robot: Robot, joint: int, form: str, below: float) -> Elastic:
 
 
 def _oblique(along: Elastic, c: float) -> Elastic:
-    """The same with a moment about either axis turning it about the other, too."""
+    """The same effect with a cross-compliance: a moment about one axis also tilts the other."""
     assert along.twists is not None
     axes = along.twists
     return replace(
@@ -101,7 +108,10 @@ def _oblique(along: Elastic, c: float) -> Elastic:
         form=f"{along.form}, {_OBLIQUE}".removeprefix(", "),
         parameters=(
             *along.parameters,
-            Parameter(f"c_tilt{along.where}_xy", "rad/(N m)", c / 6, -2.5 * c, 2.5 * c),
+            Parameter(
+                *(f"c_tilt{along.where}_xy", "rad/(N m)", c / 6, -2.5 * c, 2.5 * c),
+                "coupling of both tilt compliances of the bearing of {joint}",
+            ),
         ),
         carrier=along.carrier * 2,
         twists=lambda loaded: axes(loaded)[:, [0, 1, 0, 1]],

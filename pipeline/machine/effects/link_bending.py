@@ -1,11 +1,11 @@
 """A link of the arm bends as a beam clamped at its near end, about two axes across it.
 
-- beam: it turns about its middle by c = L / EI times the moment there, and its end moves across by
-  c L^2 / 12 times the force there (Euler and Bernoulli, exact for any load at the end)
-- hinge: it turns about its middle only (a link that is stiff but for one section)
+- beam: it turns about its middle by c = L / EI times the moment there, and its end is displaced
+  across by c L^2 / 12 times the force there (Euler and Bernoulli, exact for any load at the end)
+- hinge: it turns about its middle only (a rigid link with one compliant section)
 
-Under the arm's own weight what hangs on its far end does so, and a body at a part a of its length
-as a^2 of its weight there would: the slope is c a^2 L F / 2.
+Under the arm's own weight everything beyond its far end loads it in this way; a body at a fraction
+a of its length counts as a^2 of its weight at the far end: the slope is c a^2 L F / 2.
 """
 
 import numpy as np
@@ -57,8 +57,14 @@ def _effect(robot: Robot, where: str, short: str, near: int, far: int, form: str
         where=where,
         form=form,
         parameters=(
-            Parameter(f"c_{short}_in_plane", "rad/(N m)", c / 5, 0.0, 5 * c),
-            Parameter(f"c_{short}_out_of_plane", "rad/(N m)", c / 5, 0.0, 5 * c),
+            Parameter(
+                *(f"c_{short}_in_plane", "rad/(N m)", c / 5, 0.0, 5 * c),
+                f"bending compliance of the {short} arm in the arm's plane",
+            ),
+            Parameter(
+                *(f"c_{short}_out_of_plane", "rad/(N m)", c / 5, 0.0, 5 * c),
+                f"bending compliance of the {short} arm across the arm's plane",
+            ),
         ),
         signature=f"everything behind the {where.replace('_', ' ')} turns about its middle; "
         "hardly distinguishable from the tilt of the joint that carries it",
@@ -74,7 +80,7 @@ def _effect(robot: Robot, where: str, short: str, near: int, far: int, form: str
 
 
 def _between(robot: Robot, near: int, far: int) -> tuple[float, ...]:
-    """a^2 of each body that the link carries between its ends; amid it where no mass is stated."""
+    """a^2 of each body that the link carries between its ends, at its middle if not stated."""
     here = configure(robot, np.zeros((1, robot.n)))
     (_, start), (_, end) = here.frame(near), here.frame(far)
     link, out = (end - start)[0], []

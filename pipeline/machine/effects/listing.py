@@ -1,4 +1,4 @@
-"""The catalogue as a person reads it."""
+"""The catalogue in readable form."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from pipeline.machine.robot import Robot
 
 
 def _entries(robot: Robot) -> list[dict[str, Any]]:
-    """One entry per cause and place, its forms together."""
+    """One entry per cause and place, with all its forms."""
     out: dict[str, dict[str, Any]] = {}
     for effect in (*catalogue(robot), *table.effects(robot)):
         entry = out.setdefault(effect.label, _entry(effect))
@@ -35,12 +35,12 @@ def _entry(effect: Effect) -> dict[str, Any]:
 
 
 def as_json(robot: Robot) -> str:
-    """One JSON array."""
+    """The catalogue as a JSON array."""
     return json.dumps(_entries(robot), allow_nan=False)
 
 
 def as_text(robot: Robot) -> str:
-    """One line per cause: what to write after --effect, its size, its signature."""
+    """One line per cause: argument of --effect, typical magnitude, signature."""
     rows = []
     for entry in _entries(robot):
         where = "" if entry["where"] is None else f":{entry['where']}"

@@ -1,8 +1,8 @@
-"""Points of the tool are elsewhere than campaign.toml says: p + R_7 d.
+"""Points of the tool are elsewhere than campaign.toml states: p + R_7 d.
 
 - load point:      where the chain pulls
 - measuring point: what the tracker follows, all targets by the same d
-- both:            one point that is pulled at and followed
+- both:            one point at which the chain pulls and which the tracker follows
 """
 
 from typing import Any
@@ -24,13 +24,13 @@ from pipeline.machine.robot import Robot
 
 
 def _wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
-    """The load point that is true, the force as read; a payload has a centre of its own."""
+    """True load point and measured force; a payload, with its own centre of mass, is unaffected."""
     here = (loaded.pulls.by != MOUNTED)[:, None]
     return loaded.load_point + here * (loaded.configuration.flange_axes @ values), loaded.force
 
 
 def points(loaded: Loaded, values: Array) -> Array:
-    """The targets where they are."""
+    """True positions of the targets."""
     shift = loaded.configuration.flange_axes @ values
     return np.asarray(loaded.points + shift[:, None])
 
@@ -50,7 +50,10 @@ def _said(form: str) -> dict[str, Any]:
         "noun": "offset of the load point or the targets",
         "place": "force",
         "form": form,
-        "parameters": tuple(Parameter(f"dl_{axis}", "m", 5e-3, -0.5, 0.5) for axis in "xyz"),
+        "parameters": tuple(
+            Parameter(f"dl_{axis}", "m", 5e-3, -0.5, 0.5, f"error of the stated point along {axis}")
+            for axis in "xyz"
+        ),
         "signature": "torques of the wrist are off by the force times a lever fixed in the tool, "
         "or displacements by their rotation times it",
         "needs": "the load point and the targets measured in the flange frame",

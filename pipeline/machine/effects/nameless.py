@@ -1,23 +1,23 @@
-"""What can give way and has no name in the catalogue: it competes with the causes, unnamed.
+"""Compliances and errors outside the catalogue that compete with its causes, unnamed.
 
-A list of causes is never complete. Where something of this file explains the data as well as a
-cause of the catalogue does, the cause is not certain, and only the place can be told. None is in
-the catalogue: no campaign is ever said to suffer from one of them.
+A list of causes is never complete. If something of this file explains the data as well as a cause
+of the catalogue, that cause is not certain, and only the place can be reported. None of it is in
+the catalogue: no campaign is ever reported to suffer from one of these.
 
-- bearing_translation:   a joint's bearing (or the flange) gives way along the axes of its frame;
-                         on a rail the column's is what the rail's own causes say
-- cross_talk:            torque at a joint turns the next one; the catalogue has the wrist's
-- compliance_by_angle:   of a joint, two harmonics; the catalogue has the shoulder's (compensator)
-- compliance_by_time:    of a joint, steadily
-- compliance_by_history: of a joint, or of all alike, after the loads that it bore before
-- guide_along_the_rail:  a guide of the carriage is softer here than there, two harmonics
-- guide_contact:         a guide yields less than in proportion to its load, as rollers do
+- bearing_translation:   a joint's bearing (or the flange) is compliant along the axes of its frame;
+                         on a rail the translation of the column is covered by the rail's own causes
+- cross_talk:            torque at a joint turns the next one; the catalogue covers the wrist
+- compliance_by_angle:   of a joint, two harmonics; the catalogue covers the shoulder (compensator)
+- compliance_by_time:    of a joint, linear in time
+- compliance_by_history: of a joint, or of all in proportion, depending on its earlier loads
+- guide_along_the_rail:  compliance of a guide of the carriage varies along the rail, two harmonics
+- guide_contact:         deflection of a guide grows less than its load, as of rolling contacts
 - effector_play:         the effector turns in its clamp, about the axis of the last joint
 
-Mistakes of mounting only compete in what they predict, never for a name: their sizes have no usual
-one that could weigh against a cause.
+Mounting errors compete only in their predictions, never for a name: they have no typical magnitude
+that could be weighed against a cause.
 
-- effector_turned:       the effector is mounted on the flange turned by some angle
+- effector_turned:       the effector is mounted on the flange rotated by some angle
 - load_on_the_forearm:   the force acts elsewhere, by a vector fixed to the link before the wrist
 """
 
@@ -56,37 +56,38 @@ from pipeline.machine.robot import Robot
 from pipeline.machine.robot.configuration import translation_along
 
 NAMELESS = 0.25
-"""Odds of one thing without a name against one cause of the catalogue, before the data speak: about
-one fault in five is none of the catalogue."""
+"""Prior odds of one unnamed effect against one cause of the catalogue [1]: about one fault in five
+is not in the catalogue."""
 
 _BEARING = 5e-9
-"""Typical compliance of a bearing along an axis [m/N], that of loaded guide rollers."""
+"""Typical compliance of a bearing along an axis [m/N], that of preloaded guide rollers."""
 
 _TURN_RAD = 0.05
-"""Typical error of mounting an effector by hand [rad]."""
+"""Typical angular error when an effector is mounted by hand [rad]."""
 
 _OFFSET_M = 5e-3
 """Typical error of a point measured on a tool [m], as in the catalogue."""
 
 _LARGE = {"m/N": 1000.0, "rad/(N m)": 3000.0}
-"""A load on the guides of a rail that counts as large [N] or [N m], by the unit of compliance."""
+"""Load on the guides of a rail at which nonlinear contact reaches its typical deflection [N] or [N
+m], by the unit of compliance."""
 
 _FADES_MIN = (5, 20)
-"""How long a joint remembers its loads [min]: some load steps of a pose, or some poses. A memory of
-hours is `compliance_by_time`."""
+"""Time constants of the load memory of a joint [min]: some load steps of a pose, or some poses; a
+memory of hours is `compliance_by_time`."""
 
 _STEP_S = 60.0
-"""From pull to pull where no time is known [s], as long as a turnbuckle takes."""
+"""Assumed time from pull to pull if no times are known [s], as long as a turnbuckle takes."""
 
 _GUIDES = ("rail_lateral", "rail_vertical", "rail_roll", "rail_pitch")
-"""The guides of the carriage."""
+"""Effects of the catalogue that describe guides of the carriage."""
 
 _Screws = Callable[[Loaded], Array]
 _Response = Callable[[Loaded, Array], Array]
 
 
 def nameless(robot: Robot) -> tuple[Effect, ...]:
-    """Everything of this file that the robot can have."""
+    """Everything of this file that the robot can have, except histories and mounting errors."""
     numbers = turning(robot)
     shoulder = (arm(robot) or (None,))[0]
     guides = [one for one in carriage.effects(robot) if one.name in _GUIDES]
@@ -102,9 +103,10 @@ def nameless(robot: Robot) -> tuple[Effect, ...]:
 
 
 def histories(robot: Robot) -> tuple[Effect, ...]:
-    """Joints that remember, each by itself and all alike: what competes in the order of loads.
+    """Joints with load memory, each by itself and all together, for each time constant.
 
-    They compete with causes; with a wander of the instrument, joints that are `restless` do.
+    They compete with causes that depend on the order of loads; against a wander of the instrument,
+    joints that are `restless` compete.
     """
     every = tuple(range(1, robot.n + 1))
     each = [_history(robot, joint, (joint,), fades) for joint in every for fades in _FADES_MIN]
@@ -112,18 +114,18 @@ def histories(robot: Robot) -> tuple[Effect, ...]:
 
 
 def mounting(robot: Robot) -> tuple[Effect, ...]:
-    """Mistakes of mounting that this robot can have."""
+    """Mounting errors that this robot can have."""
     places = arm(robot)
     return (_turned(), *((_on_the_forearm(places[2] - 1),) if places else ()))
 
 
 def _own_bearings(robot: Robot, numbers: Sequence[int]) -> list[int]:
-    """Turning joints and the flange, without the column that stands on the guides of a rail."""
+    """Revolute joints and the flange (n + 1), but not the first joint of an arm on a rail."""
     return [*(numbers[1:] if rail(robot) else numbers), robot.n + 1]
 
 
 def _coupled(numbers: Sequence[int]) -> list[tuple[int, int]]:
-    """Neighbours, without those that are both of a wrist."""
+    """Neighbouring revolute joints, except pairs within a wrist."""
     wrist = set(numbers[-3:]) if len(numbers) == 6 else set()
     return [pair for pair in itertools.pairwise(numbers) if not set(pair) <= wrist]
 
@@ -138,14 +140,14 @@ def _effect(
     signed: bool = True,
     shared: tuple[int, ...] = (),
 ) -> Elastic:
-    """An effect whose parameters, one for each virtual joint or one shared, are all of one size."""
+    """An effect with one parameter per virtual joint, or shared ones, all of one magnitude."""
     said = name.replace("_", " ")
     return Elastic(
         name=name,
         where=where,
         noun=said,
         place="joint",
-        parameters=tuple(  # of unit 1, relative to what is typical: nobody is told it
+        parameters=tuple(  # unit 1, relative to typical values: it is never reported
             Parameter(f"{name}_{where}_{k}", "1", size, -20 * size if signed else 0.0, 20 * size)
             for k in sorted({*shared} or range(len(carrier)))
         ),
@@ -199,7 +201,7 @@ def _warming(robot: Robot, joint: int) -> Effect:
 
 
 def _history(robot: Robot, where: int | str, joints: tuple[int, ...], minutes: int) -> Effect:
-    """The compliance of each joint grows by a like part of itself with what it remembers."""
+    """The compliance of each joint grows with its load memory, by one common fraction."""
     own = np.array([compliance(robot, joint) for joint in joints])
 
     def response(loaded: Loaded, torque: Array) -> Array:
@@ -216,15 +218,15 @@ def _history(robot: Robot, where: int | str, joints: tuple[int, ...], minutes: i
 
 
 def remembered(pulls: Pulls, torque: Array, fades_s: float) -> Array:
-    """What joints remember of earlier loads, between 0 and 1, shape (m, k).
+    """Load memory m of each joint before each pull, between 0 and 1, shape (m, k).
 
-    T dm/dt = |tau| / max |tau| - m, tau the torque that is held since the pull before; between two
-    poses none is. The first pull remembers nothing.
+    T dm/dt = |tau| / max |tau| - m, where tau is the torque of the previous pull, held until the
+    next one; zero between two poses. The first pull has no memory.
 
     Args:
         pulls: The pulls.
-        torque: About each joint [N m], along a sliding one [N], shape (m, k).
-        fades_s: T [s].
+        torque: Torque about each joint [N m], force along a prismatic one [N], shape (m, k).
+        fades_s: Time constant T [s].
     """
     order = np.lexsort((pulls.repeat, pulls.time, pulls.pose))
     if np.isfinite(pulls.time).all():
@@ -270,7 +272,7 @@ def _short(guide: Elastic) -> str:
 
 
 def _play(gear: Elastic) -> Effect:
-    """Moves what the gear of the last joint moves: only reflectors on the flange tell the two."""
+    """Same motion as the last joint's gear; only reflectors on the flange separate the two."""
     size = gear.parameters[0].typical
     where = f"{gear.where} {gear.form}"
     play = _effect("effector_play", where, size, gear.carrier, gear.response, signed=False)
@@ -278,7 +280,7 @@ def _play(gear: Elastic) -> Effect:
 
 
 def _acting(name: str, unit: str, size: float) -> dict[str, Any]:
-    """What an effect of three parameters that moves no virtual joint says of itself."""
+    """Description of an effect with three parameters x, y, z that moves no virtual joint."""
     said = name.replace("_", " ")
     return {
         "name": name,
@@ -295,7 +297,7 @@ def _acting(name: str, unit: str, size: float) -> dict[str, Any]:
 
 
 def _turned() -> Effect:
-    """Load point and targets, turned together about the flange's origin."""
+    """Load point and targets rotated together about the flange's origin."""
     said = _acting("effector_turned", "rad", _TURN_RAD)
 
     def turned(loaded: Loaded, points: Array, values: Array) -> Array:

@@ -1,4 +1,4 @@
-"""Readings scatter more than stated: their standard uncertainty times 1 + s."""
+"""Scatter of the readings larger than stated: standard uncertainty times 1 + s."""
 
 from pipeline.base.arrays import Parameter
 from pipeline.machine.effect import PULLED, Noise
@@ -9,7 +9,9 @@ _ALL = (
         name="tracker_noise",
         noun="tracker noise larger than stated",
         place="noise",
-        parameters=(Parameter("s_tracker", "1", 0.3, 0.0, 20.0),),
+        parameters=(
+            Parameter("s_tracker", "1", 0.3, 0.0, 20.0, "noise of the tracker beyond that stated"),
+        ),
         signature="all residuals are larger than stated, without a pattern",
         needs="repeated readings of one state",
         source="laser trackers in a warm hall against their certificate; 30 % is an estimate",
@@ -19,7 +21,9 @@ _ALL = (
         name="force_noise",
         noun="force noise larger than stated",
         place="noise",
-        parameters=(Parameter("s_force", "1", 1.0, 0.0, 20.0),),
+        parameters=(
+            Parameter("s_force", "1", 1.0, 0.0, 20.0, "noise of the scale beyond that stated"),
+        ),
         signature="all coordinates of one reading are off together, along its displacement",
         needs="repeated pulls at one pose",
         source="0.1 to 0.5 % of the reading",
@@ -30,5 +34,5 @@ _ALL = (
 
 
 def effects(robot: Robot) -> tuple[Noise, ...]:
-    """Both, the same on any robot."""
+    """Both noise effects, the same on any robot."""
     return _ALL

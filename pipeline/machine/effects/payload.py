@@ -1,7 +1,7 @@
-"""A payload is not what campaign.toml says: its mass is m (1 + g), its centre at c + d.
+"""A payload deviates from campaign.toml: its mass is m (1 + g), its centre at c + d.
 
-The mass is told by what else loads the robot: of one payload alone it shifts all stiffnesses by
-the same percentage.
+The mass can be estimated only if something else loads the robot, too: with one payload alone it
+scales all stiffnesses by the same percentage.
 """
 
 from __future__ import annotations
@@ -14,11 +14,14 @@ from pipeline.base.arrays import Array, Bools, Parameter
 from pipeline.machine.effect import MOUNTED, Effect, Loaded, Pulls, Wrench
 
 NOUNS = {"payload_mass": "wrong mass", "payload_center": "wrong centre of mass"}
-"""What each is called; the name of the payload follows."""
+"""Noun of each effect; the name of the payload follows it."""
 
 
 def effects(pulls: Pulls) -> tuple[Effect, ...]:
-    """Mass and centre of each payload of a campaign."""
+    """Mass and centre effects of each payload of a campaign.
+
+    The mass is left out if one payload is the only load.
+    """
     mounted = pulls.by == MOUNTED
     names = sorted({*pulls.body[mounted].tolist()})
     told = len(names) > 1 or not mounted.all()
@@ -32,7 +35,7 @@ def _mass(name: str) -> Effect:
         where=name,
         noun=NOUNS["payload_mass"],
         place="force",
-        parameters=(Parameter("g_mass", "1", 0.01, -0.5, 0.5),),
+        parameters=(Parameter("g_mass", "1", 0.01, -0.5, 0.5, "error of the stated mass"),),
         signature="all that one payload moves is off by the same percentage; another one disagrees",
         needs="the payload on a scale, or the joint torques",
         source="f = m g; 1 % is an estimate",
@@ -47,7 +50,13 @@ def _centre(name: str) -> Effect:
         where=name,
         noun=NOUNS["payload_center"],
         place="force",
-        parameters=tuple(Parameter(f"dc_{axis}", "m", 5e-3, -0.5, 0.5) for axis in "xyz"),
+        parameters=tuple(
+            Parameter(
+                *(f"dc_{axis}", "m", 5e-3, -0.5, 0.5),
+                f"error of the stated centre of mass along {axis}",
+            )
+            for axis in "xyz"
+        ),
         signature="torques of the wrist are off by the payload's weight times a lever fixed in it",
         needs="the centre weighed or from the drawing, or the joint torques",
         source="moment d x m g; 5 mm is an estimate",
@@ -57,12 +66,12 @@ def _centre(name: str) -> Effect:
 
 
 def _heavier(name: str, loaded: Loaded, values: Array) -> tuple[Array, Array]:
-    """The centre as stated, the force of the mass that is true."""
+    """Stated centre, with the force of the true mass."""
     return loaded.load_point, loaded.force * (1 + _here(name, loaded)[:, None] * values[0])
 
 
 def _elsewhere(name: str, loaded: Loaded, values: Array) -> tuple[Array, Array]:
-    """The centre that is true, the force as stated."""
+    """True centre, with the stated force."""
     shift = loaded.configuration.flange_axes @ values
     return loaded.load_point + _here(name, loaded)[:, None] * shift, loaded.force
 

@@ -1,12 +1,12 @@
-"""The rack and pinion of the rail has play: a step of constant width, missing from Eq. (3).
+"""Backlash of the rack and pinion: a step of constant width along the rail, missing from Eq. (3).
 
-Where the carriage came to rest within the play decides how far it can go:
+The available travel depends on where the carriage came to rest within the play:
 
     travel along the rail = b (tanh(f_y / f_0) - rest) / 2,
 
-with rest = +1 at the end of the play that a positive pull runs into, -1 at the other one. That
-holds where only the flanks hold the carriage. Where friction holds it, a pull across the rail
-leaves it there, and only a pull along the free play moves it across:
+with rest = +1 at the end of the play that a positive pull runs into, -1 at the other one. This
+holds if only the tooth flanks hold the carriage. If friction holds it, a pull across the rail
+leaves it in place, and only a pull towards the free play moves it over:
 
     travel along the rail = -rest b tanh(max(-rest f_y, 0) / f_r).
 """
@@ -21,10 +21,10 @@ from pipeline.machine.effects._anatomy import rail
 from pipeline.machine.robot import Robot
 
 _FULL_PLAY_FORCE_N = 150.0
-"""f_0: with two flanks and nothing else."""
+"""f_0: scale of the force that closes the play if only the two flanks hold the carriage [N]."""
 
 _FRICTION_N = 300.0
-"""f_r: pull along the rail that takes a carriage over against its friction."""
+"""f_r: scale of the pull along the rail that moves the carriage against friction [N]."""
 
 
 def _between_flanks(force: Array, start: Array) -> Array:
@@ -42,12 +42,12 @@ _FORMS: dict[str, tuple[float, Callable[[Array, Array], Array]]] = {
     "held by friction until pulled over": (-1.0, _against_friction),
     "held by the brake until pulled over": (1.0, _against_friction),
 }
-"""Where the carriage rests after coming along +y, and how it leaves: friction stops it with the
-pushing flank in contact, a braking drive with the other one; centred when that is unknown."""
+"""Rest position after coming along +y, and law of travel: friction stops the carriage with the
+driving flank in contact, a braking drive with the other one; centred if unknown."""
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
-    """The play of the rail's drive, for each way the carriage may come to rest."""
+    """Backlash of the rail's drive, in one form per rest position and law."""
     return tuple(_effect(form, *law) for form, law in _FORMS.items()) if rail(robot) else ()
 
 
@@ -61,7 +61,7 @@ def _effect(form: str, rest: float, law: Callable[[Array, Array], Array]) -> Ela
         place="rail",
         form=form,
         tolerance=0.1,
-        parameters=(Parameter("b_rail", "m", 2e-4, 0.0, 2e-3),),
+        parameters=(Parameter("b_rail", "m", 2e-4, 0.0, 2e-3, "backlash of the rail's drive"),),
         signature="a step along the rail, the same for all reflectors and all forces, "
         "that depends on the sign of the pull and on the way the carriage came",
         needs="pulls both ways along the rail at poses approached both ways, recorded in "

@@ -1,4 +1,4 @@
-"""The rail's stiffness along its axis changes with the position of the carriage.
+"""Stiffness of the rail drive along its axis varies with the position of the carriage.
 
 The compliance is c_r1 + c_cos cos(2 pi r_1 / L) + c_sin sin(2 pi r_1 / L) between supports at
 pitch L, or c_r1 + c_slope (r_1 - middle) / half length.
@@ -21,7 +21,7 @@ from pipeline.machine.robot import Robot
 _Response = Callable[[Loaded, Array], Array]
 
 _PITCH_M = (1.5, 2.0, 3.0, 4.0, 6.0, 9.0)
-"""Support pitches that are tried; the true one is rarely documented."""
+"""Support pitches that are tried [m]; the true one is rarely documented."""
 
 _SIGNATURE = "the excess along the rail depends on where the carriage stands, not on the arm"
 _NEEDS = "one arm pose, pulled along the rail at six or more stations over two support pitches"
@@ -29,7 +29,7 @@ _SOURCE = "A_1 phi(r_1); +-40 % between supports is an estimate"
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
-    """Variation with the pitch of the supports, or steady from end to end."""
+    """Variation with the pitch of the supports, or linear from end to end."""
     if not rail(robot):
         return ()
     return (_steady(robot), *(_waves(robot, pitch) for pitch in _PITCH_M))
@@ -61,7 +61,18 @@ def _effect(robot: Robot, form: str, names: tuple[str, ...], response: _Response
         place="rail",
         form=form,
         tolerance=0.15,
-        parameters=tuple(Parameter(name, "m/N", 0.4 * c, -4 * c, 4 * c) for name in names),
+        parameters=tuple(
+            Parameter(
+                *(name, "m/N", 0.4 * c, -4 * c, 4 * c),
+                "change of the drive's compliance "
+                + (
+                    "along the whole rail"
+                    if names[1:] == ()
+                    else f"between supports, {name[-3:]} part"
+                ),
+            )
+            for name in names
+        ),
         signature=_SIGNATURE,
         needs=_NEEDS,
         source=_SOURCE,

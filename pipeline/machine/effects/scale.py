@@ -1,4 +1,4 @@
-"""The spring scale reads wrong: by a fraction, by its zero, or more the harder it is pulled."""
+"""Errors of the spring scale: gain, zero, or curvature (error quadratic in the force)."""
 
 from collections.abc import Callable
 
@@ -11,17 +11,17 @@ from pipeline.machine.robot import Robot
 
 
 def gain(loaded: Loaded, values: Array) -> tuple[Array, Array]:
-    """Load point and force that act: f (1 + g)."""
+    """Acting load point and force: f (1 + g)."""
     return loaded.load_point, loaded.force * (1 + loaded.pulls.pulled * values[0])
 
 
 def zero(loaded: Loaded, values: Array) -> tuple[Array, Array]:
-    """Load point and force that act: f + f_0 u, u along f."""
+    """Acting load point and force: f + f_0 u, u along f."""
     return loaded.load_point, loaded.force + loaded.pulls.pulled * values[0] * direction(loaded)
 
 
 def curvature(loaded: Loaded, values: Array) -> tuple[Array, Array]:
-    """Load point and force that act: f (1 + e |f| / 1 kN)."""
+    """Acting load point and force: f (1 + e |f| / 1 kN)."""
     size = np.linalg.norm(loaded.force, axis=1, keepdims=True)
     return loaded.load_point, loaded.force * (1 + loaded.pulls.pulled * values[0] * size / 1000.0)
 
@@ -34,7 +34,7 @@ def _scale(
     needs: str,
     source: str,
 ) -> Wrench:
-    """What is wrong with the readings of a pull."""
+    """An error of the measured force of pulls by the chain."""
     return Wrench(
         name=f"scale_{wrench.__name__}",
         noun=f"{noun} of the spring scale",
@@ -51,7 +51,7 @@ def _scale(
 _ALL = (
     _scale(
         "wrong gain",
-        Parameter("g_scale", "1", 0.01, -0.2, 0.2),
+        Parameter("g_scale", "1", 0.01, -0.2, 0.2, "error of the scale's gain"),
         gain,
         signature="all stiffnesses shift by the same percentage; nothing else shows",
         needs="a known dead weight on the scale",
@@ -59,7 +59,7 @@ _ALL = (
     ),
     _scale(
         "wrong zero",
-        Parameter("f_zero", "N", 20.0, -300.0, 300.0),
+        Parameter("f_zero", "N", 20.0, -300.0, 300.0, "error of the scale's zero"),
         zero,
         signature="displacement over force has an offset at zero force, the same at every pose",
         needs="three load levels, or the scale read with nothing on it",
@@ -67,7 +67,7 @@ _ALL = (
     ),
     _scale(
         "curvature",
-        Parameter("e_scale", "1", 0.005, -0.1, 0.1),
+        Parameter("e_scale", "1", 0.005, -0.1, 0.1, "curvature of the scale at full load"),
         curvature,
         signature="displacement over force changes with the force alike at every pose, "
         "whichever joint turns",
@@ -78,5 +78,5 @@ _ALL = (
 
 
 def effects(robot: Robot) -> tuple[Wrench, ...]:
-    """All of them, the same on any robot."""
+    """All scale effects, the same on any robot."""
     return _ALL

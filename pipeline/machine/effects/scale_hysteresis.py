@@ -1,13 +1,13 @@
-"""The load cell remembers: its reading depends on how the force was reached.
+"""Hysteresis of the load cell: its reading depends on how the force was reached.
 
 - by branch:  the true force is f (1 + h b), b = +1 while the turnbuckle tightens, -1 slackening
 - slackening: f (1 + h) on the way down, f as read on the way up
-- loop:       f + h (f_peak - |f|) u on the way down, f_peak the hardest pull of the pose
+- loop:       f + h (f_peak - |f|) u on the way down, f_peak the largest force of the pose
 - constant:   f + f_h b u, u along the chain
-- by step:    f (1 + h (k - 1)) in the k-th pull of a pose: the cell creeps while it hangs
+- by step:    f (1 + h (k - 1)) in the k-th pull of a pose: the cell creeps under load
 
-Nobody knows from the deflections which way is read right: the first two differ by a gain, and where
-they fit alike, the stiffnesses are averaged over both.
+Deflections do not show which direction is read correctly: the first two differ by a gain, and where
+they fit equally well, the stiffnesses are averaged over both.
 """
 
 from collections.abc import Callable
@@ -47,11 +47,35 @@ def _by_step(loaded: Loaded) -> Array:
 def effects(robot: Robot) -> tuple[Wrench, ...]:
     """One effect in five forms, on any robot."""
     return (
-        _effect("by branch", Parameter("h_scale", "1", 0.005, -0.1, 0.1), _by_branch),
-        _effect("slackening", Parameter("h_down", "1", 0.01, -0.2, 0.2), _slackening),
-        _effect("loop", Parameter("h_loop", "1", 0.01, -0.2, 0.2), _loop),
-        _effect("constant", Parameter("f_hysteresis", "N", 10.0, -150.0, 150.0), _constant),
-        _effect("by step", Parameter("h_step", "1", 0.002, -0.03, 0.03), _by_step),
+        _effect(
+            "by branch",
+            Parameter("h_scale", "1", 0.005, -0.1, 0.1, "hysteresis of the scale over its reading"),
+            _by_branch,
+        ),
+        _effect(
+            "slackening",
+            Parameter(
+                "h_down", "1", 0.01, -0.2, 0.2, "difference of the scale's reading on the way down"
+            ),
+            _slackening,
+        ),
+        _effect(
+            "loop",
+            Parameter("h_loop", "1", 0.01, -0.2, 0.2, "hysteresis of the scale over its reading"),
+            _loop,
+        ),
+        _effect(
+            "constant",
+            Parameter("f_hysteresis", "N", 10.0, -150.0, 150.0, "hysteresis of the scale"),
+            _constant,
+        ),
+        _effect(
+            "by step",
+            Parameter(
+                "h_step", "1", 0.002, -0.03, 0.03, "change of the scale's reading with each step"
+            ),
+            _by_step,
+        ),
     )
 
 

@@ -1,6 +1,6 @@
-"""A geometric parameter of the robot's table is wrong, by far more than the others.
+"""Gross error in a geometric parameter of the robot's table, far larger than in the others.
 
-It moves the unloaded reflectors by millimetres, and changes the displacements through B alone.
+It displaces the unloaded reflectors by millimetres, and changes the displacements only through B.
 """
 
 from __future__ import annotations
@@ -19,14 +19,14 @@ NOUNS = {
 }
 
 _TYPICAL = 1e-3
-"""A millimetre, a milliradian: what a robot that was never calibrated is off by."""
+"""Typical error of a table that was never calibrated: a millimetre, a milliradian."""
 
 _MOST = 0.5
-"""Beyond half a metre, half a radian it is another robot."""
+"""Bound on an error: half a metre, half a radian; beyond that it is another robot."""
 
 
 def effects(robot: Robot) -> tuple[Table, ...]:
-    """Every geometric parameter that unloaded reflectors can show, but for the joints' zeros."""
+    """Every geometric parameter that unloaded reflectors can show, except the joints' zeros."""
     every, names = letters(robot), axes.alone(robot)
     return tuple(
         _effect(letter, float(value), names[letter.joint - 1])
@@ -43,7 +43,12 @@ def _effect(letter: Letter, value: float, axis: str | None) -> Table:
         place="metrology",
         where=letter.joint,
         shows_unloaded=True,
-        parameters=(Parameter(f"{symbol}_{letter.joint}", letter.unit, _TYPICAL, -_MOST, _MOST),),
+        parameters=(
+            Parameter(
+                *(f"{symbol}_{letter.joint}", letter.unit, _TYPICAL, -_MOST, _MOST),
+                letter.meaning,
+            ),
+        ),
         signature=f"the unloaded reflectors are off by as much as the DH parameter {symbol} of "
         f"joint {letter.joint} would move them; the displacements hardly show it",
         needs="the unloaded absolute positions, in F_b, with the tool's coordinates known",

@@ -1,4 +1,4 @@
-"""The effector or its flange joint bends: two rotations at the flange, about the tool's x and y."""
+"""Compliance of the effector or its flange joint: rotations about the flange's x and y axes."""
 
 import numpy as np
 
@@ -16,7 +16,7 @@ def _screws(loaded: Loaded) -> Array:
 
 
 def effects(robot: Robot) -> tuple[Elastic, ...]:
-    """One effect, behind the last joint."""
+    """One effect, after the last joint."""
     c = compliance(robot, robot.n)
     return (
         Elastic(
@@ -24,7 +24,11 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
             noun="compliance of the tool or its flange",
             place="tool",
             parameters=tuple(
-                Parameter(f"c_tool_{axis}", "rad/(N m)", c / 6, 0.0, 5 * c) for axis in "xy"
+                Parameter(
+                    *(f"c_tool_{axis}", "rad/(N m)", c / 6, 0.0, 5 * c),
+                    f"tilt compliance of the tool on its flange about {axis}",
+                )
+                for axis in "xy"
             ),
             signature="the effector turns against the flange, about axes fixed in the tool; "
             "the same as a tilt of the last joint",

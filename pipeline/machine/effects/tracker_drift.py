@@ -1,4 +1,4 @@
-"""The tracker (or its tripod) drifts: readings move with time, p + v t, or settle while warming up.
+"""Drift of the tracker (or its tripod): readings move with time, or settle during warm-up.
 
 steady:  p + v t
 warm-up: p + a (1 - exp(-t / 1 h))
@@ -16,20 +16,22 @@ from pipeline.machine.robot import Robot
 _NAME = "tracker_drift"
 
 HOUR_S = 3600.0
-"""Seconds in an hour: trackers warm up in about one, and drifts are told per hour."""
+"""Seconds in an hour: time constant of a tracker's warm-up, and the unit of time for drift
+rates."""
 
 GROUP_S = 100.0
-"""Time between groups of readings where an export has none and the order of its rows is the clock
-[s]: a turnbuckle is tightened in 60 s, and five readings take 8 s each (design/schedule.py). It
-sets how large a drift is typical, and cancels from what is stated."""
+"""Assumed time between groups of readings if an export has no times and the order of its rows
+serves as the clock [s]: tightening a turnbuckle takes 60 s, and five readings 8 s each
+(design/schedule.py). It only sets the typical size of a drift and cancels from reported values."""
 
 PER_GROUP = "m/group"
-"""Unit of a drift that is told by the order of rows: groups of readings, as one state of a pose."""
+"""Unit of a drift rate per group of readings (one state of a pose), if the order of rows is the
+clock."""
 
 _Law = Callable[[Array], Array]
 
 LAWS: Mapping[str, _Law] = {"steady": lambda t: t, "warm-up": lambda t: -np.expm1(-t / HOUR_S)}
-"""How much of each form there is at a time [s]."""
+"""Drift of each form relative to its parameter, as a function of time [s]."""
 
 
 def effects(robot: Robot) -> tuple[Observation, ...]:
@@ -41,16 +43,16 @@ def effects(robot: Robot) -> tuple[Observation, ...]:
 
 
 def by_order(effects: Iterable[Effect]) -> tuple[Effect, ...]:
-    """The catalogue where the order of rows is the clock: a steady drift per group of readings.
+    """Effects for an export without times: a steady drift per group of readings, no warm-up.
 
-    No export without times shows that a tracker settled within an hour.
+    Without times, settling within an hour cannot be identified.
     """
     kept = [effect for effect in effects if effect.name != _NAME or effect.form == "steady"]
     return tuple(_per_group(one) if one.name == _NAME else one for one in kept)
 
 
 def amount(effect: Effect, time: Array) -> Array:
-    """How much of a drift there is at a time [s], in the units of its parameters."""
+    """Drift at a time [s], in the units of its parameters."""
     by_order = effect.parameters[0].unit == PER_GROUP
     return np.asarray(LAWS[effect.form](time / GROUP_S if by_order else time))
 
@@ -74,7 +76,12 @@ def _effect(form: str, letter: str, unit: str, typical: float, most: float) -> O
         form=form,
         tolerance=0.2,
         parameters=tuple(
-            Parameter(f"{letter}_{axis}", unit, typical, -most, most) for axis in "xyz"
+            Parameter(
+                *(f"{letter}_{axis}", unit, typical, -most, most),
+                f"drift of the tracker along {axis}"
+                + (" until it is warm" if letter == "a" else ""),
+            )
+            for axis in "xyz"
         ),
         signature="what is read late after its zero is off more; base_start and base_end disagree",
         needs="times in the export, and base reflectors measured again and again",

@@ -1,15 +1,15 @@
-"""Laws that nobody listed: what every place of a cell could do, of everything that a pull varies.
+"""Generated laws for what no catalogue lists: every place of a cell, every variable of a pull.
 
-The catalogue is a list, and a list ends. Here suspects are made instead of written:
+The catalogue is a finite list. Here suspects are generated systematically:
 
     WHERE  each joint, the guides of the rail, the scale, the tracker
-    OF     its angle, its torque, another joint's angle or torque, position on the rail, size and
-           direction of the force, time
-    WHAT   waves of 1 to 20 periods a turn, polynomials, steps, one joint moving another
+    OF     its angle, its torque, another joint's angle or torque, position on the rail, magnitude
+           and direction of the force, time
+    WHAT   waves of 1 to 20 periods per turn, polynomials, steps, one joint moving another
 
-A spring of compliance c(v) = c + sum_k b_k g_k(v) yields sum_k b_k g_k(v) tau beside c tau, so that
-each law is a block of columns of the one linear system, like a cause of the catalogue. None has a
-name of its own: all are `unlisted_law`.
+A spring of compliance c(v) = c + sum_k b_k g_k(v) deflects by sum_k b_k g_k(v) tau in addition to
+c tau, so that each law is a block of columns of the one linear system, like a cause of the
+catalogue. None has a name of its own: all are `unlisted_law`.
 """
 
 from __future__ import annotations
@@ -34,33 +34,37 @@ from pipeline.machine.robot.configuration import rotation_about, torque, transla
 
 NAME = "unlisted_law"
 
+AMPLITUDE = "amplitude of the law"
+"""What each parameter of a law is called."""
+
 _ORDERS = tuple(range(1, 21))
-"""Periods per turn: eccentric wheels have one, cycloidal and strain-wave gears some more; poses of
-one campaign tell no finer waves apart."""
+"""Periods per turn: eccentric wheels have one, cycloidal and strain-wave gears some more; the poses
+of one campaign do not resolve finer waves."""
 
 _COUPLED = (1, 2, 3)
-"""Periods per turn of another joint: what turns with it pulls once, twice or three times."""
+"""Periods per turn of another joint: what rotates with it loads this joint once, twice or three
+times."""
 
 _PER_RAIL = (1, 2, 3, 4, 5, 6)
-"""Periods over the length of the rail that the poses span: supports, joints of the rails."""
+"""Periods over the length of rail that the poses span: supports, joints between rail segments."""
 
 _STEPS = 12
-"""So many places of a step are tried."""
+"""Maximum number of step positions that are tried."""
 
 _FORCES = 60
-"""The same of a step in the force, which every pull has another of."""
+"""Maximum number of positions of a step in the force, which differs in every pull."""
 
 _SIDES = 3
-"""Poses on either side of a step, at least."""
+"""Minimum number of poses on either side of a step."""
 
 _KNEES = (0.15, 0.3, 0.45, 0.6, 0.75)
-"""Where a gear changes its slope, over the largest torque."""
+"""Torques at which the slope of a gear changes, as fractions of the largest torque [1]."""
 
 _PART = 0.15
-"""Typical part of a joint's compliance that follows a law, as of a hardening gear."""
+"""Typical fraction of a joint's compliance that follows a law [1], as of a hardening gear."""
 
 _TIPS_NM = 60.0
-"""Moment at which a bearing has tipped over through its play [N m], an estimate."""
+"""Moment that tips a bearing through its play [N m], an estimate."""
 
 _GUIDES = {
     "lateral": (partial(translation, axis=ACROSS), 5e-9, "m/N"),
@@ -77,15 +81,15 @@ _ZERO_N = 20.0
 """Typical jump of a scale's zero [N], as of `scale_zero`."""
 
 _MOST = 20.0
-"""Bounds of an amplitude, in typical sizes."""
+"""Bound on an amplitude, in multiples of its typical magnitude [1]."""
 
 
 @lru_cache(maxsize=2)
 def effects(robot: Robot, loaded: Loaded, odds: float = 1.0) -> tuple[Effect, ...]:
-    """Every law that these pulls could show, each with its share of the odds that one is there.
+    """Every law that these pulls could show, each with its share of the odds that there is one.
 
-    All families of laws are alike beforehand, and so are the members of a family. They are
-    hundreds, of which few are ever shown: `worded` gives those their names.
+    All families of laws have equal odds, and so have the members of a family. Most of these
+    hundreds are never reported: `worded` adds the words to those that are.
     """
     laws = list(_laws(robot, loaded))
     members = Counter(law.family for law in laws)
@@ -94,11 +98,11 @@ def effects(robot: Robot, loaded: Loaded, odds: float = 1.0) -> tuple[Effect, ..
 
 
 def extensions(robot: Robot, loaded: Loaded, one: Effect) -> tuple[Effect, ...]:
-    """A law with one further shape each, of those that were tried for the same part and variable.
+    """The law extended by one further shape each, among those tried for the same part and variable.
 
-    A gear that is not quite round has harmonics, and what bends may bend besides: what a law
-    leaves is first the law's own. Its odds are shared among them, one half by its harmonics: what
-    repeats n times a turn has no others.
+    An imperfect gear has harmonics, and a part may follow several functions of one variable: the
+    residual of a law is attributed to the same law first. Its odds are shared among the extensions,
+    one half by its harmonics, which are integer multiples of its frequency.
     """
     law = one.law
     assert law is not None
@@ -114,14 +118,14 @@ def extensions(robot: Robot, loaded: Loaded, one: Effect) -> tuple[Effect, ...]:
 
 
 def _harmonic(law: Law, other: Law) -> bool:
-    """Whether a wave repeats a whole number of times where the law repeats once."""
+    """Whether a wave has an integer multiple of the law's number of periods."""
     waves = law.kind == other.kind == "periodic" or law.kind == other.kind == "coupling"
     times = other.order / law.order if waves else 0.0
     return waves and times > 1 and bool(np.isclose(times, round(times)))
 
 
 def _adds(law: Law, other: Law) -> bool:
-    """Whether a shape is none that the law has: a polynomial holds those of lower degree."""
+    """Whether a shape is not yet part of the law; a polynomial contains those of lower degree."""
     smooth = any(one.kind == "smooth" for one in law.shapes) and other.kind == "smooth"
     polynomials = smooth and law.variable in ("angle", "position")
     return not polynomials and _shaped(other) not in map(_shaped, law.shapes)
@@ -136,7 +140,7 @@ def _with(law: Law, other: Law) -> Law:
 
 
 def named(robot: Robot, label: str, form: str) -> Effect | None:
-    """The effect of a label and a form, None where they are no law of this file."""
+    """The effect of a label and a form; None if they describe no law of this file."""
     name, _, where = label.partition(":")
     try:
         return effect(robot, parse(where, form)) if name == NAME else None
@@ -145,12 +149,12 @@ def named(robot: Robot, label: str, form: str) -> Effect | None:
 
 
 def effect(robot: Robot, law: Law) -> Effect:
-    """The law as an effect; its parameters are amplitudes, zero where it is absent."""
+    """The law as an effect in words; its parameters are amplitudes, all zero if it is absent."""
     return worded(robot, _effect(robot, law))
 
 
 def worded(robot: Robot, made: Effect) -> Effect:
-    """The effect of a law with its words, by the controller's names of the joints."""
+    """Add noun and signature to the effect of a law, with the controller's names of the joints."""
     assert made.law is not None
     names = axes.alone(robot)
     told = noun(made.law, names)
@@ -159,7 +163,7 @@ def worded(robot: Robot, made: Effect) -> Effect:
 
 
 def _effect(robot: Robot, law: Law) -> Effect:
-    """The same without words."""
+    """The law as an effect without words."""
     if law.beyond:
         return _beyond(robot, law)
     if law.where == "scale":
@@ -171,7 +175,7 @@ def _effect(robot: Robot, law: Law) -> Effect:
     return _of_joint(robot, law, int(law.where))
 
 
-# what is tried
+# laws that are tried
 
 
 def _laws(robot: Robot, loaded: Loaded) -> Iterator[Law]:
@@ -256,7 +260,7 @@ def _of_time(pulls: Pulls, where: int | str, part: str) -> Iterator[Law]:
 
 
 def _since_zero(pulls: Pulls, joint: int) -> Iterator[Law]:
-    """Creep under load, an arm that sinks, a link that grows: since the zero of the pose."""
+    """Creep under load, sinking arm, growing link: functions of the time since the pose's zero."""
     since = pulls.time - pulls.time_zero
     if _varies(since):
         for part in ("creep", "sinks", "grows"):
@@ -283,11 +287,12 @@ def _of_force(pulls: Pulls, where: str, part: str) -> Iterator[Law]:
 
 
 _ABOVE, _BELOW = 0.0, 1.0
-"""Order of a step: where it is there. What sticks or has a dead band reads small forces wrong."""
+"""Order of a step in the force: whether it acts above or below its position; sticking or a dead
+band falsifies small forces."""
 
 
 def _jumps(pulls: Pulls, part: str, order: float) -> Iterator[Law]:
-    """A scale that reads otherwise beyond some force, or up to it; places between all pulls."""
+    """A scale error above or below some force; steps lie between the forces of the pulls."""
     size = np.linalg.norm(pulls.force, axis=1)
     for at in _between(np.sort(size), _FORCES):
         yield Law("scale", part, "step", "force", 0, order, *_ends(size), at)
@@ -302,13 +307,13 @@ def _varies(v: Array) -> bool:
 
 
 def _cuts(v: Array, pulls: Pulls) -> list[float]:
-    """Where a step in v (m,) leaves some poses on either side, spread evenly."""
+    """Step positions in v (m,), evenly spread, with at least `_SIDES` poses on either side."""
     _, first = np.unique(pulls.pose, return_index=True)
     return _between(np.sort(v[first]))
 
 
 def _between(each: Array, most: int = _STEPS) -> list[float]:
-    """The same of values that ascend, `most` places at most."""
+    """Step positions between ascending values, at most `most` of them."""
     cuts = ((each[1:] + each[:-1]) / 2)[_SIDES - 1 : len(each) - _SIDES]
     if not len(cuts):
         return []
@@ -316,11 +321,11 @@ def _between(each: Array, most: int = _STEPS) -> list[float]:
     return [float(cut) for cut in cuts[chosen]]
 
 
-# what each does
+# effect of each law
 
 
 def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[str, object]:
-    """What every law says of itself."""
+    """Description common to all laws; words are added later."""
     most = _MOST * typical
     return {
         "name": NAME,
@@ -329,7 +334,8 @@ def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[s
         "place": place,
         "form": law.form,
         "parameters": tuple(
-            Parameter(f"b_{law.where}_{k}", unit, typical, -most, most) for k in range(names)
+            Parameter(f"b_{law.where}_{k}", unit, typical, -most, most, AMPLITUDE)
+            for k in range(names)
         ),
         "signature": "",
         "needs": "pulls at more values of what it depends on, also beyond those that were taken",
@@ -340,12 +346,12 @@ def _said(law: Law, place: str, names: int, unit: str, typical: float) -> dict[s
 
 
 def undecided(robot: Robot, one: Effect, others: Sequence[Law]) -> Effect:
-    """A law's effect, saying what else of its place the readings do not tell from it.
+    """The effect of a law, with words that also name the laws that readings do not exclude.
 
     Args:
         robot: The robot.
         one: The effect of the law.
-        others: The other laws, likeliest first.
+        others: The other laws of its place, most probable first.
     """
     assert one.law is not None
     first, names = one.law, axes.alone(robot)
@@ -357,23 +363,23 @@ def undecided(robot: Robot, one: Effect, others: Sequence[Law]) -> Effect:
 
 
 def _but_for_order(law: Law, other: Law) -> bool:
-    """Whether two laws repeat, and differ in nothing but how often their last shape does."""
+    """Whether two periodic laws differ only in the number of periods of their last shape."""
     *same, last = law.shapes
     *alike, end = other.shapes
     return same == alike and last.kind in _WAVES and replace(last, order=end.order) == end
 
 
 _WAVES = ("periodic", "coupling")
-"""Kinds that repeat."""
+"""Periodic kinds of law."""
 
 
 def noun(law: Law, names: Sequence[str | None], orders: Sequence[float] = ()) -> str:
-    """What the law is, without its place.
+    """Description of the law without its place.
 
     Args:
         law: The law.
-        names: Axis of the controller that moves each joint, if one does.
-        orders: How often its last shape may repeat, where that is not decided.
+        names: Name of the controller axis that moves each joint, if there is one.
+        orders: Possible numbers of periods of its last shape, if that is undecided.
     """
     source = in_place(law.source, axis=names[law.source - 1]).removeprefix(" in ")
     if law.part in _NOUNS:
@@ -385,7 +391,7 @@ def noun(law: Law, names: Sequence[str | None], orders: Sequence[float] = ()) ->
 
 
 def _does(law: Law, source: str, orders: Sequence[float]) -> str:
-    """What one shape does, as a verb; a wave of some of these orders."""
+    """One shape as a verb phrase; a wave with any of these orders."""
     often = _or([f"{float(f'{order:.2g}'):g}" for order in orders or [law.order]])
     if law.kind == "coupling":
         return f"follows the angle of {source}, {often} per turn"
@@ -398,12 +404,12 @@ def _does(law: Law, source: str, orders: Sequence[float]) -> str:
 
 
 def _or(words: Sequence[str]) -> str:
-    """a, b or c."""
+    """Join words: a, b or c."""
     return " or ".join([", ".join(words[:-1]), words[-1]] if words[1:] else words)
 
 
 def _at(law: Law) -> str:
-    """Where a step is, in the unit that people read it in."""
+    """Position of a step in the unit used in text."""
     if law.variable == "angle":
         return f"{np.rad2deg(law.at):.0f}° of the joint"
     if law.variable == "time":
@@ -429,7 +435,7 @@ _NOUNS = {
     "bearing_z": "compliance of the bearing along its {axis} axis",
     "place": "drift that is not steady",
 }
-"""Laws that their part says all of."""
+"""Noun of those parts whose law needs no further description."""
 
 _THINGS = {
     "drive": "stiffness of the drive",
@@ -442,7 +448,7 @@ _THINGS = {
     "reading": "factor of the force",
     "zero": "zero",
 }
-"""What follows a law, where it is not the stiffness of a joint."""
+"""Subject of the law if it is not the stiffness of a joint."""
 
 _SMOOTH = {
     "angle": "varies smoothly with the angle",
@@ -454,11 +460,8 @@ _SMOOTH = {
 }
 
 
-_Response = Callable[[Loaded, Array], Array]
-
-
 def _of_joint(robot: Robot, law: Law, joint: int) -> Effect:
-    """A law of the spring of a joint, or of what its bearing, gear and link do."""
+    """A law of a joint's spring, bearing, gear or link."""
     made = _PARTS.get(law.part, _spring)
     return made(robot, law, joint)
 
@@ -480,15 +483,15 @@ def _spring(robot: Robot, law: Law, joint: int) -> Effect:
 
 
 def _of_own_torque(law: Law, tau: Array) -> Array:
-    """Deflection per unit of compliance: of a slope that changes with the torque."""
+    """Deflection per unit of compliance, for a slope that changes with the torque."""
     most = max(-law.low, law.high)
     if law.order == 1.0:
-        return np.abs(tau)  # softer one way than the other
+        return np.abs(tau)  # softer in one direction than in the other
     return np.asarray(tau * (np.abs(tau) / most) ** (law.order - 1))
 
 
 def _knee(robot: Robot, law: Law, joint: int) -> Effect:
-    """A slope that changes at one torque, or at two: the second lies half way to the largest."""
+    """A slope that changes at one torque, or again half way from there to the largest."""
     most = max(-law.low, law.high)
     knees = np.array([law.at] if law.part == "knee" else [law.at, (law.at + most) / 2])
 
@@ -501,7 +504,7 @@ def _knee(robot: Robot, law: Law, joint: int) -> Effect:
 
 
 def _turns(robot: Robot, law: Law, joint: int) -> Effect:
-    """Friction and play: an angle in the sense of the torque, which may depend on where it is."""
+    """Friction and play: an angle in the sense of the torque, perhaps varying with the joint."""
     width = 0.03 * rated_torque(robot, joint)
 
     def response(loaded: Loaded, tau: Array) -> Array:
@@ -519,7 +522,7 @@ def _turns(robot: Robot, law: Law, joint: int) -> Effect:
 
 
 def _creeps(robot: Robot, law: Law, joint: int) -> Effect:
-    """A joint goes on giving way while it is held, or sinks whatever pulls."""
+    """Creep while the load is held, or sinking independently of the load."""
 
     def response(loaded: Loaded, tau: Array) -> Array:
         return _since(loaded)[:, None] * (tau if law.part == "creep" else np.ones_like(tau))
@@ -531,7 +534,7 @@ def _creeps(robot: Robot, law: Law, joint: int) -> Effect:
 
 
 def _grows(robot: Robot, law: Law, joint: int) -> Effect:
-    """The link of a joint grows after the zero, along the axes of its frame."""
+    """Growth of a joint's link since the zero, along the axes of its frame."""
     said = _said(law, "joint", 3, "m/h", 1e-4)
     return Elastic(
         **said,  # type: ignore[arg-type]
@@ -542,7 +545,7 @@ def _grows(robot: Robot, law: Law, joint: int) -> Effect:
 
 
 def _bearing(robot: Robot, law: Law, joint: int) -> Effect:
-    """The bearing of a joint gives way along one axis of its frame."""
+    """Compliance of a joint's bearing along one axis of its frame."""
     axis = "xyz".index(law.part[-1])
     return Elastic(
         **_said(law, "joint", 1, "m/N", 5e-9),  # type: ignore[arg-type]
@@ -552,7 +555,7 @@ def _bearing(robot: Robot, law: Law, joint: int) -> Effect:
 
 
 def _tips(robot: Robot, law: Law, joint: int) -> Effect:
-    """The bearing of a joint tips over about both axes across it, and no further."""
+    """A bearing tips through its play about both axes across the joint, and no further."""
 
     def screws(loaded: Loaded) -> Array:
         axes, origin = loaded.configuration.frame(joint)
@@ -567,7 +570,7 @@ def _tips(robot: Robot, law: Law, joint: int) -> Effect:
 
 
 def _pair(robot: Robot, law: Law, joint: int) -> Effect:
-    """Torque at one joint turns another, and the other way round (Maxwell and Betti)."""
+    """Torque at one joint turns another and vice versa (Maxwell and Betti)."""
     other = law.source
     size = _PART * float(np.sqrt(compliance(robot, joint) * compliance(robot, other)))
     return Elastic(
@@ -593,11 +596,11 @@ _PARTS: dict[str, Callable[[Robot, Law, int], Effect]] = {
     "bearing_y": _bearing,
     "bearing_z": _bearing,
 }
-"""What a joint's law is of, where it is not the compliance."""
+"""Constructor of the effect for each part, if it is not a joint's compliance."""
 
 
 def _of_guide(robot: Robot, law: Law) -> Effect:
-    """A guide of the carriage, whose compliance is no part of the joint springs."""
+    """A guide of the carriage, including its constant compliance, which joint springs omit."""
     screw, typical, unit = _GUIDES[law.part]
     k = _width(law, True)
 
@@ -618,7 +621,7 @@ def _of_guide(robot: Robot, law: Law) -> Effect:
 
 
 def _of_scale(law: Law) -> Effect:
-    """The true force is what was read times 1 + sum_k b_k g_k(v); plus that sum for its zero."""
+    """True force: the measured one times 1 + sum_k b_k g_k(v); plus that sum [N] for its zero."""
     k = 3 if law.variable == "direction" else _width(law, False)
 
     def wrench(loaded: Loaded, values: Array) -> tuple[Array, Array]:
@@ -632,7 +635,7 @@ def _of_scale(law: Law) -> Effect:
 
 
 def _of_tracker(law: Law) -> Effect:
-    """Readings move along each axis of F_b, with a power of the time."""
+    """Readings drift along each axis of F_b with a power of the time."""
 
     def observe(loaded: Loaded, points: Array, time: Array, values: Array) -> Array:
         g = (np.maximum(np.nan_to_num(time), 0.0) / law.high) ** law.order
@@ -642,11 +645,11 @@ def _of_tracker(law: Law) -> Effect:
     return Observation(**said, observe=observe, instrument=True)  # type: ignore[arg-type]
 
 
-# the functions
+# functions of the variable
 
 
 def variable(law: Law, loaded: Loaded) -> Array:
-    """What the law is of, pull by pull, (m,)."""
+    """Variable of the law at each pull, (m,)."""
     if law.variable in ("angle", "position"):
         return loaded.configuration.q[:, law.source - 1]
     if law.variable == "time":
@@ -661,20 +664,20 @@ _SINCE = ("creep", "sinks", "grows")
 
 
 def _since(loaded: Loaded) -> Array:
-    """Time since the zero of the pose [h], (m,); none where it is not known."""
+    """Time since the zero of the pose [h], (m,); zero where unknown."""
     return np.nan_to_num(loaded.pulls.time - loaded.pulls.time_zero) / HOUR_S
 
 
 def _basis(law: Law, v: Array) -> Array:
-    """g_k of a variable (m,), shape (m, k).
+    """Basis functions g_k of a variable (m,), shape (m, k).
 
-    Polynomials stay beyond where they were taught as they were at its end.
+    Polynomials are held constant outside the range of the data.
     """
     return np.hstack([_shape(one, v) for one in law.shapes])
 
 
 def _shape(law: Law, v: Array) -> Array:
-    """The same of one shape."""
+    """Basis functions of one shape, shape (m, k)."""
     if law.kind in ("periodic", "coupling"):
         phase = law.order * v * (2 * np.pi if law.variable == "position" else 1.0)
         return np.stack([np.cos(phase), np.sin(phase)], axis=1)
@@ -690,8 +693,8 @@ def _shape(law: Law, v: Array) -> Array:
 def height(law: Law, values: Array, cov: Array) -> tuple[float, float]:
     """Amplitude and its standard uncertainty, by propagation.
 
-    Half the height of sum_k b_k g_k(v) over the range where it was taught; what the law itself is
-    where it has no function of a variable, over all its axes.
+    Half the peak-to-peak value of sum_k b_k g_k(v) over the range of the data; the norm of the
+    parameters if the law is no function of a variable.
 
     Args:
         law: The law.
@@ -709,10 +712,10 @@ def height(law: Law, values: Array, cov: Array) -> tuple[float, float]:
 
 
 def beyond(robot: Robot, one: Effect, values: Array) -> tuple[Effect, Array]:
-    """What a law may be where it was not taught, and the covariance of its parameters about zero.
+    """Uncertainty of a law outside the range of the data: effect and covariance about zero.
 
-    There as much as the law at its largest: deflections of its height, or of its own size where it
-    is no function of a variable but its torque or force.
+    Its standard uncertainty there equals the amplitude of the law: deflections of its height, or of
+    its own parameters if it is a function of torque or force only.
 
     Args:
         robot: The robot.
@@ -730,7 +733,7 @@ def _none(values: Array) -> Array:
 
 
 def _beyond(robot: Robot, law: Law) -> Effect:
-    """The law outside of where it was taught, a constant in the place of its function."""
+    """The law outside the range of the data, with a constant in place of its function."""
     own = replace(law, beyond=False)
     if follows(law):
         own = replace(own, kind="step", order=0.0, at=-np.inf, more=None)
@@ -751,24 +754,24 @@ YIELDING = ("spring", "drive", *_GUIDES)
 
 
 def follows(law: Law) -> bool:
-    """Whether something is multiplied by a function of the variable."""
+    """Whether the law multiplies something by a function of its variable."""
     if law.part in _NOUNS or law.variable in ("direction", "torque"):
         return False
     return law.variable != "force" or law.where == "scale"
 
 
 _GRID = 1001
-"""Places of a law that are compared for its height: fifty to a wave of the highest order."""
+"""Number of grid points for the height of a law: fifty per wave of the highest order."""
 
 
 def _width(law: Law, guide: bool) -> int:
-    """How many amplitudes a law of a compliance has; a guide's own compliance is one of them."""
+    """Number of amplitudes of a law; for a guide including its constant compliance."""
     first, *more = law.shapes
     return _amplitudes(first, guide) + sum(_amplitudes(one, False) for one in more)
 
 
 def _amplitudes(law: Law, guide: bool) -> int:
-    """The same of one shape."""
+    """Number of amplitudes of one shape."""
     if law.kind in ("periodic", "coupling"):
         return 2 + guide
     if law.kind == "step" or law.variable == "torque":

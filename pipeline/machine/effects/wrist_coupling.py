@@ -1,7 +1,7 @@
-"""The wrist's gears share shafts: torque at one wrist joint turns another.
+"""Coupling of the wrist: its gears share shafts, and torque at one joint turns another.
 
-The compliance matrix of the wrist has off-diagonal entries, symmetric because the elastic energy
-is one: joint a turns by c_ab tau_b, joint b by c_ab tau_a.
+The compliance matrix of the wrist has off-diagonal entries, symmetric because it derives from one
+elastic energy: joint a turns by c_ab tau_b, joint b by c_ab tau_a.
 """
 
 import numpy as np
@@ -23,7 +23,10 @@ def effects(robot: Robot) -> tuple[Elastic, ...]:
 
     def parameter(one: int, other: int) -> Parameter:
         mean = float(np.sqrt(compliance(robot, one) * compliance(robot, other)))
-        return Parameter(f"c_{one}{other}", "rad/(N m)", 0.05 * mean, -mean, mean)
+        return Parameter(
+            *(f"c_{one}{other}", "rad/(N m)", 0.05 * mean, -mean, mean),
+            f"compliance that couples joints {one} and {other}",
+        )
 
     def response(loaded: Loaded, torque: Array) -> Array:
         return torque[:, swapped]

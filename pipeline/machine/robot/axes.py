@@ -1,4 +1,4 @@
-"""The axes that a program or a log speaks of: the controller's, or the robot's own joints."""
+"""Axes used in programs and logs: those of the controller, or the robot's own joints."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from pipeline.machine.robot.mdh import Robot
 
 @dataclass(frozen=True, eq=False)
 class Axes(Locked):
-    """Axes by name, q = matrix @ axes + offset.
+    """Named axes, q = matrix @ axes + offset.
 
     Attributes:
         names: Their names, k of them.
-        slides: Which of them are lengths, shape (k,); the others are angles.
-        matrix: Joints per axis, shape (n, k).
-        offset: Joints where all axes are 0 [m] or [rad], shape (n,).
+        slides: True for lengths, shape (k,); the others are angles.
+        matrix: Joint motion per axis motion, shape (n, k).
+        offset: Joint values where all axes are 0 [m] or [rad], shape (n,).
     """
 
     names: tuple[str, ...]
@@ -32,15 +32,15 @@ class Axes(Locked):
         return np.asarray(values @ self.matrix.T + self.offset)
 
     def values(self, q: Array) -> Array:
-        """Axes (m, k) at joint values (m, n), both [m] or [rad]."""
+        """Axis values (m, k) at joint values (m, n), both [m] or [rad]."""
         return self.moved(q - self.offset)
 
     def moved(self, offsets: Array) -> Array:
-        """What joint offsets (m, n) are in the axes, (m, k), both [m] or [rad]."""
+        """Axis offsets (m, k) of joint offsets (m, n), both [m] or [rad]."""
         return np.asarray(offsets @ linear.shortest(self.matrix).T)
 
     def alone(self, joint: int) -> tuple[int, float] | None:
-        """The axis that turns this joint and nothing else, with its ratio; None without one."""
+        """Index and ratio of the axis that moves this joint and nothing else; None without one."""
         mine = np.flatnonzero(self.matrix[joint])
         if len(mine) != 1 or np.count_nonzero(self.matrix[:, mine[0]]) != 1:
             return None
@@ -48,11 +48,11 @@ class Axes(Locked):
 
 
 LIMIT_SLACK = 1e-9
-"""How far a joint may seem beyond its limit [m] or [rad]: degrees are rounded when converted."""
+"""Tolerance for joint limits [m] or [rad]: degrees are rounded when converted."""
 
 
 def of(robot: Robot) -> Axes:
-    """The controller's axes; the joints themselves where the robot file does not map them."""
+    """The controller's axes; the joints themselves if the robot file does not map them."""
     if not robot.controller:
         return joints(robot)
     slides = robot.prismatic.astype(float) @ np.abs(robot.controller_matrix) > 0
@@ -60,7 +60,12 @@ def of(robot: Robot) -> Axes:
 
 
 def shown(robot: Robot, q: Array) -> Array:
-    """Axes as a controller shows them, mm and degrees, at joint values [m] or [rad], (..., k)."""
+    """Axis values as the controller displays them, mm and degrees, (..., k).
+
+    Args:
+        robot: The robot.
+        q: Joint values [m] or [rad], shape (..., n).
+    """
     mapped = of(robot)
     values = mapped.values(np.atleast_2d(q)).reshape(*np.shape(q)[:-1], len(mapped.names))
     return np.asarray(np.where(mapped.slides, 1e3 * values, np.rad2deg(values)))
@@ -78,7 +83,7 @@ def joints(robot: Robot) -> Axes:
 
 
 def sense(robot: Robot, joint: int) -> int:
-    """1 where the axis that `alone` names turns with a joint, -1 against it, 0 without one.
+    """Sign of the axis that `alone` names relative to its joint: 1, -1, or 0 without one.
 
     Args:
         robot: The robot.
@@ -89,9 +94,9 @@ def sense(robot: Robot, joint: int) -> int:
 
 
 def alone(robot: Robot) -> tuple[str | None, ...]:
-    """The controller's axis of each joint, A1 or E1, that moves it alone and as far.
+    """Name of the controller axis (A1, E1) that moves each joint alone with ratio 1 or -1.
 
-    None where no axis does, as behind a parallel link, or the robot file maps none.
+    None if there is no such axis, as behind a parallel link, or the robot file maps none.
     """
     if not robot.controller:
         return (None,) * robot.n
@@ -104,15 +109,15 @@ def alone(robot: Robot) -> tuple[str | None, ...]:
 
 
 def rounded(robot: Robot, q: Array, decimals: int = 6) -> Array:
-    """Joint values [m] or [rad] that a log in m and degrees with so many decimals holds exactly."""
+    """Joint values [m] or [rad] rounded to `decimals` decimals of a log in m and degrees."""
     logged = np.round(in_log_units(robot, q), decimals)
     return from_log_units(robot, logged)
 
 
 def in_log_units(robot: Robot, q: Array) -> Array:
-    """Joint values as joints.csv has them: prismatic in m, revolute in degrees.
+    """Joint values in the units of joints.csv: prismatic in m, revolute in degrees.
 
-    Twelve decimals undo the rounding of degrees to radians and back: what was -10 is -10 again.
+    Rounding to twelve decimals removes the error of converting degrees to radians and back.
     """
     logged = np.where(robot.prismatic, q, np.rad2deg(q))
     return np.asarray(np.round(logged, 12), dtype=np.float64)

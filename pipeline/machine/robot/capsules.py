@@ -1,7 +1,7 @@
-"""The bodies of a robot: capsules, each fixed to a link and as thick as it is round.
+"""Bodies of a robot as capsules, each fixed to a link.
 
-A capsule is everything within its radius of a straight line. Two of them touch where their lines
-come nearer than both radii.
+A capsule is the set of points within its radius of a line segment. Two capsules touch if the
+distance of their segments is less than the sum of their radii.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ from pipeline.base.errors import InputError, listed
 from pipeline.base.strict import Length, Name, Numbers, Positive
 
 BASE: Literal["base"] = "base"
-"""The link that stands still: F_b."""
+"""Name of the link that is fixed in F_b."""
 
 _End = tuple[Length, Length, Length]
 
@@ -28,8 +28,8 @@ class Capsule(Numbers):
     """One `[[capsules]]` of a robot file [m], in the frame of its link.
 
     `link` is the name of the joint that carries it, and its frame that of the joint's row, which
-    turns or slides with the joint; in a standard table it lies behind the row, at the far end of
-    the link. `base` stands still.
+    moves with the joint; in a standard table it lies after the row, at the far end of the link.
+    `base` is fixed in F_b.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -45,10 +45,10 @@ class Capsules(Locked):
     """Capsules of a robot, c of them.
 
     Attributes:
-        carrier: Number of the joint that carries each, 1..n; 0 stands still in F_b. Shape (c,).
-        ends: Both ends of its line in the frame of that joint [m], shape (2, c, 3).
-        radius: [m], shape (c,).
-        source: Where they come from and how good they are, as the file says.
+        carrier: Number of the joint that carries each, 1..n; 0 if fixed in F_b. Shape (c,).
+        ends: Both ends of its segment in the frame of that joint [m], shape (2, c, 3).
+        radius: Radius of each capsule [m], shape (c,).
+        source: Their origin and quality, as stated in the file.
     """
 
     carrier: Ints
@@ -61,11 +61,11 @@ class Capsules(Locked):
 
     @cached_property
     def half(self) -> Array:
-        """Half the length of the line of each [m], shape (c,)."""
+        """Half the segment length of each capsule [m], shape (c,)."""
         return np.asarray(np.linalg.norm(self.ends[1] - self.ends[0], axis=-1) / 2)
 
     def beside(self, other: Capsules) -> Capsules:
-        """These and others."""
+        """These capsules followed by others."""
         return Capsules(
             np.concatenate([self.carrier, other.carrier]),
             np.concatenate([self.ends, other.ends], axis=1),
@@ -77,16 +77,16 @@ class Capsules(Locked):
 def capsules(
     rows: Sequence[Capsule], frames: Mapping[str, tuple[int, Array]], source: str, file: str
 ) -> Capsules:
-    """The capsules of a robot file, in the frames of its joints.
+    """Capsules of a robot file, in the frames of its joints.
 
     Args:
-        rows: As the file has them.
-        frames: Number of each link, and the frame of its row in that of its joint (4, 4).
-        source: Where they come from.
+        rows: Rows of the file.
+        frames: Joint number of each link, and the frame of its row in that of its joint (4, 4).
+        source: Their origin and quality.
         file: Name of the file, for messages.
 
     Raises:
-        InputError: A capsule is of no link of the robot.
+        InputError: A capsule belongs to no link of the robot.
     """
     if unknown := [row.link for row in rows if row.link not in frames]:
         raise InputError(

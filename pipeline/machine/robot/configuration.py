@@ -1,4 +1,4 @@
-"""Kinematics of many poses at once: a `Configuration` is joint values whose frames are computed."""
+"""Vectorised kinematics: a `Configuration` holds joint values of many poses and their frames."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ class Configuration(Locked):
 
 
 def configure(robot: Robot, q: Array) -> Configuration:
-    """Compute all frames of `robot` at `q`.
+    """Compute all frames of `robot` at `q`; cached for a small number of poses.
 
     Args:
         robot: The robot.
@@ -72,12 +72,13 @@ def configure(robot: Robot, q: Array) -> Configuration:
 
 
 _FEW = 256
-"""Poses up to which frames are kept: a diagnosis asks for those of the same poses 300 times."""
+"""Maximum number of poses whose frames are cached: a diagnosis requests those of the same poses 300
+times."""
 
 
 @lru_cache(maxsize=32)
 def _kept(robot: Robot, q: bytes, m: int) -> Configuration:
-    """The same from joint values as bytes, which may be compared."""
+    """Cached frames, keyed by the joint values as bytes."""
     return _configured(robot, np.frombuffer(q).reshape(m, robot.n))
 
 
@@ -108,7 +109,7 @@ def _configured(robot: Robot, q: Array) -> Configuration:
 
 
 def _moved(R: Array, o: Array, step: Array) -> tuple[Array, Array]:
-    """The frame (axes (3, 3, m), origin (3, m)) after a constant step (4, 4) in it."""
+    """Frame (axes (3, 3, m), origin (3, m)) composed with a constant transformation (4, 4)."""
     m = R.shape[-1]
     flat = R.reshape(3, 3 * m)
     o = o + (step[:3, 3] @ flat).reshape(3, m)
@@ -128,8 +129,8 @@ def _joint_twists(robot: Robot, z: Array, origin: Array) -> Array:
 def cross(a: Array, b: Array) -> Array:
     """Vector product over the last axis, for shapes (m, ..., 3).
 
-    Like all arrays of a `Configuration` the product lies in memory with the poses side by side:
-    numpy then works on long rows, three times as fast as its own product on rows of three.
+    As for all arrays of a `Configuration`, poses are contiguous in memory: numpy then works on long
+    rows, three times as fast as its own product on rows of three.
     """
     m, *inner = np.broadcast_shapes(a.shape, b.shape)
     out = np.empty((*inner, m)).transpose(len(inner), *range(len(inner)))
@@ -152,11 +153,11 @@ def translation_along(axis: Array) -> Array:
 
 
 def velocity(twists: Array, points: Array) -> Array:
-    """How points move per unit of each screw, omega x p + v: the Jacobians J_m of Eq. (4).
+    """Velocity of points per unit of each screw, omega x p + v: the Jacobians J_m of Eq. (4).
 
     Args:
-        twists: Shape (m, k, 6).
-        points: Shape (m, t, 3), in F_b [m].
+        twists: Screws in F_b, shape (m, k, 6).
+        points: Points in F_b [m], shape (m, t, 3).
 
     Returns:
         Shape (m, t, k, 3).
@@ -171,9 +172,9 @@ def torque(twists: Array, point: Array, force: Array) -> Array:
     """Work of a force at a point per unit of each screw: J_l^T f of Eq. (5), shape (m, k).
 
     Args:
-        twists: Shape (m, k, 6).
-        point: Where the force acts [m], shape (m, 3).
-        force: [N], shape (m, 3).
+        twists: Screws in F_b, shape (m, k, 6).
+        point: Point of application in F_b [m], shape (m, 3).
+        force: Force in F_b [N], shape (m, 3).
     """
     moment = cross(point, force)
     work = np.concatenate([moment, force], axis=-1)

@@ -1,10 +1,11 @@
-"""Letters of a robot's table that may be off: what each of them moves, and the table with them.
+"""Entries ("letters") of a robot's kinematic table: their error twists, and the corrected table.
 
-Letter k is a small motion d along or about an axis of a frame that some joint carries, so that to
-first order a point p of the flange moves by d (omega_k x p + v_k), its twist taken in F_b. What a
-letter is called does not depend on the convention of the table: lengths and twists lie along and
-about x, offsets and zeros along and about z. Between axes that are nearly parallel a second turn,
-about y, keeps lengths and offsets small (Hayati and Mirmirani, J. Robotic Systems 2, 1985).
+An error d of letter k is a small motion along or about an axis of a frame that some joint carries,
+so that to first order a point p of the flange moves by d (omega_k x p + v_k), with its twist in
+F_b. Names of letters do not depend on the convention of the table: lengths and twists lie along and
+about x, offsets and zeros along and about z. Between axes that are nearly parallel a second
+rotation, about y, keeps lengths and offsets small (Hayati and Mirmirani, J. Robotic Systems 2,
+1985).
 """
 
 from __future__ import annotations
@@ -40,10 +41,10 @@ class Letter(Locked):
     Attributes:
         name: `link_length`, `link_offset`, `link_twist`, `axis_tilt`, `link_turn`, `joint_offset`.
         joint: Its row, from 1.
-        key: The word of the robot file, in m or degrees.
+        key: Key in the robot file, in m or degrees.
         turns: True for an angle [rad], False for a length [m].
-        carrier: The joint whose frame it is given in, 0 for F_b.
-        step: From that frame to the one whose axis it is, shape (4, 4).
+        carrier: Joint whose frame is the reference, 0 for F_b.
+        step: Transformation from that frame to the one that has the axis, shape (4, 4).
         axis: 0, 1, 2 for x, y, z.
     """
 
@@ -65,19 +66,27 @@ class Letter(Locked):
         """Unit of its value."""
         return "rad" if self.turns else "m"
 
+    @property
+    def meaning(self) -> str:
+        """`error of the length of link 3`; `{joint}` stands for the controller's axis."""
+        if self.name in ("axis_tilt", "joint_offset"):
+            what = "tilt of the axis" if self.name == "axis_tilt" else "zero"
+            return f"error of the {what} of {{joint}}"
+        return f"error of the {self.name.removeprefix('link_')} of link {self.joint}"
+
 
 def letters(robot: Robot) -> tuple[Letter, ...]:
-    """Every letter of a robot's table that moves its flange against F_b in its own way.
+    """Every letter of a robot's table that moves its flange independently of the choice of F_b.
 
-    What stands before the first joint, and the zero and offset of that joint, only say where F_b
-    is, and are left out.
+    Letters before the first joint, and the zero and offset of that joint, only define F_b and are
+    left out.
     """
     file = _file(robot)
     return tuple(one for one in _all(file) if not _moves_the_base(one))
 
 
 def all_letters(robot: Robot) -> tuple[Letter, ...]:
-    """Every letter of a robot's table, with those that only say where F_b is."""
+    """Every letter of a robot's table, including those that only define F_b."""
     return tuple(_all(_file(robot)))
 
 
@@ -87,13 +96,13 @@ def _file(robot: Robot) -> RobotFile:
 
 @lru_cache(maxsize=64)
 def _parsed(text: str, name: str) -> RobotFile:
-    """An estimate asks for the letters of one robot a hundred times."""
+    """Cached robot file; an estimate requests the letters of one robot a hundred times."""
     return RobotFile.model_validate(_table(text, name))
 
 
 @lru_cache(maxsize=64)
 def _table(text: str, name: str) -> Mapping[str, Any]:
-    """What a robot's text says, read once."""
+    """Cached TOML content of a robot's text."""
     return MappingProxyType(toml.loads(text, name))
 
 
@@ -109,7 +118,7 @@ def _all(file: RobotFile) -> Iterator[Letter]:
 
 
 def _of_x(row: Joint, number: int, file: RobotFile, carrier: int, step: Array) -> Iterator[Letter]:
-    """Length and twist of a row, and the tilt of an axis that is parallel to its neighbour."""
+    """Length and twist of a row, and the tilt of an axis nearly parallel to its neighbour."""
     length = "d_m" if file.convention == "khalil" else "a_m"
     yield Letter("link_length", number, length, False, carrier, step, _X)
     yield Letter("link_twist", number, "alpha_deg", True, carrier, step, _X)
@@ -119,7 +128,7 @@ def _of_x(row: Joint, number: int, file: RobotFile, carrier: int, step: Array) -
 
 
 def _of_z(row: Joint, number: int, file: RobotFile) -> Iterator[Letter]:
-    """Offset and zero of a row; a sliding joint's zero is a length, its turn an angle."""
+    """Offset and zero of a row; the zero of a prismatic joint is a length, its turn an angle."""
     shift = "r_m" if file.convention == "khalil" else "d_m"
     names = ("joint_offset", "link_turn") if row.prismatic else ("link_offset", "joint_offset")
     yield Letter(names[0], number, shift, False, number, np.eye(4), _Z)
@@ -150,7 +159,7 @@ def twists(configuration: Configuration, wanted: Sequence[Letter]) -> Array:
 
 
 def changed(robot: Robot, wanted: Sequence[Letter], values: Array) -> Robot:
-    """The robot with letters of its table off by values [m] or [rad], shape (k,); its text too."""
+    """The robot with values [m] or [rad], shape (k,), added to letters of its table (and text)."""
     file = _file(robot)
     rows = [row.model_dump(exclude_none=True) for row in file.joint]
     for letter, value in zip(wanted, values, strict=True):
@@ -158,11 +167,11 @@ def changed(robot: Robot, wanted: Sequence[Letter], values: Array) -> Robot:
         said = float(np.rad2deg(value)) if letter.turns else float(value)
         row[letter.key] = float(row.get(letter.key) or 0.0) + said
     content = dict(_table(robot.text, robot.name)) | {"joint": rows}
-    return of_table(content, toml.dumps(content), robot.name)
+    return of_table(content, toml.dumps(content), robot.name).under(robot.gravity)
 
 
 def nominal(robot: Robot, wanted: Sequence[Letter]) -> Array:
-    """What the table has for each letter [m] or [rad], shape (k,)."""
+    """Tabulated value of each letter [m] or [rad], shape (k,)."""
     file = _file(robot)
     said = [getattr(file.joint[one.joint - 1], one.key) or 0.0 for one in wanted]
     return np.array(

@@ -1,14 +1,14 @@
 """A robot from its table: TOML rows of DH parameters in, constant joint placements out.
 
-Whatever the convention, link j is `placement[j]` times a motion along or about its z axis, so
-everything behind this file (numpy kinematics, Pinocchio, B) knows one form only.
+In any convention link j is `placement[j]` times a motion along or about its z axis, so that all
+users of this file (numpy kinematics, Pinocchio, B) handle a single form.
 """
 
 from __future__ import annotations
 
 import math
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from difflib import get_close_matches
 from functools import cache, cached_property
 from importlib import resources
@@ -23,6 +23,7 @@ from pipeline.base import files, toml
 from pipeline.base.arrays import Array, Bools, Locked
 from pipeline.base.errors import InputError, listed
 from pipeline.base.strict import (
+    STANDARD_GRAVITY,
     Degrees,
     Length,
     Mass,
@@ -86,22 +87,11 @@ SHIPPED = (
     "ur30",
 )
 
-CONVENTIONS = {
-    "khalil": "Rx(alpha) Tx(d) Rz(theta) Tz(r): modified DH, letters of Khalil and Kleinfinger",
-    "craig": "Rx(alpha) Tx(a) Rz(theta) Tz(d): modified DH in the letters of Craig, rows i-1 | i",
-    "standard": "Rz(theta) Tz(d) Tx(a) Rx(alpha): the classic (distal) DH table",
-}
-"""What the letters of a row mean. Khalil's d is Craig's a; Khalil's r is Craig's d.
-
-Between axes that are nearly parallel these letters run off to infinity; a turn Ry(beta) behind
-Rx(alpha), Hayati and Mirmirani's fifth letter (J. Robotic Systems 2, 1985), keeps them small.
-"""
-
 
 class Joint(Numbers):
     """One `[[joint]]` of a robot file; lengths [m], angles in degrees or radians by suffix.
 
-    Columns of joints.csv are called after its name: `r1_m`, `theta2_deg`.
+    Columns of joints.csv are named after it: `r1_m`, `theta2_deg`.
     """
 
     model_config = ConfigDict(extra="forbid", frozen=True)
@@ -145,7 +135,7 @@ class Joint(Numbers):
 
     @property
     def prismatic(self) -> bool:
-        """True for a sliding joint (m, N), False for a turning one (rad, N m)."""
+        """True for a prismatic joint (m, N), False for a revolute one (rad, N m)."""
         return self.type == "prismatic"
 
     @property
@@ -166,11 +156,11 @@ class Joint(Numbers):
 
     @property
     def stiffness(self) -> float | None:
-        """Nominal stiffness [N/m] or [N m/rad], None when unknown."""
+        """Nominal stiffness [N/m] or [N m/rad], None if unknown."""
         return self.stiffness_n_per_m or self.stiffness_nm_per_rad
 
     def with_stiffness(self, stiffness: float) -> Joint:
-        """The same with another stiffness [N/m] or [N m/rad]."""
+        """The same joint with another stiffness [N/m] or [N m/rad]."""
         key = "stiffness_n_per_m" if self.prismatic else "stiffness_nm_per_rad"
         return self.model_copy(update={key: stiffness})
 
@@ -186,17 +176,17 @@ class Joint(Numbers):
 
     @property
     def stiffness_range(self) -> tuple[float, float] | None:
-        """Between which stiffnesses it is said to lie [N/m] or [N m/rad], None when nobody says."""
+        """Stated range of its stiffness [N/m] or [N m/rad], None if not stated."""
         return self.stiffness_range_n_per_m or self.stiffness_range_nm_per_rad
 
     @property
     def effort(self) -> float | None:
-        """What its drive exerts at most [N] or [N m], None when unknown."""
+        """Maximum force or torque of its drive [N] or [N m], None if unknown."""
         return self.effort_n or self.effort_nm
 
     @property
     def typical_stiffness(self) -> float:
-        """The nominal stiffness, the middle of the range by its ratios, or that of large arms."""
+        """Nominal stiffness, else geometric mean of its range, else a default of large arms."""
         if self.stiffness is None and self.stiffness_range is not None:
             return math.sqrt(self.stiffness_range[0] * self.stiffness_range[1])
         return self.stiffness or (5e7 if self.prismatic else 1e6)
@@ -210,11 +200,11 @@ _TURNING = (
     "stiffness_range_nm_per_rad",
     "effort_nm",
 )
-"""What only a sliding and only a turning joint has."""
+"""Keys of a prismatic joint only (`_SLIDING`), and of a revolute joint only."""
 
 
 class _Controller(Numbers):
-    """How the controller's axes become the model's joint variables: q = matrix @ axes + offset."""
+    """Mapping from the controller's axes to the joint variables: q = matrix @ axes + offset."""
 
     model_config = ConfigDict(extra="forbid")
 
@@ -224,7 +214,17 @@ class _Controller(Numbers):
 
 
 class RobotFile(Numbers):
-    """A robot file, as written by a person."""
+    """A robot file, as written by a person.
+
+    A row means, by the file's convention:
+
+        khalil     Rx(alpha) Tx(d) Rz(theta) Tz(r)   modified DH, letters of Khalil and Kleinfinger
+        craig      Rx(alpha) Tx(a) Rz(theta) Tz(d)   modified DH in Craig's letters, rows i-1 | i
+        standard   Rz(theta) Tz(d) Tx(a) Rx(alpha)   the classic (distal) DH table
+
+    Between nearly parallel axes these letters diverge; a rotation Ry(beta) after Rx(alpha), Hayati
+    and Mirmirani's fifth letter (J. Robotic Systems 2, 1985), keeps them small.
+    """
 
     model_config = ConfigDict(extra="forbid")
 
@@ -257,15 +257,16 @@ class Robot(Locked):
         joints: The joints from base to flange, n of them.
         placement: Frame of joint j at q_j = 0 in the frame of joint j-1, shape (n, 4, 4).
         flange: Flange frame in the frame of the last joint, shape (4, 4).
-        controller: Names of the controller's axes, where the file maps them.
+        controller: Names of the controller's axes; empty if the file does not map them.
         controller_matrix: q = controller_matrix @ axes + controller_offset, shape (n, axes).
         controller_offset: [rad] or [m], shape (n,).
-        assumptions: What the file assumes, for the report.
-        payload_kg: What its manufacturer lets it carry, None when the file does not say.
-        capsules: Its bodies; none where the file has none.
-        text: The file itself, for hashing and the report.
-        roughness: How far its lengths [m] and angles [rad] are off as delivered, one standard
-            deviation; NaN where the file does not say.
+        assumptions: Assumptions stated in the file, for the report.
+        payload_kg: Rated payload [kg], None if the file does not state it.
+        capsules: Its bodies; empty if the file has none.
+        text: Text of the file, for hashing and the report.
+        roughness: Standard deviation of its lengths [m] and angles [rad] as delivered; NaN if the
+            file does not state it.
+        gravity: Acceleration in F_b [m/s^2], shape (3,); upwards for a robot on a ceiling.
     """
 
     name: str
@@ -281,6 +282,16 @@ class Robot(Locked):
     capsules: Capsules
     text: str
     roughness: tuple[float, float] = (math.nan, math.nan)
+    gravity: Array = field(default_factory=lambda: np.array([0.0, 0.0, -STANDARD_GRAVITY]))
+
+    def under(self, gravity: Array) -> Robot:
+        """The same robot where its base frame has gravity [m/s^2], shape (3,)."""
+        return self if np.array_equal(self.gravity, gravity) else replace(self, gravity=gravity)
+
+    @property
+    def down(self) -> Array:
+        """Unit vector of gravity in F_b, shape (3,)."""
+        return np.asarray(self.gravity / np.linalg.norm(self.gravity))
 
     @property
     def n(self) -> int:
@@ -289,7 +300,7 @@ class Robot(Locked):
 
     @property
     def prismatic(self) -> Bools:
-        """True for sliding joints, shape (n,)."""
+        """True for prismatic joints, shape (n,)."""
         return np.array([joint.prismatic for joint in self.joints])
 
     @property
@@ -303,25 +314,25 @@ class Robot(Locked):
         return np.array([joint.upper for joint in self.joints])
 
     def from_degrees(self, q: ArrayLike) -> Array:
-        """Joint values [m] or [rad] of values as people write them, (n,) or (m, n).
+        """Convert joint values from m and degrees to [m] or [rad], (n,) or (m, n).
 
         Args:
             q: Prismatic joints in m, revolute joints in degrees.
 
         Raises:
-            InputError: They are not a number for each joint.
+            InputError: There is not one number for each joint.
         """
         values = _row("q", q, [joint.name for joint in self.joints])
         return np.where(self.prismatic, values, np.deg2rad(values))
 
     def from_controller(self, axes: ArrayLike) -> Array:
-        """Joint values [m] or [rad] of axes as the controller shows them, (n,) or (m, n).
+        """Joint values [m] or [rad] from axis values as the controller shows them, (n,) or (m, n).
 
         Args:
-            axes: In mm and degrees, in the order of `controller`; (k,) or (m, k).
+            axes: Values in mm and degrees, in the order of `controller`; (k,) or (m, k).
 
         Raises:
-            InputError: They are not a number for each axis.
+            InputError: There is not one number for each axis.
         """
         names = self.controller or tuple(joint.name for joint in self.joints)
         values = _row("axes", axes, names)
@@ -333,12 +344,12 @@ class Robot(Locked):
 
     @cached_property
     def nominal_compliance(self) -> Array:
-        """1 / nominal (or typical) stiffness [m/N] or [rad/(N m)], shape (n,)."""
+        """Reciprocal of the nominal (or typical) stiffness [m/N] or [rad/(N m)], shape (n,)."""
         return np.array([1.0 / joint.typical_stiffness for joint in self.joints])
 
 
 def _row(what: str, given: ArrayLike, names: Sequence[str]) -> Array:
-    """Numbers as somebody gives them, one for each of these names, (n,) or (m, n)."""
+    """User-supplied numbers, checked to be one for each of these names, (n,) or (m, n)."""
     way_out = f"give a number for each of {listed(names)}"
     try:
         values = np.asarray(given, dtype=float)
@@ -350,7 +361,7 @@ def _row(what: str, given: ArrayLike, names: Sequence[str]) -> Array:
 
 
 def _letters(row: Joint, convention: str) -> tuple[float, float]:
-    """The row's shift along x and along z [m], whatever letters its convention uses."""
+    """The row's translations along x and along z [m], in any convention."""
     if convention == "khalil":
         if row.a_m is not None:
             raise ValueError(f"joint {row.name}: convention khalil has d_m and r_m, not a_m")
@@ -361,29 +372,29 @@ def _letters(row: Joint, convention: str) -> tuple[float, float]:
 
 
 def along_x(row: Joint, convention: str) -> Array:
-    """The part of a row along and about x, and its turn about y behind it, shape (4, 4)."""
+    """Part of a row along and about x, followed by its rotation about y, shape (4, 4)."""
     shift, _ = _letters(row, convention)
     return screw_x(np.deg2rad(row.alpha_deg), shift) @ turn_y(np.deg2rad(row.beta_deg))
 
 
 def along_z(row: Joint, convention: str) -> Array:
-    """The part of a row along and about z, without the joint's own motion, shape (4, 4)."""
+    """Part of a row along and about z, without the joint's own motion, shape (4, 4)."""
     _, shift = _letters(row, convention)
     return screw_z(np.deg2rad(row.theta_deg), shift)
 
 
 def placements(file: RobotFile) -> tuple[Array, Array]:
-    """Constant joint placements of a table between its base and flange.
+    """Constant joint placements of a table, including its base and flange.
 
     Returns:
         placement (n, 4, 4) and flange (4, 4) as in `Robot`.
 
     Raises:
-        ValueError: A row has letters that are not of its convention.
+        ValueError: A row has letters that do not belong to its convention.
     """
     placement = []
     before = Fixed() if file.base is None else file.base
-    behind = before.step  # what a distal table puts between a joint and the next one, and the base
+    behind = before.step  # transformation pending before the next joint: base, or a distal row
     for row in file.joint:
         x, z = along_x(row, file.convention), along_z(row, file.convention)
         if file.convention == "standard":
@@ -406,24 +417,24 @@ def _links(file: RobotFile) -> dict[str, tuple[int, Array]]:
 
 
 def _distal(row: Joint) -> Array:
-    """What a distal row puts behind its joint, (4, 4)."""
+    """Transformation of a distal row after its joint, (4, 4)."""
     return along_z(row, "standard") @ along_x(row, "standard")
 
 
 def parse(text: str, file: str) -> Robot:
-    """A robot from the text of its file.
+    """Create a robot from the text of its file.
 
     Raises:
-        InputError: The text is not TOML or not a robot; says where and what is expected.
+        InputError: The text is not TOML or not a robot; states where and what is expected.
     """
     return of_table(toml.loads(text, file), text, file)
 
 
 def of_table(table: Mapping[str, Any], text: str, file: str) -> Robot:
-    """The same of a text that has been read, as `toml.loads` gives it.
+    """Create a robot from a parsed text, as returned by `toml.loads`.
 
     Raises:
-        InputError: It is not a robot; says where and what is expected.
+        InputError: It is not a robot; states where and what is expected.
     """
     content = checked(RobotFile, table, file, "the robot", "correct the robot file", text)
     try:
@@ -433,7 +444,7 @@ def of_table(table: Mapping[str, Any], text: str, file: str) -> Robot:
     names = [joint.name for joint in content.joint]
     if len(set(names)) < len(names):
         raise InputError(f"joint names {listed(names)} are not unique", "rename one", file=file)
-    axes, matrix, offset = _controller(content.controller, len(names), file)
+    axes, matrix, offset = _controller(content.controller, content.joint, file)
     _one_meaning_each(names, axes, matrix, offset, file, text)
     return Robot(
         name=content.name,
@@ -456,8 +467,9 @@ def of_table(table: Mapping[str, Any], text: str, file: str) -> Robot:
 
 
 def _controller(
-    controller: _Controller | None, n: int, file: str
+    controller: _Controller | None, joints: Sequence[Joint], file: str
 ) -> tuple[tuple[str, ...], Array, Array]:
+    n = len(joints)
     if controller is None:
         return (), np.zeros((n, 0)), np.zeros(n)
     matrix = np.array(controller.matrix, dtype=float) if controller.matrix else np.zeros((0, 0))
@@ -468,8 +480,21 @@ def _controller(
             "give one row per joint and one column per axis",
             file=file,
         )
-    offset = np.deg2rad(controller.offset_deg or [0.0] * n)
-    return tuple(controller.axes), matrix, offset
+    offset_deg = controller.offset_deg or [0.0] * n
+    if len(offset_deg) != n:
+        raise InputError(
+            f"controller.offset_deg has {len(offset_deg)} values, not {n}",
+            "give one value per joint",
+            file=file,
+        )
+    for joint, degrees in zip(joints, offset_deg, strict=True):
+        if joint.type == "prismatic" and degrees:
+            raise InputError(
+                f"controller.offset_deg has {degrees:g} for {joint.name}, which is prismatic",
+                f"write 0 there and add the offset to d_m of {joint.name}",
+                file=file,
+            )
+    return tuple(controller.axes), matrix, np.deg2rad(offset_deg)
 
 
 def _one_meaning_each(
@@ -480,10 +505,10 @@ def _one_meaning_each(
     file: str,
     text: str,
 ) -> None:
-    """A joint and an axis of one name are one and the same.
+    """Check that a joint and an axis of the same name are identical.
 
     Raises:
-        InputError: They are not: a column of that name could be read either way.
+        InputError: They are not: a column of that name would be ambiguous.
     """
     for k, axis in enumerate(axes):
         for j, name in enumerate(names):
@@ -504,15 +529,15 @@ def _one_meaning_each(
 
 
 def load(name: str, folder: Path | None = None) -> Robot:
-    """A robot that ships with the pipeline, or a user's own file by path.
+    """Load a robot that ships with the pipeline, or a user's own file by path.
 
     Args:
         name: One of `SHIPPED`, or a path to a .toml file, relative to `folder`.
         folder: The campaign folder.
 
     Raises:
-        InputError: There is no such robot, with a list of those that ship, or its file cannot be
-            read or is none.
+        InputError: There is no such robot (similar names are suggested), or its file cannot be read
+            or does not describe a robot.
     """
     if name in SHIPPED:
         return _shipped(name)
@@ -523,7 +548,7 @@ def load(name: str, folder: Path | None = None) -> Robot:
 
 
 def no_robot(name: str, file: str | None) -> InputError:
-    """What to say where a robot neither ships nor has a file."""
+    """Error for a name that is neither a shipped robot nor a file."""
     near = meant(name)
     asked = f"did you mean {listed(near)}? If not, " if near else ""
     return InputError(
@@ -536,7 +561,7 @@ def no_robot(name: str, file: str | None) -> InputError:
 
 
 def meant(typed: str) -> list[str]:
-    """Robots that ship whose name, or maker and type, has what was typed, or nearly so."""
+    """Shipped robots whose name or description contains what was typed, else similar names."""
     plain = {name: _plain(name) for name in SHIPPED}
     word = _plain(typed)
     found = [one for one in SHIPPED if word in plain[one] or word in _plain(load(one).description)]
@@ -548,7 +573,7 @@ def meant(typed: str) -> list[str]:
 
 
 def _plain(words: str) -> str:
-    """Letters and digits only, as `KR 210 R2700-2` and `kr210_r2700_2` have in common."""
+    """Letters and digits only, common to `KR 210 R2700-2` and `kr210_r2700_2`."""
     return "".join(one for one in words.casefold() if one.isalnum())
 
 

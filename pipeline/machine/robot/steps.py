@@ -1,4 +1,4 @@
-"""Constant steps from one frame to the next, as tables and URDFs write them."""
+"""Constant transformations between frames, as written in tables and URDFs."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from pipeline.base.strict import Degrees, Length, Numbers
 
 
 class Fixed(Numbers):
-    """A constant step between two frames: a shift [m], then Rz(yaw) Ry(pitch) Rx(roll) [deg]."""
+    """Constant transformation between frames: xyz [m], then Rz(yaw) Ry(pitch) Rx(roll) [deg]."""
 
     model_config = ConfigDict(extra="forbid", frozen=True)
 
@@ -19,7 +19,7 @@ class Fixed(Numbers):
 
     @property
     def step(self) -> Array:
-        """The second frame in the first, shape (4, 4)."""
+        """Pose of the second frame in the first, shape (4, 4)."""
         roll, pitch, yaw = np.deg2rad(self.rpy_deg)
         step = screw_z(yaw, 0.0) @ turn_y(pitch) @ screw_x(roll, 0.0)
         step[:3, 3] = self.xyz_m

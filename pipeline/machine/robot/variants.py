@@ -1,4 +1,4 @@
-"""The robots that a wrong sign or a wrong DH convention in a table would describe."""
+"""Robots that result from a wrong sign or a wrong DH convention in a table."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.machine.robot.steps import Fixed
 
 _LENGTHS = {"a_m": "a", "d_m": "d", "r_m": "r"}
 _VISIBLE_M = 0.01
-"""A length below this can have either sign without anyone noticing."""
+"""Length below which a wrong sign would go unnoticed [m]."""
 
 
 def _file(robot: Robot) -> RobotFile:
@@ -19,7 +19,7 @@ def _file(robot: Robot) -> RobotFile:
 
 
 def variants(robot: Robot) -> Iterator[tuple[str, Robot]]:
-    """The robot with one sign of its table turned round, or its table read in the other convention.
+    """The robot with one sign of its table reversed, or its table read in the other convention.
 
     Yields:
         `d_5`, `alpha_3`, `standard_dh` or `modified_dh`, and the robot.
@@ -36,13 +36,13 @@ def variants(robot: Robot) -> Iterator[tuple[str, Robot]]:
 
 
 def turned(robot: Robot, joint: int, degrees: float, key: str = "theta_deg") -> Robot:
-    """The robot with an angle of one row further by some degrees: zero (theta) or twist (alpha)."""
+    """The robot with some degrees added to an angle of one row: zero (theta) or twist (alpha)."""
     file, j = _file(robot), joint - 1
     return _with_row(robot, file, j, {key: getattr(file.joint[j], key) + degrees})
 
 
 def counted_back(robot: Robot, joint: int) -> Robot:
-    """The robot with one joint moving the other way, Rz(-q) Tz(-r) = Rx(pi) Rz(q) Tz(r) Rx(-pi)."""
+    """The robot with one joint's sense reversed, Rz(-q) Tz(-r) = Rx(pi) Rz(q) Tz(r) Rx(-pi)."""
     file, j = _file(robot), joint - 1
     rows, row = list(file.joint), file.joint[j]
     said: dict[str, object] = {"theta_deg": -row.theta_deg, "alpha_deg": row.alpha_deg + 180.0}
@@ -66,7 +66,7 @@ def counted_back(robot: Robot, joint: int) -> Robot:
 
 
 def misread(robot: Robot) -> tuple[str, str]:
-    """The robot's file with its letters under the other convention, and what they are in truth."""
+    """The robot's file with its letters under the other convention, and the true convention."""
     file = _file(robot)
     wrong, _ = _other_convention(file)
     text = toml.dumps(wrong.model_dump(exclude_none=True, exclude={"capsules", "capsules_source"}))
@@ -102,15 +102,15 @@ def _other_convention(file: RobotFile) -> tuple[RobotFile, str]:
 
 
 def alike(robot: Robot, other: Robot) -> bool:
-    """Whether two robots have the same joints, so that one may stand in for the other."""
+    """Whether two robots have the same joints by name and type, so that they are exchangeable."""
     rows = [[(joint.name, joint.prismatic) for joint in one.joints] for one in (robot, other)]
     return rows[0] == rows[1]
 
 
 def differing(robot: Robot, other: Robot) -> str | None:
-    """The one length, `d_5`, in which two tables with the same joints differ visibly.
+    """The one length, `d_5`, by which two tables with the same joints differ visibly.
 
-    None where there are several, or where their letters mean something else.
+    None if there are none or several, or if their conventions differ.
     """
     one, two = _file(robot), _file(other)
     if one.convention != two.convention:

@@ -1,8 +1,8 @@
-"""What the arm's own weight, and a payload on its flange, do to all that carries them.
+"""Wrenches and torques of the weight of links and payload.
 
-A link is its mass m and first moment m c in its frame: its weight has the wrench (moment about the
-origin of F_b, force) = ((m o + R m c) x g, m g), linear in both, and what a joint carries is the
-sum over the links behind it.
+A link is described by its mass m and first moment m c in its frame: its weight has the wrench
+(moment about the origin of F_b, force) = ((m o + R m c) x g, m g), linear in both, and a joint
+carries the sum over the links after it.
 """
 
 from __future__ import annotations
@@ -15,7 +15,7 @@ from pipeline.machine.robot.mdh import Robot
 
 
 def weighs(robot: Robot) -> bool:
-    """Whether the robot file says what its links weigh."""
+    """Whether the robot file states masses of its links."""
     return any(joint.mass_kg for joint in robot.joints)
 
 
@@ -29,17 +29,17 @@ def link_moments(robot: Robot) -> Array:
 def carried(
     here: Configuration, gravity: Array, moments: Array, mass: Array, centre: Array
 ) -> Array:
-    """Wrench of the weight of all that each joint carries: moment [N m], force [N].
+    """Wrench of the weight of everything that each joint carries: moment [N m], force [N].
 
     Args:
         here: The robot at m joint vectors.
         gravity: Acceleration in F_b [m/s^2], shape (3,).
         moments: Mass [kg] and first moment [kg m] of each link, shape (n, 4).
-        mass: Of the payload at each pose [kg], 0 for none, shape (m,).
-        centre: Its centre in the flange frame [m], shape (m, 3).
+        mass: Mass of the payload at each pose [kg], 0 for none, shape (m,).
+        centre: Its centre of mass in the flange frame [m], shape (m, 3).
 
     Returns:
-        About the origin of F_b, shape (m, n, 6).
+        Wrenches about the origin of F_b, shape (m, n, 6).
     """
     out = np.zeros((*here.q.shape, 6))
     heavy = np.flatnonzero(moments.any(axis=1))
@@ -56,7 +56,7 @@ def carried(
 
 
 def by_moments(here: Configuration, gravity: Array) -> Array:
-    """Wrench of the weight of each link by its mass and first moment, shape (m, n, 4, 6)."""
+    """Derivative of each link's wrench by its mass and first moment, shape (m, n, 4, 6)."""
     m, n = here.q.shape
     out = np.zeros((m, n, 4, 6))
     out[:, :, 0, :3], out[:, :, 0, 3:] = cross(here.origin, gravity), gravity
@@ -65,10 +65,10 @@ def by_moments(here: Configuration, gravity: Array) -> Array:
 
 
 def stiffening(here: Configuration, gravity: Array, moments: Array) -> Array:
-    """How the torques of the links' weight change as the joints move, G = d tau_g / dq.
+    """Derivative of the torques of the links' weight by the joint values, G = d tau_g / dq.
 
-    Joint k moves all that it carries, of mass M_k and first moment P_k about the origin of F_b, by
-    v_k + w_k x r, and turns its weight about joint j before it by
+    Joint k moves everything it carries, of mass M_k and first moment P_k about the origin of F_b,
+    by v_k + w_k x r, and changes the torque of its weight about a preceding joint j by
 
         G_jk = w_j . ((M_k v_k + w_k x P_k) x g),    j <= k,    G_kj = G_jk,
 
@@ -92,23 +92,23 @@ def stiffening(here: Configuration, gravity: Array, moments: Array) -> Array:
 
 
 def work(screws: Array, wrenches: Array) -> Array:
-    """What wrenches (m, v, 6) do along screws (m, v, 6): torque or force, shape (m, v)."""
+    """Work of wrenches (m, v, 6) per unit of screws (m, v, 6): torque or force, shape (m, v)."""
     return np.asarray(np.sum(screws * wrenches, axis=2))
 
 
 def gravity_torque(
     robot: Robot, here: Configuration, gravity: Array, mass: Array, centre: Array
 ) -> Array:
-    """Torque (force) of weight on each joint, positive the way the joint moves [N m] or [N].
+    """Torque (force) of weight about (along) each joint, in its positive sense [N m] or [N].
 
     tau_j = sum over the masses k carried by joint j of J_j(r_k)' m_k g, F_b.
 
     Args:
-        robot: With masses and centres of its links; links without weigh nothing.
+        robot: Robot with masses and centres of its links; links without a mass are weightless.
         here: The robot at m joint vectors.
         gravity: Acceleration in F_b [m/s^2], shape (3,).
-        mass: Of the payload at each pose [kg], 0 for none, shape (m,).
-        centre: Its centre in the flange frame [m], shape (m, 3).
+        mass: Mass of the payload at each pose [kg], 0 for none, shape (m,).
+        centre: Its centre of mass in the flange frame [m], shape (m, 3).
 
     Returns:
         Shape (m, n).
@@ -117,16 +117,16 @@ def gravity_torque(
 
 
 def payload_torques(here: Configuration, gravity: Array, mass: Array, centre: Array) -> Array:
-    """Derivatives of the torque of a payload's weight by its mass and its centre.
+    """Derivatives of the torque of a payload's weight with respect to its mass and centre.
 
-    With r = o + F c in F_b, tau_j = J_j(r)' m g: by m it is J_j(r)' g, and by the coordinate k of
-    the centre w_j . (F e_k x m g), w_j the axis of a turning joint.
+    With r = o + F c in F_b, tau_j = J_j(r)' m g: with respect to m it is J_j(r)' g, and to
+    coordinate k of the centre w_j . (F e_k x m g), w_j the axis of a revolute joint.
 
     Args:
         here: The robot at m joint vectors.
         gravity: Acceleration in F_b [m/s^2], shape (3,).
-        mass: Of the payload at each pose [kg], shape (m,).
-        centre: Its centre in the flange frame [m], shape (m, 3).
+        mass: Mass of the payload at each pose [kg], shape (m,).
+        centre: Its centre of mass in the flange frame [m], shape (m, 3).
 
     Returns:
         By mass [N m/kg] and by the centre along x, y, z [N], shape (m, n, 4).

@@ -1,13 +1,13 @@
-"""What pulls say a force does, in place of what springs by positions do, and how uncertain.
+"""Effect of a force as estimated from pulls, in place of springs estimated from positions.
 
-A model of positions turns each joint by its spring under weight and force alike. Where the same
-robot was pulled, a force moves targets by
+A model of positions deflects each joint by its spring under weight and force alike. If the same
+robot was pulled, a force displaces targets by
 
     d(q, f) = sum over hypotheses of w (S_h p_h),        p_h = springs and causes,
 
-with laws that a weight does not show, and instead of S x, with x the springs and elements that
-positions have in common with p_h. What both were estimated from together is one number: the rest e
-of p_h follows it,
+including laws that weight does not show. This replaces S x, where x are the springs and elements
+that positions have in common with p_h. Parameters estimated jointly from both have a single value,
+and the other parameters e of p_h are correlated with it,
 
     e = e_h + G (x - x_h) + r,    G = cov(e, x) cov(x)^-1,    r independent of all positions.
 """
@@ -28,31 +28,19 @@ from pipeline.machine.cell import Cell, Tool, jacobian, paper_cell
 from pipeline.machine.cell import predict as forward
 from pipeline.machine.effect import Effect, Pulls
 from pipeline.machine.stance import called_for, laws_of_gears
-from pipeline.prediction.model import NOTHING_M, IdentifiedModel, ModelHypothesis
-
-
-@dataclass(frozen=True, eq=False)
-class ByPulls(Locked):
-    """What pulls of the robot say.
-
-    Attributes:
-        model: Of the pulls.
-        joined: It was estimated together with the positions.
-    """
-
-    model: IdentifiedModel
-    joined: bool
+from pipeline.prediction.model import NOTHING_M, ModelHypothesis
+from pipeline.prediction.standing import ByPulls
 
 
 class UnderForce(NamedTuple):
-    """How one hypothesis has targets under a force, beside how positions have them.
+    """Displacement of targets by a force, under one hypothesis, relative to the model of positions.
 
     Attributes:
         weight: Its probability.
-        shift: [m], F_b, shape (m, t, 3).
+        shift: Difference of the displacements [m], F_b, shape (m, t, 3).
         by_positions: Change of the derivatives by parameters of the positions, (m, t, 3, dense).
         own: Derivatives by independent unit errors of its own, shape (m, t, 3, k).
-        unknown: Whether something moves them that nothing determines, shape (m, t, 3).
+        unknown: Whether an undetermined parameter acts on the coordinate, shape (m, t, 3).
     """
 
     weight: float
@@ -65,12 +53,12 @@ class UnderForce(NamedTuple):
 def under_force(
     said: ByPulls, there: Mechanism, tip: Array, q: Array, force: Array
 ) -> list[UnderForce]:
-    """All hypotheses of the pulls.
+    """Evaluate all hypotheses of the pulls.
 
     Args:
-        said: What the pulls say.
-        there: The robot as positions have it.
-        tip: Where the force acts, flange frame [m], shape (3,).
+        said: Model estimated from pulls.
+        there: The robot as estimated from positions.
+        tip: Point at which the force acts, flange frame [m], shape (3,).
         q: Joint values [m] or [rad], shape (m, n).
         force: Force at the tip [N], F_b, shape (m, 3).
     """
@@ -101,7 +89,7 @@ def _one(
 
 
 def _of_positions(mine: Cell, there: Mechanism) -> tuple[Cell, Array]:
-    """Springs, and elements that pulls hold or find, as positions have them; their values."""
+    """Cell of springs and elements, as estimated from positions, that pulls replace; values."""
     which = _acting(there, mine.effects)
     held = [k for one in which for k in _span(there, one)]
     cell = paper_cell(mine.robot, mine.tool).with_effects(*(there.elements[k] for k in which))
@@ -111,9 +99,9 @@ def _of_positions(mine: Cell, there: Mechanism) -> tuple[Cell, Array]:
 
 
 def _acting(there: Mechanism, effects: Sequence[Effect]) -> list[int]:
-    """Elements of the positions in whose place effects of the pulls act, by number.
+    """Indices of the elements of the positions that effects of the pulls replace.
 
-    Those that both have, and laws of gears of which pulls show another one.
+    These are the elements common to both, and laws of gears for which pulls found another law.
     """
     gears = laws_of_gears(effects, there.elements)
     other = [
@@ -125,21 +113,21 @@ def _acting(there: Mechanism, effects: Sequence[Effect]) -> list[int]:
 
 
 def _span(there: Mechanism, element: int) -> range:
-    """Where the parameters of an element stand among those of all."""
+    """Range of an element's parameters among those of all elements."""
     ends = np.cumsum([0, *(len(one.parameters) for one in there.elements)]).tolist()
     return range(ends[element], ends[element + 1])
 
 
 @dataclass(frozen=True, eq=False)
 class _Columns(Locked):
-    """Parameters of a hypothesis against those of positions.
+    """Correspondence between parameters of a hypothesis and those of positions.
 
     Attributes:
-        shared: Both have them and were estimated together: column of each, shape (s, 2).
-        replaced: Column of springs and elements as positions have them that do not act under a
-            force, among these alone and among all of the positions, shape (r, 2).
-        rest: Its own, shape (e,).
-        open: Its own that nothing determines, shape (o,).
+        shared: Parameters of both that were estimated jointly: column in each, shape (s, 2).
+        replaced: Springs and elements of the positions that the hypothesis replaces: column among
+            these alone and among all parameters of the positions, shape (r, 2).
+        rest: Columns of its own determined parameters, shape (e,).
+        open: Columns of its own undetermined parameters, shape (o,).
     """
 
     shared: Ints
@@ -149,7 +137,7 @@ class _Columns(Locked):
 
     @classmethod
     def of(cls, h: ModelHypothesis, joined: bool, there: Mechanism) -> _Columns:
-        """Those of a hypothesis."""
+        """Correspondence for a hypothesis."""
         pairs = np.array(_pairs(h, there), dtype=np.int64)
         known, mine = np.isfinite(h.std), pairs[:, 0]
         laws = np.array(sorted(laws_of_gears(h.cell.effects, there.elements)), dtype=np.int64) - 1
@@ -164,7 +152,7 @@ class _Columns(Locked):
         )
 
     def values(self, h: ModelHypothesis, there: Mechanism) -> Array:
-        """Its values; of springs that it does not determine those of the positions."""
+        """Values of its parameters; undetermined springs have the values of the positions."""
         out, n = h.value.copy(), there.table.n
         unknown = np.flatnonzero(~np.isfinite(h.std[:n]))
         out[unknown] = there.compliance[unknown]
@@ -172,9 +160,9 @@ class _Columns(Locked):
 
 
 def _pairs(h: ModelHypothesis, there: Mechanism) -> list[tuple[int, int, int]]:
-    """Springs and elements of `_acting`: column of a hypothesis, among these, of positions.
+    """Columns of springs and elements of `_acting`: in a hypothesis, among these, in positions.
 
-    The first is -1 where it has none.
+    The first is -1 if the hypothesis lacks it.
     """
     where, effects = layout(there), h.cell.effects
     first = np.cumsum([0, *(len(one.parameters) for one in effects)]).tolist()
