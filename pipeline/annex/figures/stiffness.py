@@ -70,7 +70,7 @@ def _limits(low: float, high: float) -> str:
 
 
 def _cut_off(axes: Axes, at: Array, told: Array, ends: tuple[float, float]) -> None:
-    """Draw arrows where intervals leave the plot, with the numbers of those that have limits.
+    """Draw arrows where intervals leave the plot, with numbers unless only an infinite limit does.
 
     Args:
         axes: The plot.
