@@ -131,6 +131,7 @@ def as_read(
         displacements=got.displacements,
         forces=got.forces,
         stale=got.stale,
+        contradictions=got.contradictions,
         unused=got.unused,
         treated=got.treated,
         torques=got.torques,
