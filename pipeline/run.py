@@ -132,6 +132,7 @@ def as_read(
         forces=got.forces,
         stale=got.stale,
         contradictions=got.contradictions,
+        lost=got.lost,
         unused=got.unused,
         treated=got.treated,
         torques=got.torques,

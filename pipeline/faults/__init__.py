@@ -38,6 +38,7 @@ FAULTS: tuple[Fault, ...] = (
     base_names.FAULT,
     base_rounds.FAULT,
     exchanged.FAULT,
+    labels.CHAIN,
     dead_sensor.FAULT,
     exchanged_pulls.FAULT,
     exchanged_ladders.FAULT,

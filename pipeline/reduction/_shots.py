@@ -154,6 +154,33 @@ def unused(everything: Shots, used: Shots) -> tuple[str, ...]:
     return tuple(there.filter(pc.invert(pc.is_in(there, left))).to_pylist())
 
 
+@dataclass(frozen=True)
+class Lost:
+    """Readings of known targets that are not used.
+
+    Attributes:
+        readings: Their number.
+        of: Number of all.
+        poses: Poses of which no pull is left.
+    """
+
+    readings: int = 0
+    of: int = 0
+    poses: tuple[int, ...] = ()
+
+
+NONE_LOST = Lost()
+
+
+def lost(given: Shots, used: Shots) -> Lost:
+    """What is lost between two stages."""
+    there, left = (
+        {*one.pose[slots[one.loaded[slots]]].tolist()}
+        for one, slots in ((each, each.slot[each.slot >= 0]) for each in (given, used))
+    )
+    return Lost(len(given) - len(used), len(given), tuple(sorted(there - left)))
+
+
 def unread(exports: Mapping[str, Export]) -> tuple[Rejection, ...]:
     """Rows of all files that could not be read."""
     return tuple((file, line, why) for file, e in exports.items() for line, why in e.rejected)
@@ -381,7 +408,7 @@ def in_rounds(shots: Shots, width: int) -> Shots:
 
 
 def _sittings(shots: Shots) -> tuple[Ints, Ints]:
-    """Number of the run of readings of one state, by time (-1 without one) and by row, (n,) each."""
+    """Run of readings of one state that each is in, by time (-1 without) and by row, (n,) each."""
     begins = np.diff(shots.slot, prepend=-2) != 0
     timed = np.flatnonzero(np.asarray(shots.time.is_valid()))
     order = timed[np.argsort(shots.time.take(pa.array(timed)).cast(pa.int64()), kind="stable")]

@@ -29,7 +29,7 @@ from pipeline.readers import Export, logs
 from pipeline.readers.known import ReflectorSet
 from pipeline.reduction import _pulls, _shots, _size, limits
 from pipeline.reduction._index import numbered, pull_number
-from pipeline.reduction._shots import Contradiction, Rejection, Shots, Stale
+from pipeline.reduction._shots import NONE_LOST, Contradiction, Lost, Rejection, Shots, Stale
 from pipeline.reduction.case import Treated
 from pipeline.reduction.digits import rounding
 from pipeline.reduction.register import read_apart
@@ -62,6 +62,7 @@ class _Ingested:
         doubt: Why the values are implausible, where this was not to be an error.
         stale: Readings that repeat another one of their state, whether or not they are left out.
         contradictions: Readings of one target in one state that differ, left out.
+        lost: Readings of known targets that are not used.
         unused: Groups of the exports none of whose readings is used.
         treated: Exports that were not used unchanged.
     """
@@ -76,6 +77,7 @@ class _Ingested:
     doubt: InputError | None = None
     stale: tuple[Stale, ...] = ()
     contradictions: tuple[Contradiction, ...] = ()
+    lost: Lost = NONE_LOST
     unused: tuple[str, ...] = ()
     treated: tuple[Treated, ...] = ()
 
@@ -192,6 +194,7 @@ def _raw(
         doubt=doubt,
         stale=_shots.stale(weighed),
         contradictions=_shots.contradictions(rounds, width),
+        lost=_shots.lost(shots, whole),
         unused=_shots.unused(everything, whole),
         treated=tuple(
             Treated(name, one.faces, one.untimed, one.settled)
