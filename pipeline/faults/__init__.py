@@ -37,6 +37,7 @@ FAULTS: tuple[Fault, ...] = (
     unit_since.FAULT,
     base_names.FAULT,
     base_rounds.FAULT,
+    base_rounds.CARRIED,
     exchanged.FAULT,
     labels.CHAIN,
     dead_sensor.FAULT,
