@@ -162,8 +162,6 @@ def _finding(case: Case, pair: tuple[str, str], before: float, after: float) -> 
     )
 
 
-FAULT = Fault(
-    "exchanged", "entries in each other's place", lambda asked: base_rounds(asked.case), True
-)
+FAULT = Fault("exchanged", lambda asked: base_rounds(asked.case), True)
 
-CARRIED = Fault("tracker_moved", "tracker that was moved", lambda asked: carried(asked.case), True)
+CARRIED = Fault("tracker_moved", lambda asked: carried(asked.case), True)

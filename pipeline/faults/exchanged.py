@@ -18,9 +18,8 @@ import pandas as pd
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said, standing
-from pipeline.faults.conventions import FEWEST_POSES, anchored
+from pipeline.faults.conventions import FEWEST_POSES, aligned, anchored
 from pipeline.faults.fault import Fault
-from pipeline.faults.labels import aligned
 from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.machine.robot import configure
 from pipeline.readers.known import GROSS_M
@@ -111,11 +110,11 @@ def exchanged(case: Case) -> list[Mistake]:
     return found
 
 
-def misplaced(case: Case) -> frozenset[int]:
-    """Poses in which most groups are elsewhere than the robot's table predicts."""
+def misplaced(case: Case) -> frozenset[int] | None:
+    """Poses in which most groups are elsewhere than the table predicts; None if unknown."""
     laid = _lay(case)
     if laid is None or laid.in_order:
-        return frozenset()
+        return None if laid is None else frozenset()
     away = pd.Series(laid.own > (STANDS_OUT * laid.usual) ** 2).groupby(laid.poses[laid.pose])
     most = away.mean() > 0.5
     return frozenset(most.index[most].tolist())
@@ -374,6 +373,4 @@ def told(
     )
 
 
-FAULT = Fault(
-    "exchanged", "exchanged groups or rows", lambda asked: exchanged(asked.case), in_files=True
-)
+FAULT = Fault("exchanged", lambda asked: exchanged(asked.case), in_files=True)

@@ -62,7 +62,6 @@ def _without_pose(case: Case, pose: int) -> Case:
 
 FAULT = Fault(
     "exchanged",
-    "exchanged groups or rows",
     lambda asked: list(named_twice(asked)),
     in_files=True,
 )

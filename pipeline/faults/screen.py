@@ -1,4 +1,4 @@
-"""Stage 5b: mistakes in the data found and named, and the campaign without them."""
+"""Mistakes in the data found and named, and the campaign without them."""
 
 from __future__ import annotations
 
@@ -124,8 +124,9 @@ def singles_of(
         beside: Model of the tests; by default the joint springs.
     """
     case, findings = given.case, list(given.findings)
+    sought = beside is not None
     beside = beside or ScreeningBase(case.cell, case.robot.nominal_compliance)
-    asked = Screening(case, beside.cell, beside.start, reduced, beside.family)
+    asked = Screening(case, beside.cell, beside.start, reduced, beside.family, sought)
     family, tests, doubted = beside.family, _asked(case, in_files=False), list[Mistake]()
     for _ in range(_MOST):
         found, doubted = _first(tests, asked)
@@ -137,7 +138,7 @@ def singles_of(
             break
         if any(one.may_be_noise for one in found):
             family = asked.family
-        asked = Screening(case, beside.cell, beside.start, accepted=family)
+        asked = Screening(case, beside.cell, beside.start, None, family, sought)
     return Screened(tuple(findings), case, tuple(doubted))
 
 

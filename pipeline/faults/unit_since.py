@@ -178,7 +178,7 @@ def _from(wrong: Bools, right: Bools) -> int | None:
 
 def _joints(case: Case) -> Iterator[Mistake]:
     """Rows of the joint log from which on another unit explains the robot's position."""
-    before = misplaced(case)
+    before = misplaced(case) or frozenset()
     log = case.joints.sort_values(["file", "line"])
     wrong = log["pose"].isin(before).to_numpy(bool)
     first = _from(wrong, ~wrong)
@@ -188,7 +188,7 @@ def _joints(case: Case) -> Iterator[Mistake]:
     for ending, unit, factor, says in LOGGED:
         columns = [name for name in case.joint_columns if name.endswith(ending)]
         correct = partial(_relogged, columns=columns, poses=poses, factor=factor)
-        if columns and not misplaced(correct(case)):
+        if columns and misplaced(correct(case)) == frozenset():
             at = lines_of(log.iloc[first:])
             yield _finding(
                 where=unit,
@@ -224,4 +224,4 @@ def _finding(
     )
 
 
-FAULT = Fault("unit_mixup", "mixed-up unit", unit_since, in_files=True)
+FAULT = Fault("unit_mixup", unit_since, in_files=True)

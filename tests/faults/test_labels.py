@@ -8,7 +8,8 @@ import numpy as np
 import pytest
 from small_case import asked
 
-from pipeline.faults.labels import CHAIN, FAULT, aligned, chain_distances
+from pipeline.faults.conventions import aligned
+from pipeline.faults.labels import CHAIN, FAULT, chain_distances
 from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate

@@ -1,10 +1,13 @@
 """A unit that changes in mid-file: the row from which on, and the numbers as they were meant."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small_case import asked
 from test_exchanged import PULLS, case, files, same, table, written
 
+from pipeline.faults.exchanged import misplaced
 from pipeline.faults.unit_since import unit_since
 
 NEWTONS = {"kgf": 9.80665, "lbf": 4.4482216152605, "kn": 1000.0, "dan": 10.0}
@@ -69,6 +72,15 @@ def test_joint_values_in_radians_from_some_row_on(seed):
 
     assert (found.where, found.since) == ("rad", "joints.csv:6")
     same(found.correct(case(made)), case(files(seed)))
+
+
+def test_where_nothing_tells_no_pose_is_in_its_place():
+    """A log in which the effector stands nowhere near its readings proves no unit."""
+    given = case(files(0))
+    turned = {name: 57.3 * given.joints[name] for name in given.joint_columns[1:7]}
+
+    assert misplaced(given) == frozenset()
+    assert misplaced(replace(given, joints=given.joints.assign(**turned))) is None
 
 
 @pytest.mark.sampled(4)
