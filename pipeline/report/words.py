@@ -30,6 +30,7 @@ _MISTAKES = {
     "exchanged": "exchanged groups or rows",
     "dead_sensor": "column that no sensor wrote",
     "tool_point": "wrong tool point",
+    "tracker_moved": "tracker that was moved",
     "sign_or_convention": "wrong sign or axis convention",
 }
 """Mistakes in the data as nouns, by their names in result.json."""
