@@ -10,7 +10,8 @@ from scipy import stats
 from pipeline.machine.cell import paper_cell
 from pipeline.machine.robot import load
 from pipeline.reduction.bring import conformed
-from pipeline.run import reduce, tool
+from pipeline.reduction.effector import tool
+from pipeline.run import reduce
 from pipeline.service.executor import Processes, in_order
 from pipeline.simulate import Plan, build, draw, raw_files, revised
 from pipeline.store.campaign import in_memory

@@ -1,9 +1,10 @@
-"""Outbuilding: the figures behind the first page of a report, each in a file with its words.
+"""Outbuilding: what follows the first page of a report, sections and figures with their texts.
 
-The report draws its certificate, the stiffnesses and the cell itself; what an engineer looks at
-when a number is doubted stands here: residuals, rivals, laws, cross-validation, where the robot was
-and what it would do elsewhere. Without this folder a report has its tables and sentences.
+The core's report has the certificate, the causes and the stiffnesses. What an engineer consults
+when a number is in doubt is here: the cell in three dimensions, residuals, budget, registration,
+DH parameters, method, rivals, laws, cross-validation, and maps of the workspace.
 
-Door: `figures:PLOTS`; for the tables that they alone need `pictured:pictured`.
+Door: `sections:SECTIONS`, `figures:PLOTS`; for the tables that only these need,
+`pictured:pictured` and `pictured:of_positions`.
 Tests: `tests/report/`, for whole pages.
 """

@@ -25,20 +25,23 @@ from pipeline.answer.contract import (
     Values,
     Which,
 )
-from pipeline.answer.diagnosis import worst_known
 from pipeline.answer.findings import Findings
+from pipeline.answer.inputs import lost_told
 from pipeline.answer.numbers import left_out_mm
 from pipeline.answer.tolerated import expanded, largest_force, tolerated
 from pipeline.answer.words import (
     DO,
     HOLDS,
+    at_axis,
     capital,
     clear,
     correct,
     counted,
     listed,
+    loads,
     mistaken,
     noise_told,
+    worst_known,
     wrong,
 )
 from pipeline.base.quantities import (
@@ -115,12 +118,12 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
 
 
 def _wrong(found: Findings, stated: Stated) -> tuple[str, ...]:
-    """What is wrong, and after it, or before "nothing else", what the noise does."""
+    """What is wrong, and after it, or before "nothing else", what the noise does; what is lost."""
     noisy = tuple(noise_told(stated.diagnosis.causes))
     unseen, told = len(stated.diagnosis.blind_spots), (*stated.contradicted, *noisy)
     said = wrong(found.facts, unseen, told)
     rest = (*noisy, said) if clear(found.facts) else (said, *noisy)
-    return (*stated.contradicted, *rest)
+    return (*stated.contradicted, *rest, *lost_told(found.given.case.lost))
 
 
 def _other(found: Findings, springs: str, data: str, delivered: str) -> list[str]:
@@ -458,11 +461,6 @@ def _stands_in(found: Findings) -> str:
     )
 
 
-def at_axis(value: float, unit: str) -> str:
-    """Where an axis stands."""
-    return f"{plain(value, 4)} m" if unit == "m" else f"{plain(value, 4)}°"
-
-
 def _changed(
     mine: Sequence[TargetDeflection], springs: Sequence[TargetDeflection], found: Findings
 ) -> Iterator[str]:
@@ -570,15 +568,6 @@ def _pulled(pose: ToMeasure) -> str:
     """Where the robot stands and how it is pulled there."""
     at = ", ".join(f"{axis.name} {at_axis(axis.value, axis.unit)}" for axis in pose.axes)
     return f"{at or _joints(pose)}, {loads(pose)}"
-
-
-def loads(pose: ToMeasure) -> str:
-    """`5 load steps up to 3012 N along (0.10, -0.99, 0.05) of F_b`."""
-    along = ", ".join(f"{part:.2f}" for part in pose.direction)
-    force = f"1 load step of {pose.force_n:.0f} N"
-    if pose.steps > 1:
-        force = f"{pose.steps} load steps up to {pose.force_n:.0f} N"
-    return f"{force} along ({along}) of F_b"
 
 
 def _joints(pose: ToMeasure) -> str:

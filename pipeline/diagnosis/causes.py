@@ -180,6 +180,23 @@ def of_unloaded(stood: UnloadedFacts) -> tuple[FoundCause, ...]:
     )
 
 
+def of_motion(
+    stood: UnloadedFacts, drift: Drift | None
+) -> tuple[tuple[FoundCause, ...], Drift | None]:
+    """Causes that the unloaded positions call for, and what the base shows beyond them.
+
+    A motion of the tracker that both show is one cause: a drift where the rounds of the base tell
+    it from a knock, else the knock, whose pose only the unloaded positions know.
+    """
+    moved = of_unloaded(stood)
+    others = tuple(one for one in moved if one.effect.name != "base_moved")
+    if drift is None or len(others) == len(moved):
+        return moved, drift
+    if drift.named and not drift.undecided:
+        return others, drift
+    return moved, replace(drift, named=False, undecided=False, knocked=None)
+
+
 def _sizes(
     effect: Effect, value: Array, std: Array, quantile: float = NORMAL_95
 ) -> tuple[EffectSize, ...]:

@@ -1,4 +1,4 @@
-"""Stage 7, diagnosis: detect what the model lacks, name it, extend the model, propose poses."""
+"""Detect what the model lacks, name it, extend the model, propose poses."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.base import doors
 from pipeline.base.arrays import Array
 from pipeline.base.linear import rms
 from pipeline.diagnosis.blindspots import blind_spots
-from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_scatter, of_unloaded
+from pipeline.diagnosis.causes import missing, of_base, of_displacements, of_motion, of_scatter
 from pipeline.diagnosis.facts import (
     CrossValidation,
     Determining,
@@ -101,8 +101,8 @@ def diagnose(
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known, noise)
-    hung = as_stiff(cell, estimate)
-    stood = standing(hung, data, case.certain_noise, whole)
+    wander = shape.wander.between_poses if shape is not None and shape.wanders else 0.0
+    stood = standing(as_stiff(cell, estimate), data, case.certain_noise, whole, wander)
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)
@@ -115,13 +115,14 @@ def diagnose(
     stated_p, misfit = _misfit(sets[0].estimate if sets else estimate, spread)
     lacking = missing(found, misfit)
     causes = tuple(replace(one, missing=lacking) for one in causes)
+    moved, drift = of_motion(stood, drift)
     facts = replace(
         facts,
         causes=causes,
         scatter=of_scatter(whole, spread),
         beyond_a_tracker=estimate.p_value is None and not fits(estimate, data.tracked),
         unloaded=stood,
-        moved=of_unloaded(stood),
+        moved=moved,
         base=drift,
         stated_p=stated_p,
         misfit_p=misfit,
@@ -129,8 +130,6 @@ def diagnose(
     held = (facts.causes if facts.helps else ()) + facts.scatter
     drifts = of_base(drift, held)
     facts = replace(facts, drift=drift if drifts else None)
-    every = by_label(case.suspects)
-    main = [forms[0] for forms in every.values()]
     single = _alone(found, worth, rng)
     proposed, joints = _to_measure(case, found, causes, worth, known, rng)
     return Diagnosed(
@@ -140,26 +139,42 @@ def diagnose(
         blind_spots=_blind_spots(whole, found, facts, known),
         next_poses=proposed,
         determining=joints,
-        refused=found.refused,
-        clues=clues(found),
-        threshold=found.threshold.p,
-        lack_of_fit=(found.lack_first.p_poses, found.lack_first.p_pulls),
-        remainder=(found.lack.p_poses, found.lack.p_pulls, found.left),
-        rough=found.rough if facts.helps else None,
-        misfits=misfits(found.first),
         scatter=spread,
         equilibrium=case.cell.equilibrium,
-        apart=separation(found.first.M, found.first.base, found.first.at[main]),
-        apart_labels=tuple(every),
-        apart_found=_apart_found(case, found, main, facts.helps),
         hypotheses=sets,
+        **_of_search(found, facts.helps),
+        **_told_apart(case, found, facts.helps),
         **_left_out(found, worth, facts.helps),
-        noise_floor_m=rms(found.first.spread),
-        seen=found.seen,
-        settled=found.explains or not found.detected,
         stood_off_m=(stood.miss_m, stood.left_m),
         too_small=() if sets else too_small(case, found),
     )
+
+
+def _of_search(found: Found, helps: bool) -> dict[str, Any]:
+    """What the search itself has to say."""
+    return {
+        "refused": found.refused,
+        "clues": clues(found),
+        "threshold": found.threshold.p,
+        "lack_of_fit": (found.lack_first.p_poses, found.lack_first.p_pulls),
+        "remainder": (found.lack.p_poses, found.lack.p_pulls, found.left),
+        "rough": found.rough if helps else None,
+        "misfits": misfits(found.first),
+        "noise_floor_m": rms(found.first.spread),
+        "seen": found.seen,
+        "settled": found.explains or not found.detected,
+    }
+
+
+def _told_apart(case: SearchCase, found: Found, helps: bool) -> dict[str, Any]:
+    """How far causes are from each other, by the first form of each."""
+    every = by_label(case.suspects)
+    main = [forms[0] for forms in every.values()]
+    return {
+        "apart": separation(found.first.M, found.first.base, found.first.at[main]),
+        "apart_labels": tuple(every),
+        "apart_found": _apart_found(case, found, main, helps),
+    }
 
 
 def _apart_found(case: SearchCase, found: Found, main: Sequence[int], helps: bool) -> Array:
@@ -219,7 +234,7 @@ def _blind_spots(
     return tuple(spot for spot in spots if spot.effect.label not in names)
 
 
-def _left_out(found: Found, worth: CrossValidation | None, helps: bool) -> dict[str, Array]:
+def _left_out(found: Found, worth: CrossValidation | None, helps: bool) -> dict[str, Any]:
     """Cross-validation residuals of the joint springs and of the extended model."""
     before = worth.before if worth else _left_by_springs(found.first)
     after = worth.after if worth and helps else before

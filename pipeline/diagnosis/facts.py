@@ -20,10 +20,6 @@ from pipeline.readers.known import GROSS_M
 from pipeline.system.linearised import Linearised
 from pipeline.system.system import Estimate, ScatterRatio
 
-ROUGH = 1.6
-"""Remainder ratio from which on a law of the model must be wrong [1]."""
-
-
 APART = 4.6
 """Separation of two causes in standard deviations [1] at which the right one leads by 20 to 1 in 95
 % of the cases."""

@@ -13,7 +13,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from pipeline.diagnosis.bounds import bounds
+from pipeline.diagnosis.bounded import bounds
 from pipeline.diagnosis.diagnose import diagnose
 from pipeline.diagnosis.drift import drift
 from pipeline.diagnosis.facts import Diagnosed
@@ -95,7 +95,8 @@ def _bounded(end: Settled) -> Settled:
     told = said.scatter.force > 1 and said.scatter.known_from == "contrasts"
     force = said.scatter.force * said.scatter.tracker if told else 1.0
     kept = bounds(right, best.system, best.estimate, left, force)
-    doubted = [at for one in end.screened.doubted if one.before > AWAY for at in one.at]
+    away = [one for one in end.screened.doubted if one.before > AWAY and one.may_be_noise]
+    doubted = [at for one in away for at in one.at]
     kept = replace(kept, doubted=tuple(doubted))
     return replace(end, diagnosis=replace(said, facts=replace(said.facts, bounds=kept)))
 

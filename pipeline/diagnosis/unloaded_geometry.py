@@ -38,7 +38,7 @@ from pipeline.geometry.scatter import START
 from pipeline.geometry.unloaded import USUAL, PoseRows, Unloaded, off, unloaded
 from pipeline.machine.cell import Cell, load
 from pipeline.machine.effect import Effect, Geometry, Observation
-from pipeline.machine.effects import base_rotation, joint_offset, table
+from pipeline.machine.effects import base_moved, base_rotation, joint_offset, table
 from pipeline.machine.robot.letters import changed
 from pipeline.reduction.measured import Measured
 from pipeline.system import alarms
@@ -77,7 +77,9 @@ class _Suspect(Suspect):
     tries: int = 1
 
 
-def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]) -> UnloadedFacts:
+def standing(
+    cell: Cell, data: Measured, scale: float, effects: Sequence[Effect], wander_m: float = 0.0
+) -> UnloadedFacts:
     """Estimate the table from the unloaded positions, and find the parameters that are far off.
 
     Args:
@@ -85,6 +87,7 @@ def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]
         data: The measurements; `unloaded` may be NaN, then nothing is found.
         scale: Scatter of the tracker over its stated standard uncertainty.
         effects: The catalogue.
+        wander_m: Slow error of the instrument common to all targets, which moves whole poses [m].
     """
     zeros = unloaded(cell.robot, cell.tool, _sag(effects), data, scale)
     if zeros is None:
@@ -94,7 +97,7 @@ def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]
     rows = zeros.about(x)
     sums = products(rows)
     table_only = straight(zeros, sums)
-    search = _Search(zeros, asked, x, rows, cells(zeros, sums))
+    search = _Search(zeros, asked, x, rows, cells(zeros, sums), wander_m)
     if not _fits(zeros, rows, table_only):
         search = search.with_changes(effects).done().with_changes(effects).done()
     found, zeros = search.found, search.zeros
@@ -138,9 +141,12 @@ def _suspects(zeros: Unloaded, effects: Sequence[Effect]) -> Iterator[_Suspect]:
         if label in known and at.stop > at.start:
             yield _Suspect(label, tuple(range(at.start, at.stop)), wide, known[label])
     tries = remastered.places(zeros)
-    for k, one in enumerate(zeros.changes, where.changes.start):
-        effect = joint_offset.since(zeros.robot, one.joint, one.before, one.since)
-        yield _Suspect(f"{effect.label} {effect.form}", (k,), _WIDE * tries, effect, tries)
+    for one, at in zeros.changed:
+        effect: Effect = base_moved.since(one.before, one.since)
+        if one.joint:
+            effect = joint_offset.since(zeros.robot, one.joint, one.before, one.since)
+        wide, columns = _WIDE * tries ** (1 / one.unknowns), tuple(range(at.start, at.stop))
+        yield _Suspect(f"{effect.label} {effect.form}", columns, wide, effect, tries)
 
 
 def _unseen(effects: Sequence[Effect], asked: Sequence[_Suspect]) -> set[str]:
@@ -165,6 +171,7 @@ class _Search:
         x: Linearisation point.
         rows: The readings linearised there.
         found: Estimates with the causes free.
+        wander_m: Slow error of the instrument common to all targets [m].
     """
 
     zeros: Unloaded
@@ -172,6 +179,7 @@ class _Search:
     x: Array
     rows: PoseRows
     found: Cells
+    wander_m: float
 
     def done(self) -> _Search:
         """Add causes one by one while each of them is far beyond the rest."""
@@ -191,10 +199,11 @@ class _Search:
         zeros = replace(self.zeros, changes=remastered.changes(self.zeros, self.rows, self.found))
         if zeros.changes == self.zeros.changes:
             return self
-        x = np.append(self.x[: where.start], np.zeros(len(zeros.changes)))
+        x = np.append(self.x[: where.start], np.zeros(zeros.columns.count - where.start))
         asked, rows = tuple(_suspects(zeros, effects)), zeros.about(x)
         free = tuple(one for one in asked if one.label in {old.label for old in self.free})
-        return _Search(zeros, asked, x, rows, cells(zeros, products(rows), free))
+        found = cells(zeros, products(rows), free)
+        return _Search(zeros, asked, x, rows, found, self.wander_m)
 
     @property
     def free(self) -> tuple[_Suspect, ...]:
@@ -215,11 +224,14 @@ class _Search:
             if np.max(np.abs(x - before)[self.zeros.columns.table], initial=0.0) < _STILL:
                 break
         found = cells(self.zeros, products(rows), free)
-        return _Search(self.zeros, self.asked, x, rows, found)
+        return replace(self, x=x, rows=rows, found=found)
 
     def far(self, one: _Suspect) -> bool:
-        """Whether a cause is significant and far beyond the deviations of the rest of the table."""
-        return self.p_value(one) < alarms.GEOMETRY and _size(self.found, one) > BEYOND
+        """Whether a cause is significant and far beyond the rest of the table and the wander."""
+        if self.p_value(one) >= alarms.GEOMETRY or _size(self.found, one) <= BEYOND:
+            return False
+        moves = _moves(self.found, one) @ self.found.mean[list(one.columns)]
+        return rms(moves) > BEYOND * self.wander_m
 
     def p_value(self, one: _Suspect) -> float:
         """P-value of a cause, corrected for the number of suspects and their alternatives."""
@@ -243,7 +255,8 @@ _STILL = 1e-6
 def _rest(found: Cells, one: Suspect) -> float:
     """What the rest of the table, or a usual one, is off by: in the unit of a cause [m] or [rad].
 
-    What the weight of the arm moves is compared with lengths, as it moves reflectors.
+    What the weight of the arm moves is compared with lengths, as it moves reflectors, and a motion
+    of the robot with what one joint errs by at a pose.
     """
     zeros, first = found.zeros, one.columns[0]
     where = zeros.columns
@@ -251,20 +264,27 @@ def _rest(found: Cells, one: Suspect) -> float:
         k = first - where.table.start
         return max(float(zeros.usual()[k]), float(found.per_letter[k]))
     if first >= where.changes.start:
-        slides = zeros.robot.prismatic[zeros.changes[first - where.changes.start].joint - 1]
-        size = float(np.sqrt(found.weight @ found.transmission**2))
-        return START[bool(slides)] * max(size, 1 / BEYOND)
+        joint = next(change.joint for change, at in zeros.changed if at.start == first)
+        size = max(float(np.sqrt(found.weight @ found.transmission**2)), 1 / BEYOND)
+        if joint:
+            return START[bool(zeros.robot.prismatic[joint - 1])] * size
+        usual = np.where(zeros.robot.prismatic, START[True], START[False])
+        return rms(zeros.about(found.mean).Z * usual) * size
     if first == where.loose.start:
         return max(USUAL[1], float(found.roughness[1]), rms(zeros.rotation))
     return max(USUAL[0], float(found.roughness[0]))
 
 
-def _size(found: Cells, one: Suspect) -> float:
+def _size(found: Cells, one: _Suspect) -> float:
     """How often a cause is what the rest is off by."""
     x = found.mean[list(one.columns)]
-    if one.label != "gravity_sag":
+    if one.effect.name not in _OF_MANY:
         return float(np.linalg.norm(x)) / _rest(found, one)
     return rms(_moves(found, one) @ x) / _rest(found, one)
+
+
+_OF_MANY = ("gravity_sag", "base_moved")
+"""Causes whose unknowns count by what they move the reflectors."""
 
 
 def _moves(found: Cells, one: Suspect) -> Array:
@@ -274,12 +294,12 @@ def _moves(found: Cells, one: Suspect) -> Array:
 
 def _visible(found: Cells, asked: Sequence[_Suspect]) -> dict[str, float]:
     """Multiples of the typical magnitude from which a cause is found in 80 % of the cases."""
-    out, best = {}, found.best
+    out, best, free = {}, found.best, {one.label for one in found.free}
     far = float(special.ndtri(1 - alarms.GEOMETRY / len(asked) / 2)) + _POWER
     for one in asked:
         at = list(one.columns)
         C = found.cov[best][np.ix_(at, at)]
-        if one not in found.free:
+        if one.label not in free:
             less = np.diag(1 / (found.std[best, at] ** -2 - one.wide**-2))
             C = C + C @ linear.solve(less - C, C)
         typical = np.array([parameter.typical for parameter in one.effect.parameters])
@@ -372,4 +392,9 @@ def corrected(cell: Cell, data: Measured, found: UnloadedFacts) -> tuple[Cell, M
         for facet in effect.facets:
             if isinstance(facet, Observation):
                 delta = facet.observe(loaded, delta, pulls.time, -turn)
+    for change, at in zeros.changed:
+        if not change.joint:
+            turns = np.outer(change.share(pulls), x[at][3:])
+            pulls = replace(pulls, force=pulls.force - np.cross(turns, pulls.pulled * pulls.force))
+            delta = delta - np.cross(turns[data.pull][:, None], delta)
     return replace(cell, robot=robot), replace(data, pulls=pulls, delta=delta[:, 0])

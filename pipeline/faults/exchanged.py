@@ -18,9 +18,8 @@ import pandas as pd
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Bools, Ints, Locked, Strings
 from pipeline.faults.assignment import STANDS_OUT, Ring, lines, rings, said, standing
-from pipeline.faults.conventions import FEWEST_POSES, anchored
+from pipeline.faults.conventions import FEWEST_POSES, aligned, anchored
 from pipeline.faults.fault import Fault
-from pipeline.faults.labels import aligned
 from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.machine.robot import configure
 from pipeline.readers.known import GROSS_M
@@ -111,11 +110,11 @@ def exchanged(case: Case) -> list[Mistake]:
     return found
 
 
-def misplaced(case: Case) -> frozenset[int]:
-    """Poses in which most groups are elsewhere than the robot's table predicts."""
+def misplaced(case: Case) -> frozenset[int] | None:
+    """Poses in which most groups are elsewhere than the table predicts; None if unknown."""
     laid = _lay(case)
     if laid is None or laid.in_order:
-        return frozenset()
+        return None if laid is None else frozenset()
     away = pd.Series(laid.own > (STANDS_OUT * laid.usual) ** 2).groupby(laid.poses[laid.pose])
     most = away.mean() > 0.5
     return frozenset(most.index[most].tolist())
@@ -334,6 +333,8 @@ def regrouped(case: Case, true: dict[str, str], out: frozenset[str], chain: bool
     of = first.set_index(first["group"].astype(str))
     new = [true.get(name, name) if moves else name for name, moves in zip(named, free, strict=True)]
     stands = of.loc[new, _STAND].set_axis(rows.index)
+    own = (rows["state"] == "unloaded") & (stands["state"] == "unloaded")  # rounds may share a name
+    stands = stands.assign(repeat=stands["repeat"].mask(own, rows["repeat"]))
     moved = rows.assign(group=new, **{name: stands[name] for name in _STAND})
     lost = free & named.isin(out).to_numpy()
     return replace(case, readings=moved[~lost].astype(rows.dtypes.drop("group").to_dict()))
@@ -372,6 +373,4 @@ def told(
     )
 
 
-FAULT = Fault(
-    "exchanged", "exchanged groups or rows", lambda asked: exchanged(asked.case), in_files=True
-)
+FAULT = Fault("exchanged", lambda asked: exchanged(asked.case), in_files=True)

@@ -34,6 +34,7 @@ class Screening:
         start: Initial values of its estimate, shape (k,).
         known: Its measurements, if available.
         accepted: Tails of the readings, if known.
+        beside_causes: Whether causes were sought already, and are in the model if any were found.
     """
 
     case: Case
@@ -41,6 +42,7 @@ class Screening:
     start: Array
     known: Reduced | None = None
     accepted: Family | None = None
+    beside_causes: bool = False
 
     @cached_property
     def reduced(self) -> Reduced:
@@ -83,6 +85,8 @@ class Screening:
         by one would soon leave no tail. If the stated noise is likelier, it is used: uncertainty
         about the tails must not excuse a reading that is far off.
         """
+        if one.rivalled and not self.beside_causes:
+            return False
         return not one.may_be_noise or self.family.rather.mistaken(one.before**2, one.axes) > SURE
 
     @cached_property
@@ -98,14 +102,12 @@ class Fault:
 
     Attributes:
         name: Name of its findings in the list of causes; several faults may share one.
-        noun: The same as a noun that fits into any sentence.
         find: Finds such mistakes; empty for a clean campaign.
         in_files: Whether it affects whole files: tested once, before any estimate.
         in_forces: Whether it is possible in a campaign that is given as forces and displacements.
     """
 
     name: str
-    noun: str
     find: Callable[[Screening], list[Mistake]]
     in_files: bool = False
     in_forces: bool = False

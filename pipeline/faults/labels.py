@@ -10,8 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.arrays import Array, Bools
-from pipeline.base.linear import rigid
-from pipeline.faults.conventions import FEWEST_POSES, pairs, unloaded
+from pipeline.faults.conventions import aligned, pairs, unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, of_group
 from pipeline.machine.robot import configure
@@ -28,30 +27,27 @@ seven standard deviations."""
 
 
 def labels(case: Case) -> list[Mistake]:
-    """States in which two names are exchanged.
+    """States in which two measured reflectors bear each other's name.
 
-    A measured reflector is misnamed if it is centimetres from its position by the robot's table and
-    another reading of the state is there; the ends of the chain are misnamed if the first is
-    farther from the load point than the second, unlike in the rest of the campaign.
+    One is misnamed if it is centimetres from its position by the robot's table and another reading
+    of the state is there.
     """
-    zeros = unloaded(case)
-    if zeros["pose"].nunique() < FEWEST_POSES:
+    at = aligned(case)
+    return [] if at is None else list(_measured(case, *at))
+
+
+def chain_labels(case: Case) -> list[Mistake]:
+    """States in which the ends of the chain bear each other's name.
+
+    The first is farther from the load point than the second, unlike in the rest of the campaign:
+    their distance alone tells it, and such a pull's force has the opposite direction.
+    """
+    at = aligned(case)
+    if at is None:
         return []
-    seen, expected, _ = pairs(case, zeros)
-    R, t = _robust(expected, seen)
-    usual = float(np.median(np.linalg.norm(seen - expected @ R.T - t, axis=1)))
-    return [*_measured(case, R, t), *_chain(case, R, t, max(GROSS_M, 3 * usual))]
-
-
-def _robust(expected: Array, seen: Array) -> tuple[Array, Array]:
-    """Rigid motion of the expected points onto the readings, without those far off."""
-    good = np.ones(len(seen), dtype=bool)
-    R, t = rigid(expected, seen)
-    for _ in range(3):
-        off = np.linalg.norm(seen - expected @ R.T - t, axis=1)
-        good = off < np.maximum(3 * np.median(off), 1e-3)
-        R, t = rigid(expected[good], seen[good])
-    return R, t
+    seen, expected, _ = pairs(case, unloaded(case))
+    usual = float(np.median(np.linalg.norm(seen - expected @ at[0].T - at[1], axis=1)))
+    return list(_chain(case, *at, max(GROSS_M, 3 * usual)))
 
 
 def _measured(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
@@ -197,15 +193,6 @@ def unlike(case: Case) -> pd.DataFrame:
     return pd.DataFrame({"away": away, "gross": away > max(GROSS_M, _USUAL * away.median())})
 
 
-def aligned(case: Case) -> tuple[Array, Array] | None:
-    """Rigid motion from the table's F_b to the tracker's frame, None with too few poses."""
-    zeros = unloaded(case)
-    if zeros["pose"].nunique() < FEWEST_POSES:
-        return None
-    seen, expected, _ = pairs(case, zeros)
-    return _robust(expected, seen)
-
-
 def _chain(case: Case, R: Array, t: Array, clear: float) -> Iterator[Mistake]:
     """Exchanged names of the chain's ends.
 
@@ -254,6 +241,6 @@ def _hung_alike(table: pd.DataFrame, reversed_: Bools) -> Bools:
     return np.asarray(~gross.any(axis=1))
 
 
-FAULT = Fault(
-    "label_swap", "swapped names of targets", lambda asked: labels(asked.case), in_files=True
-)
+FAULT = Fault("label_swap", lambda asked: labels(asked.case), in_files=True)
+
+CHAIN = Fault("label_swap", lambda asked: chain_labels(asked.case), in_files=True)

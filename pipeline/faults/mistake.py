@@ -34,6 +34,7 @@ class Mistake:
             do not explain.
         since: Line where a unit changes in mid-file, `file:line`; None if it does not.
         hopeless: Whether it cannot be corrected, and no value of the campaign holds.
+        rivalled: Whether a cause that was not yet sought may do as much.
     """
 
     name: str
@@ -52,6 +53,7 @@ class Mistake:
     together: bool = False
     since: str | None = None
     hopeless: bool = False
+    rivalled: bool = False
 
     @property
     def lost(self) -> Mistake:

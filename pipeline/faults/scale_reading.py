@@ -28,7 +28,7 @@ from pipeline.reduction.case import Case
 from pipeline.reduction.forces import reading_std
 from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Scale
-from pipeline.system import alarms
+from pipeline.system import alarms, odds
 from pipeline.system.assemble import assemble, by_force
 from pipeline.system.beside import Base, Beside
 from pipeline.system.estimate import identify, least_squares
@@ -114,6 +114,12 @@ class _Righted(Locked):
         return bool(self.drop.min() > _DOMINATES**2 * self._others.max())
 
     @property
+    def clear(self) -> bool:
+        """Whether no other pull stands out beyond chance, nor could be one of these instead."""
+        chance = _chance(self.freed, self.system)[self.next] >= odds.FITS
+        return bool(chance and self.drop.min() > self._others.max() + odds.DECIDES)
+
+    @property
     def explained(self) -> bool:
         """Whether these readings are all that was wrong with their pulls."""
         for pull, drop in zip(self.pulls, self.drop, strict=True):
@@ -121,7 +127,8 @@ class _Righted(Locked):
             rows = np.zeros((len(self.system.rows), len(mine)))
             rows[mine, np.arange(len(mine))] = 1.0  # the pull left out: each of its rows is free
             white = whitener(self.system.errors, self.system.rows.pose)
-            if self.base.beside_all(white(rows)).drop >= _LEFT * drop:
+            left = self.base.beside_all(white(rows))
+            if left.drop >= _LEFT * drop and _chance(left, self.system) < odds.FITS:
                 return False
         return True
 
@@ -140,6 +147,9 @@ def scale_outliers(
     case: Case, cell: Cell, data: Measured, system: System, estimate: Estimate
 ) -> list[Mistake]:
     """The readings of the scale that contradict all other pulls, if they are few.
+
+    Those that dominate no other, though none stands out beyond chance, are `rivalled`: a cause that
+    is not yet in the model does as much in the pull that feels it most.
 
     Args:
         case: The campaign.
@@ -162,8 +172,9 @@ def scale_outliers(
         righted = _righted(cell, data, system, estimate.value, np.array(which), scale)
         if righted is None or not _matters(righted, scale):
             return []
-        if righted.alone:
-            return _findings(case, data, righted) if _sure(data, righted) else []
+        if righted.alone or righted.clear:
+            found = _findings(case, data, righted) if _sure(data, righted) else []
+            return [replace(one, rivalled=not righted.alone) for one in found]
         which.append(righted.next)
     return []
 
@@ -196,8 +207,9 @@ def _by_pose(data: Measured, righted: _Righted) -> bool:
             continue
         r, f, w = read[righted.pulls[mine]], righted.fits[mine], righted.normal[mine]
         k = float((w * r) @ f / ((w * r) @ r))
-        if chi2_beyond(float(w @ (f - k * r) ** 2), int(mine.sum()) - 1) > _ALIKE:
-            return 1 / _SOFT < k < _SOFT
+        alike = chi2_beyond(float(w @ (f - k * r) ** 2), int(mine.sum()) - 1) > _ALIKE
+        if alike and 1 / _SOFT < k < _SOFT:
+            return True
     return False
 
 
@@ -230,7 +242,7 @@ def _freed(
 def _chance(freed: Beside, system: System) -> Array:
     """P-value of each drop times their number; with a stated noise, the scatter is at least 1."""
     variance = freed.variance(1.0) if system.noise_stated else freed.variance()
-    return np.asarray(len(freed.drop) * freed.p(variance))
+    return np.asarray(freed.drop.size * freed.p(variance))
 
 
 def _fitting(cell: Cell, data: Measured, values: Array, pulls: Ints, scale: Scale) -> Array | None:
@@ -315,7 +327,6 @@ def _meant(given: float, fits: float, std: float, unit: str) -> str:
 
 FAULT = Fault(
     "outlier",
-    "outlying reading",
     lambda asked: scale_outliers(
         asked.case, asked.cell, asked.reduced.data, asked.system, asked.estimate
     ),

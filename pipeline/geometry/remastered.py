@@ -1,32 +1,33 @@
-"""A joint whose zero changed in mid-campaign: mastered anew, a brake that slipped, a gear replaced.
+"""What changed in mid-campaign: a joint mastered anew, a brake that slipped, a foot bumped.
 
-From some pose on joint j stands d_j from where its log has it, before that it does not. Of every
-joint and every change in the order of time the column -Z_j of the poses before stands beside all
-that is estimated: with e = y - D x, V its covariance and C that of x,
+From some pose on joint j stands d_j from where its log has it, before that it does not; or the
+whole robot stood where F_b has it, and since then it does not. Of every joint, of the robot's six
+motions, and every change in the order of time the columns d of the poses that are off, -Z_j of a
+joint, stand beside all that is estimated: with e = y - D x, V its covariance and C that of x,
 
-    T = g^2 / (N - h' C h),   g = sum d' V^-1 e,  N = sum d' V^-1 d,  h = sum D' V^-1 d
+    T = g' (N - h' C h)^+ g,   g = sum d' V^-1 e,  N = sum d' V^-1 d,  h = sum D' V^-1 d
 
-over the poses before, so that all of them are sums that run along the poses. What changed at one
-joint widens the errors of all joints at all poses where nobody looks for it: T is added to twice
-the log likelihood of the likeliest cell of each size of these errors, and the largest sum counts.
-The table that is estimated beside it is that of the robot as it stands at the end.
+over these poses, so that all of them are sums that run along the poses. What changed widens the
+errors of all joints at all poses where nobody looks for it: T is added to twice the log likelihood
+of the likeliest cell of each size of these errors, and the largest sum counts. The table that is
+estimated beside it is that of the robot as it stands at the end.
 """
 
 from __future__ import annotations
 
 import numpy as np
+from scipy import special
 
 from pipeline.base import linear
 from pipeline.base.arrays import Array, Ints
 from pipeline.geometry.roughness import Cells
-from pipeline.geometry.unloaded import PoseRows, Unloaded, ZeroChange
+from pipeline.geometry.unloaded import MidChange, PoseRows, Unloaded
 
 _SIDES = 3
 """Poses on either side of a change, at least [1]: two poses stand off by themselves too easily."""
 
-_SEEN = 25.0
-"""Twice the log of the ratio of likelihoods from which on changes are asked about at all [1]: five
-standard uncertainties."""
+_SEEN = 5.0
+"""Standard uncertainties from which on changes are asked about at all [1]."""
 
 
 def places(zeros: Unloaded) -> int:
@@ -34,45 +35,56 @@ def places(zeros: Unloaded) -> int:
     return max(zeros.poses - 2 * _SIDES + 1, 1)
 
 
-def changes(zeros: Unloaded, rows: PoseRows, found: Cells) -> tuple[ZeroChange, ...]:
-    """Of each joint the likeliest change beside all that was found; none where none is seen."""
+def changes(zeros: Unloaded, rows: PoseRows, found: Cells) -> tuple[MidChange, ...]:
+    """Of each joint, and of the robot, the likeliest change beside all that was found.
+
+    None where none is seen.
+    """
     order = _in_time(zeros)
     if len(order) < 2 * _SIDES:
         return ()
-    T = _gains(rows, found.unrefined or found, order)[_SIDES - 1 : len(order) - _SIDES]
-    if T.max() < _SEEN:
+    T = _gains(zeros, rows, found.unrefined or found, order)[_SIDES - 1 : len(order) - _SIDES]
+    freedom = np.append(6, np.ones(T.shape[1] - 1))
+    if special.chdtrc(freedom, T.max(axis=0)).min() > special.chdtrc(1, _SEEN**2):
         return ()
     number = zeros.pulls.pose[np.unique(zeros.pose, return_index=True)[1]]
     return tuple(
-        ZeroChange(
+        MidChange(
             joint,
             tuple(sorted(number[order[: k + _SIDES]].tolist())),
             int(number[order[k + _SIDES]]),
         )
-        for joint, k in enumerate(T.argmax(axis=0).tolist(), 1)
+        for joint, k in enumerate(T.argmax(axis=0).tolist())
     )
 
 
-def _gains(rows: PoseRows, found: Cells, order: Ints) -> Array:
-    """Twice the log of the ratio of likelihoods of a change behind each of the poses, (p, n)."""
+def _gains(zeros: Unloaded, rows: PoseRows, found: Cells, order: Ints) -> Array:
+    """Twice the log of the ratio of likelihoods of a change behind each of the poses.
+
+    Of the robot as a whole, then of each joint, shape (p, 1 + n).
+    """
     sizes = np.unique(found.transmission)
     best = [np.flatnonzero(found.transmission == size) for size in sizes]
     likeliest = [int(mine[np.argmax(found.log[mine])]) for mine in best]
-    each = [2 * found.log[cell] + _drops(rows, found, cell, order) for cell in likeliest]
+    each = [2 * found.log[cell] + _drops(zeros, rows, found, cell, order) for cell in likeliest]
     return np.asarray(np.max(each, axis=0) - 2 * found.log.max())
 
 
-def _drops(rows: PoseRows, found: Cells, cell: int, order: Ints) -> Array:
-    """T of a change behind each of the poses, in time, shape (p, n)."""
+def _drops(zeros: Unloaded, rows: PoseRows, found: Cells, cell: int, order: Ints) -> Array:
+    """T of a change behind each of the poses, in time, shape (p, 1 + n)."""
     W = linear.whitening(rows.cov(found.transmission[cell]))
     Z, D = W @ rows.Z, W @ rows.D
     e = np.einsum("pij,pj->pi", W, rows.y) - D @ found.x[cell]
-    g = np.cumsum(np.einsum("prn,pr->pn", Z, e)[order], axis=0)
-    N = np.cumsum(np.einsum("prn,prn->pn", Z, Z)[order], axis=0)
-    h = np.cumsum(np.einsum("prn,prk->pnk", Z, D)[order], axis=0)
-    left = N - np.einsum("pnk,kl,pnl->pn", h, found.cov[cell], h)
-    seen = left > linear.LEFT * np.maximum(N, np.finfo(float).tiny)
-    return np.where(seen, g**2 / np.where(seen, left, 1.0), 0.0)
+    whole = np.concatenate([D[:, :, zeros.columns.shift], D[:, :, zeros.columns.loose]], axis=2)
+    T = []
+    for k, d in enumerate((whole, *np.moveaxis(Z, 2, 0)[..., None])):
+        each = d.swapaxes(1, 2) @ e[..., None], d.swapaxes(1, 2) @ d, d.swapaxes(1, 2) @ D
+        sums = (np.cumsum(one[order], axis=0) for one in each)
+        g, N, h = (one if k else one[-1] - one for one in sums)
+        left = N - h @ found.cov[cell] @ np.swapaxes(h, 1, 2)
+        inverse = linear.left(left, np.einsum("pii->pi", N))[0]
+        T.append((g.swapaxes(1, 2) @ inverse @ g)[:, 0, 0])
+    return np.maximum(np.stack(T, axis=1), 0.0)
 
 
 def _in_time(zeros: Unloaded) -> Ints:

@@ -13,6 +13,7 @@ weight deflects the joints by G_i m, and e_i an unmodelled error of each joint a
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 from itertools import pairwise
@@ -52,11 +53,13 @@ large."""
 
 
 @dataclass(frozen=True)
-class ZeroChange:
-    """A joint whose zero changed in mid-campaign.
+class MidChange:
+    """A joint whose zero changed in mid-campaign, or a robot that was moved in F_b then.
+
+    The log is right since; where F_b has the robot was right before.
 
     Attributes:
-        joint: From 1.
+        joint: From 1; 0 of the robot as a whole, which has three shifts [m] and three turns [rad].
         before: Numbers of the poses before that.
         since: Number of the first pose after it.
     """
@@ -65,9 +68,15 @@ class ZeroChange:
     before: tuple[int, ...]
     since: int
 
+    @property
+    def unknowns(self) -> int:
+        """How many it has."""
+        return 1 if self.joint else 6
+
     def share(self, pulls: Pulls) -> Array:
-        """What one unit of it adds to the joint of each pull: the log is right since, (m,)."""
-        return -np.isin(pulls.pose, self.before).astype(float)
+        """What one unit of it adds to each pull, shape (m,)."""
+        before = np.isin(pulls.pose, self.before)
+        return -before.astype(float) if self.joint else (~before).astype(float)
 
 
 @dataclass(frozen=True)
@@ -81,7 +90,7 @@ class UnknownColumns:
         table: Geometric parameters.
         loose: Turn of F_b beyond what is stated, or of the rail in it [rad].
         masses: Of the arm, in units of their usual sizes.
-        changes: Of joints' zeros in mid-campaign [m] or [rad].
+        changes: In mid-campaign [m] or [rad], one after the other.
     """
 
     shift: slice
@@ -122,7 +131,7 @@ class Unloaded(Locked):
         turned: Covariance of the rotation of each pose at the radius of the targets [m^2], shape
             (p, 3, 3), where all targets of a pose were computed from one 6D pose, in place of which
             its position, of covariance `cov`, and its rotation are read; else None.
-        changes: Joints whose zeros may have changed in mid-campaign.
+        changes: What may have changed in mid-campaign.
     """
 
     robot: Robot
@@ -139,7 +148,7 @@ class Unloaded(Locked):
     place: Array = field(default_factory=lambda: np.zeros(3))
     misshapen: Ints = field(default_factory=lambda: np.zeros(0, np.int64))
     turned: Array | None = None
-    changes: tuple[ZeroChange, ...] = ()
+    changes: tuple[MidChange, ...] = ()
 
     @cached_property
     def letters(self) -> tuple[Letter, ...]:
@@ -155,9 +164,17 @@ class Unloaded(Locked):
     def columns(self) -> UnknownColumns:
         """Layout of the unknowns."""
         masses = len(self.sag.parameters) if self.sag else 0
-        sizes = (3, 3, 3 * len(self.tool.points), len(self.letters), 3, masses, len(self.changes))
+        changes = sum(one.unknowns for one in self.changes)
+        sizes = (3, 3, 3 * len(self.tool.points), len(self.letters), 3, masses, changes)
         ends = np.cumsum([0, *sizes]).tolist()
         return UnknownColumns(*(slice(a, b) for a, b in pairwise(ends)))
+
+    @property
+    def changed(self) -> Iterator[tuple[MidChange, slice]]:
+        """Each change with its unknowns."""
+        ends = np.cumsum([self.columns.changes.start, *(one.unknowns for one in self.changes)])
+        for one, (a, b) in zip(self.changes, pairwise(ends.tolist()), strict=True):
+            yield one, slice(a, b)
 
     @property
     def poses(self) -> int:
@@ -222,8 +239,9 @@ class Unloaded(Locked):
             x: The unknowns, shape (K,).
         """
         q = pulls.q.copy()
-        for one, size in zip(self.changes, x[self.columns.changes], strict=True):
-            q[:, one.joint - 1] += size * one.share(pulls)
+        for one, at in self.changed:
+            if one.joint:
+                q[:, one.joint - 1] += x[at] * one.share(pulls)
         return replace(pulls, q=q) if self.changes else pulls
 
     def base_turn(self, x: Array) -> Array:
@@ -249,8 +267,11 @@ class Unloaded(Locked):
         D[:, :, where.table] = R @ reach(twists(here, self.letters), p[:, None])[:, :3]
         if self.sag is not None:
             D[:, :, where.masses] = Z @ self._sagging()
-        for k, one in enumerate(self.changes, where.changes.start):
-            D[:, :, k] = Z[:, :, one.joint - 1] * one.share(self.pulls)[:, None]
+        whole = np.concatenate([D[:, :, where.shift], cross], axis=2)
+        for change, at in self.changed:
+            unit = Z[:, :, [change.joint - 1]] if change.joint else whole
+            D[:, :, at] = unit * change.share(self.pulls)[:, None, None]
+            stands += 0.0 if change.joint else D[:, :, at] @ x[at]
         y = self.at - stands + D @ x
         if self.turned is not None:
             y, D, Z = self._in_poses(y[..., None])[..., 0], self._in_poses(D), self._in_poses(Z)

@@ -162,15 +162,13 @@ def correlated(position: Array, variance: Array) -> Array | None:
     mean = variance.mean(axis=1, keepdims=True)
     lever = np.sum(away**2, axis=1, keepdims=True)
     slope = np.sum(away * variance, axis=1, keepdims=True) / np.where(lever > 0, lever, 1.0)
-    left = np.linalg.norm(variance - mean - slope * away, axis=1) / mean[:, 0]
-    if (
-        not len(mean)
-        or np.median(left) > _BEAM
-        or np.median(np.ptp(variance, axis=1) / mean[:, 0]) < _BEAM
-    ):
+    left = np.linalg.norm(variance - mean - slope * away, axis=1)
+    apart, told = np.ptp(variance, axis=1), mean[:, 0] > 0
+    part = np.column_stack([left, apart])[told] / mean[told]
+    if not told.any() or np.median(part[:, 0]) > _BEAM or np.median(part[:, 1]) < _BEAM:
         return None
     d, b = position / np.where(reach > 0, reach, 1.0), mean - slope / 3
-    sound = (left <= _BEAM) & (np.minimum(b, b + slope)[:, 0] > 0)
+    sound = (left <= _BEAM * mean[:, 0]) & (np.minimum(b, b + slope)[:, 0] > 0)
     cross = np.where(sound, slope[:, 0], 0.0)
     return np.column_stack(
         [

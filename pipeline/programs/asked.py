@@ -11,11 +11,19 @@ from scipy.spatial.transform import Rotation
 
 from pipeline.base.arrays import Array, Bools, Ints, Strings
 from pipeline.base.errors import InputError, listed
+from pipeline.library.standing import PredictedTargets
 from pipeline.machine.robot import Robot, configure
 from pipeline.prediction.model import IdentifiedModel
-from pipeline.prediction.standing import PredictedTargets
-from pipeline.readers import positions
-from pipeline.readers.logs import FORCE, joint_values
+from pipeline.readers.logs import FORCE, Quantity, joint_values
+from pipeline.readers.positions import AXES, TEMPERATURE, with_joints
+from pipeline.readers.said import OURS
+
+_FURTHER = [
+    *(Quantity(f"f{axis}", FORCE, needed=False) for axis in AXES),
+    Quantity("temperature", TEMPERATURE, needed=False),
+    Quantity("payload", {}, "name", needed=False),
+]
+"""Columns that rows to be predicted may have beside their joint values."""
 
 
 def asked(
@@ -28,13 +36,13 @@ def asked(
     Raises:
         InputError: A row cannot be read, or names a payload that the campaign does not contain.
     """
-    log = positions.asked(name, data, robot, FORCE)
+    log = with_joints(name, data, robot, OURS, _FURTHER)
     for _, line, reason in log.rejected:
         thing, _, way_out = reason.partition("; ")
         raise InputError(thing, way_out or "correct the row", file=name, line=line)
     m = len(log.line)
     nothing = np.zeros(m)
-    force = [np.nan_to_num(log.number.get(f"f{axis}", nothing)) for axis in positions.AXES]
+    force = [np.nan_to_num(log.number.get(f"f{axis}", nothing)) for axis in AXES]
     words = log.word.get("payload", np.full(m, "", dtype=object))
     number = {"": 0, **{one: k for k, one in enumerate(payloads, 1)}}
     for word, line in zip(words, log.line, strict=True):
@@ -116,4 +124,4 @@ def _quoted(name: str) -> str:
 
 
 def _columns(name: str, values: Array) -> dict[str, Array]:
-    return {name.format(axis): values[:, k] for k, axis in enumerate(positions.AXES)}
+    return {name.format(axis): values[:, k] for k, axis in enumerate(AXES)}

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from pipeline.machine.robot import rating
+from pipeline.library import holds
 from pipeline.prediction.model import IdentifiedModel
 from pipeline.prediction.path import Path
 from pipeline.programs import cartesian, joint_path
@@ -32,5 +32,5 @@ def read(name: str, data: bytes, model: IdentifiedModel) -> Path:
         aimed = aim(model, poses.notation, poses.targets, Setting({"": tool}, {"": np.eye(4)}))
         lines = tuple(target.line for target in poses.targets)
         path = Path(poses.pose, aimed.q, poses.force, file=name, line=lines)
-    rating.refuse_unheld(model.robot, path.q, path.force, point, name, path.line)
+    holds.refuse_unheld(model.robot, path.q, path.force, point, name, path.line)
     return path

@@ -56,7 +56,7 @@ def predicted(root: Path, name: str, file: Path, model: Of = Of.RECOMMENDED) -> 
     """
     import numpy as np
 
-    from pipeline.prediction import standing
+    from pipeline.library import standing
     from pipeline.prediction.model import IdentifiedModel
     from pipeline.programs.asked import as_csv, asked, under_pulls
     from pipeline.store import campaign as campaigns
@@ -74,7 +74,8 @@ def predicted(root: Path, name: str, file: Path, model: Of = Of.RECOMMENDED) -> 
     if kept.is_file():
         missing = InputError("there is no such file", "run the campaign again", file=str(kept))
         one = standing.loads(files.read(kept, str(kept), standing.LARGEST, missing), str(kept))
-        chosen = {Of.NOMINAL: one.nominal, Of.JOINT_SPRINGS: one.springs}.get(model, lambda: one)()
+        as_asked = {Of.NOMINAL: standing.nominal, Of.JOINT_SPRINGS: standing.springs}
+        chosen = as_asked.get(model, lambda same: same)(one)
         rows = asked(file.name, data, chosen.mechanism.table, chosen.payloads)
         return as_csv(chosen.targets, chosen.six, standing.predict(chosen, *rows))
     if model is not Of.RECOMMENDED:

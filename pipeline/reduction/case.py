@@ -15,7 +15,8 @@ from pipeline.machine.cell import Cell, Tool, paper_cell
 from pipeline.machine.robot import Robot
 from pipeline.machine.stance import Stance
 from pipeline.readers import Faces
-from pipeline.reduction._shots import Stale
+from pipeline.reduction._shots import NONE_LOST, Contradiction, Lost, Stale
+from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import Settings
 from pipeline.reduction.stations import Station
 
@@ -52,6 +53,8 @@ class Case:
         displacements: Table DISPLACEMENTS of a campaign that arrives reduced.
         forces: Table FORCES of a campaign that arrives reduced.
         stale: Readings that repeat another one of their state, whether or not they are left out.
+        contradictions: Readings of one target in one state that differ, left out.
+        lost: Readings of known targets that are not used.
         unused: Groups of the exports none of whose readings is used.
         treated: Exports that were not used unchanged.
         torques: Torques of the joints as logged, see `ingest._Ingested`; None where there are none.
@@ -68,6 +71,8 @@ class Case:
     displacements: pa.Table | None = None
     forces: pa.Table | None = None
     stale: tuple[Stale, ...] = ()
+    contradictions: tuple[Contradiction, ...] = ()
+    lost: Lost = NONE_LOST
     unused: tuple[str, ...] = ()
     treated: tuple[Treated, ...] = ()
     torques: pd.DataFrame | None = None
@@ -118,14 +123,3 @@ class Case:
         """The poses of the joint log, and their joint values, shape (p, n)."""
         columns = [self.joints[name].to_numpy(float) for name in self.joint_columns]
         return pd.Index(self.joints["pose"]), np.column_stack(columns)
-
-
-def tool(settings: Settings) -> Tool:
-    """The effector of a campaign: its load point and the targets that are measured."""
-    names = settings.measured
-    return Tool(
-        load_point=np.array(settings.tool["load_point"]),
-        targets=np.array(names, dtype=object),
-        points=np.array([settings.tool[name] for name in names]),
-        six=settings.instrument.measures == "poses",
-    )

@@ -1,4 +1,4 @@
-"""What each cause is called in front of a production engineer."""
+"""Names of causes, verdicts and models for a production engineer."""
 
 from __future__ import annotations
 
@@ -7,51 +7,33 @@ from functools import cache
 
 from pipeline.answer.contract import Answer, Data, Placed, Values, Which
 from pipeline.base.language import Say
-from pipeline.base.quantities import known, plain
 from pipeline.machine.effect import in_place
-from pipeline.machine.robot import Robot
-from pipeline.machine.robot.axes import alone
 from pipeline.prediction.decision import Decision
 
 
 @cache
 def nouns() -> dict[str, str]:
-    """Each cause as a noun, so that it fits into any sentence."""
-    from pipeline.faults import FAULTS
+    """Noun of each cause by its name, so that it fits into any sentence."""
     from pipeline.machine.effects import catalogue, payload, table, unlisted
     from pipeline.machine.robot import SHIPPED, load
 
     kinds = {tuple(j.prismatic for j in robot.joints): robot for robot in map(load, SHIPPED)}
     known = {e.name: e.noun for robot in kinds.values() for e in catalogue(robot)}
     known |= payload.NOUNS | table.NOUNS | {unlisted.NAME: "law outside the catalogue"}
-    return known | {fault.name: fault.noun for fault in FAULTS}
+    return known | _MISTAKES
 
 
-SOURCES = {
-    "tracker": "tracker readings",
-    "zero": "unloaded readings of each pose",
-    "force_reading": "scale readings",
-    "force_gain": "calibration of the scale (ISO 376)",
-    "force_zero": "zero of the scale",
-    "payload_mass": "mass of weights and payloads",
-    "payload_center": "centre of mass of the payloads",
-    "law": "laws of the identified causes",
-    "second_order": "deflected geometry, which c = B x leaves out",
-    "tracker_scale": "calibration of the tracker (ISO 10360-10)",
-    "day": "day-to-day scatter",
-    "wander": "slow drift common to all targets",
-    "which_cause": "which cause is true",
-    "along_beam": "tracker readings along the beam",
-    "across_beam": "tracker readings across the beam",
-    "direction": "direction of the chain",
-    "registration": "registration into the base frame",
-    "geometry": "geometry of robot and tool",
-    "base": "reading of a base reflector",
-    "held_out": "cross-validation error beyond the other lines",
+_MISTAKES = {
+    "outlier": "outlying reading",
+    "unit_mixup": "mixed-up unit",
+    "label_swap": "swapped names of targets",
+    "exchanged": "exchanged groups or rows",
+    "dead_sensor": "column that no sensor wrote",
+    "tool_point": "wrong tool point",
+    "tracker_moved": "tracker that was moved",
+    "sign_or_convention": "wrong sign or axis convention",
 }
-
-_SHOWN_IN = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "N": (1.0, "N"), "1": (1.0, "σ")}
-"""In which unit the size of an error is read."""
+"""Mistakes in the data as nouns, by their names in result.json."""
 
 VERDICTS = {
     "adequate": ("The model fits", "good"),
@@ -63,7 +45,7 @@ VERDICTS = {
 
 UNUSABLE = "Do not use: the data are wrong"
 CORRECTED = "The data are wrong: use corrected values only"
-"""What is said of wrong data from which nothing, and from which the values may be used."""
+"""Headlines for wrong data if no values may be used, and if the corrected ones may."""
 
 _OUT = ("Deflection out of tolerance", "bad")
 _OPEN = ("Conformity with the tolerance undecided", "attention")
@@ -77,14 +59,15 @@ JUDGED = {
     **{(Decision.UNDECIDED, doubtful): _OPEN for doubtful in (False, True)},
     **{(Decision.FAIL, doubtful): _OUT for doubtful in (False, True)},
 }
-"""What a tolerance decides, and its tone; second whether the verdict on data or model is bad."""
+"""Headline and tone by decision on the tolerance and by whether the verdict on data or model is
+bad."""
 
 MODELS = {
     "joint_springs": "joint springs",
     "extended": "with the identified causes",
     "averaged": "averaged over the possible causes",
 }
-"""Whose values the answer gives."""
+"""The models whose values the answer may give, in words."""
 
 
 def cause(name: str, where: int | str | None, axis: str | None = None) -> str:
@@ -93,12 +76,12 @@ def cause(name: str, where: int | str | None, axis: str | None = None) -> str:
 
 
 def placed(one: Placed) -> str:
-    """The same of a cause of the answer."""
+    """A cause of the answer in plain words with its place."""
     return cause(one.name, one.where, one.axis)
 
 
 def by_axis(answer: Answer, say: Say) -> Say:
-    """How a text is said with the controller's names alone: `axis A2` for `joint 3 (A2)`."""
+    """Extend `say` to use the controller's names alone: `axis A2` for `joint 3 (A2)`."""
     short = {
         long: name
         for one in answer.stiffness
@@ -123,12 +106,7 @@ def label(one: Placed) -> str:
 
 
 Axes = Mapping[int, str]
-"""Axis of the controller by number of the joint; empty where the robot file maps none."""
-
-
-def axes_of(robot: Robot) -> Axes:
-    """Those of a robot that no answer is about yet."""
-    return {joint: axis for joint, axis in enumerate(alone(robot), 1) if axis}
+"""Axis of the controller by number of the joint; empty if the robot file maps none."""
 
 
 def from_label(text: str, axes: Axes) -> str:
@@ -138,45 +116,22 @@ def from_label(text: str, axes: Axes) -> str:
 
 
 def at(name: str, where: int | str | None, axes: Axes) -> str:
-    """A cause in words with its place, which has the controller's name where there is one."""
+    """A cause in words with its place, under the controller's name of the axis if there is one."""
     return cause(name, where, axes.get(where) if isinstance(where, int) else None)
 
 
-def from_twins(text: str, axes: Axes) -> str:
-    """Causes that nothing tells apart, `joint_tilt:7 = tool_flex`, in words."""
-    return " = ".join(from_label(label, axes) for label in text.split(" = "))
-
-
-def parameter(answer: Answer, name: str) -> str:
-    """`A1 (k_theta2)` for `k_theta2`, `A1 (c_theta2)` for `c_theta2`; others as they are."""
-    _, _, joint = name.partition("_")
-    axis = next((one.axis for one in answer.stiffness if one.joint_name == joint), None)
-    return f"{axis} ({name})" if axis else name
-
-
-def source(name: str) -> str:
-    """A source of uncertainty in words."""
-    return SOURCES.get(name, name.replace("_", " "))
-
-
 def values_of(answer: Answer) -> str:
-    """Which model and data the answer's values are of."""
+    """Model and data from which the answer's values are taken."""
     said = answer.recommended
     return MODELS[said.model] + (", data corrected" if said.data == Data.CORRECTED else "")
 
 
 def beside(answer: Answer) -> tuple[str, Values] | None:
-    """What the joint springs on the data as given are called, and their values.
+    """Name and values of the joint springs estimated from the data as given.
 
-    None where the answer stands for them.
+    None if these are the answer's own values.
     """
     said = answer.recommended
     names = ["joint springs alone"] if said.model != Which.JOINT_SPRINGS else []
     names += ["data as given"] if said.data == Data.CORRECTED else []
     return (", ".join(names), answer.joint_springs) if names else None
-
-
-def size(value: float, unit: str) -> str:
-    """The size of an error in the unit that people read it in."""
-    factor, shown = _SHOWN_IN[unit]
-    return f"{plain(factor * value)} {shown}" if known(value) else "none"

@@ -63,7 +63,7 @@ class Done(Generic[S, T]):
         """
         if self.problem is not None:
             raise self.problem
-        return self.value  # None only if the work returns it
+        return self.value  # type: ignore[return-value]  # None only if the work returns it
 
 
 class Executor(Protocol):

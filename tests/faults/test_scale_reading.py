@@ -179,6 +179,23 @@ def test_what_all_pulls_share_is_no_mistyped_reading(case):
         assert scale_reading.FAULT.find(asked(other)) == []
 
 
+def test_a_reading_that_dominates_no_other_waits_for_the_causes():
+    """A few newtons beyond chance: no mistake before causes were sought, and one beside them."""
+    exact = small(8, tracker={"sigma_m": 1e-4}, scale={"sigma_n": 3.0})
+    force = exact.loads["force_n"].to_numpy()
+    sizes = [asked(typed(exact, 5, 2, lambda f, k=k: f + k * force.max())) for k in (0.05, 0.5)]
+    found = [scale_reading.FAULT.find(one) for one in sizes]
+    assert [[one.where for one in each] for each in found] == 2 * [["loads.csv pose05 rep2"]]
+
+    weak, gross = (each[0] for each in found)
+
+    assert weak.rivalled
+    assert not gross.rivalled
+    assert sizes[1].sure(gross)
+    assert not sizes[0].sure(weak)
+    assert replace(sizes[0], beside_causes=True).sure(weak)
+
+
 def test_a_weaker_second_one_is_named_after_the_first(case):
     """Ten times in one line and a tenth more in another."""
     both = typed(typed(case, 5, 2, lambda f: 10 * f), 2, 2, lambda f: 1.1 * f)

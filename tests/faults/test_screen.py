@@ -54,6 +54,7 @@ def tests(monkeypatch):
     calls = []
     monkeypatch.setattr(module, "lock_lost", lambda one, _: one)
     monkeypatch.setattr(module, "tells", lambda _: True)
+    monkeypatch.setattr(module, "misfit", lambda _: np.nan)
 
     def put(*letters, **more):
         def make(letter):
@@ -63,7 +64,7 @@ def tests(monkeypatch):
                 return [mistake(w) for w in found[: more.get("at_once", 1)]]
 
             return Fault(
-                letter, letter, find,
+                letter, find,
                 in_files=letter.isupper(),
                 in_forces=letter in more.get("forces", ""),
             )  # fmt: skip

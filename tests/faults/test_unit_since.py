@@ -1,10 +1,13 @@
 """A unit that changes in mid-file: the row from which on, and the numbers as they were meant."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 from small_case import asked
 from test_exchanged import PULLS, case, files, same, table, written
 
+from pipeline.faults.exchanged import misplaced
 from pipeline.faults.unit_since import unit_since
 
 NEWTONS = {"kgf": 9.80665, "lbf": 4.4482216152605, "kn": 1000.0, "dan": 10.0}
@@ -35,6 +38,27 @@ def test_forces_in_another_unit_from_some_row_on(seed, unit):
 
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("unit", ["kgf", "lbf", "kn"])
+def test_forces_in_another_unit_up_to_some_row(seed, unit):
+    """Fewer or more than half of them: those are wrong, not the others by the inverse."""
+    last = int(np.random.default_rng(seed).integers(3, PULLS - 3))
+    head, rows = table(files(seed), "loads.csv")
+    new = [
+        [*row[:2], repr(float(row[2]) / NEWTONS[unit]) if k < last else row[2], *row[3:]]
+        for k, row in enumerate(rows)
+    ]
+    made = written(files(seed), "loads.csv", head, new)
+
+    (found,) = unit_since(asked(case(made)))
+
+    assert (found.name, found.where, found.since) == ("unit_mixup", unit, None)
+    assert found.at == tuple(f"loads.csv:{k + 2}" for k in range(last))
+    assert f"up to loads.csv:{last + 1} the numbers of the scale are {unit}" in found.evidence
+    same(found.correct(case(made)), case(files(seed)))
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("seed", range(10))
 def test_joint_values_in_radians_from_some_row_on(seed):
     """Among degrees: the rows are named, and each pose has its own joint values again."""
     head, rows = table(files(seed), "joints.csv")
@@ -48,6 +72,15 @@ def test_joint_values_in_radians_from_some_row_on(seed):
 
     assert (found.where, found.since) == ("rad", "joints.csv:6")
     same(found.correct(case(made)), case(files(seed)))
+
+
+def test_where_nothing_tells_no_pose_is_in_its_place():
+    """A log in which the effector stands nowhere near its readings proves no unit."""
+    given = case(files(0))
+    turned = {name: 57.3 * given.joints[name] for name in given.joint_columns[1:7]}
+
+    assert misplaced(given) == frozenset()
+    assert misplaced(replace(given, joints=given.joints.assign(**turned))) is None
 
 
 @pytest.mark.sampled(4)

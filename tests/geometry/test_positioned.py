@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from pipeline.geometry.positioned import positioned
+from pipeline.geometry.positioned import as_read, usable
 from pipeline.machine.robot import load
 from pipeline.reduction.settings import parse
 
@@ -30,7 +30,8 @@ def test_a_target_read_twice_in_a_pose_stands_where_its_last_row_has_the_robot(f
     """Position, joint values, file and line are of one row, not of two."""
     rows = [(3, target, 999.0, angle) for target, angle in further]
     files = {"poses.csv": table(rows).encode()}
-    read = positioned(parse(TOML), ROBOT, files).readings
+    said = parse(TOML)
+    read = usable(said, ROBOT, *as_read(said, ROBOT, files)).readings
     k = read.pose.tolist().index(3)
     again = [target for target, _ in further]
 

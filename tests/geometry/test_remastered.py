@@ -5,11 +5,15 @@ from functools import cache
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 from small_case import asked, small
 
 from pipeline.answer.contract import Which
+from pipeline.diagnosis.causes import of_base, of_motion
+from pipeline.diagnosis.facts import Drift
 from pipeline.diagnosis.unloaded_geometry import corrected, standing
-from pipeline.machine.effects import catalogue
+from pipeline.machine.effects import catalogue, tracker_drift
+from pipeline.machine.robot.letters import changed, letters
 from pipeline.run import answered
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -57,6 +61,49 @@ def test_a_changed_zero_is_named_with_joint_pose_and_size(seed, joint, pose, siz
     assert np.abs(moved).max() < 1e-9
 
 
+def bumped(case, pose, shift_m, turn_rad):
+    """Since a pose all of the effector is read moved, as by a foot or a tripod that gave way."""
+    rows, axis = case.readings, np.array([2.0, -1.0, 2.0]) / 3
+    later = (rows["pose"] >= pose).to_numpy()
+    xyz = rows[["x_m", "y_m", "z_m"]].to_numpy(float)
+    turned = Rotation.from_rotvec(turn_rad * axis).apply(xyz[later])
+    xyz[later] = turned + shift_m * np.array([1.0, 2.0, -2.0]) / 3
+    moved = dict(zip(["x_m", "y_m", "z_m"], xyz.T, strict=True))
+    return replace(case, readings=rows.assign(**moved))
+
+
+@pytest.mark.whole
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize(
+    ("seed", "pose", "shift_m", "turn_rad"),
+    [(3, 7, 2e-3, 5e-4), (4, 5, 5e-4, -1e-3), (5, 9, 2e-2, 4e-3), (6, 6, 3e-3, 0.0)],
+)
+def test_a_robot_that_was_bumped_is_named_with_its_pose(seed, pose, shift_m, turn_rad):
+    """By its own name, neither as a zero of a joint nor as a turn of the base frame."""
+    _, found = stood(bumped(clean(seed), pose, shift_m, turn_rad))
+
+    (one,) = found.causes
+    assert (one.effect.name, one.effect.form) == ("base_moved", f"since pose {pose}")
+    assert np.linalg.norm(one.value[3:]) == pytest.approx(abs(turn_rad), abs=5e-5)
+    assert found.believed
+    assert found.left_m < 0.2 * found.miss_m
+
+
+def test_a_tracker_that_was_bumped_is_one_cause_and_a_drift_another():
+    """What base and effector both show is told once: by rounds that tell a drift from a knock."""
+    case = bumped(clean(3), 7, 2e-3, 5e-4)
+    found, law = stood(case)[1], tracker_drift.effects(case.robot)[0]
+    size = np.zeros(3), np.ones(3), np.zeros(3), np.ones(3)
+    knock = Drift(law, *size, 2e-3, 4.0, 1e-9, named=False, undecided=False, visible=1.0)
+    undecided, drifts = (replace(knock, named=True, undecided=one) for one in (True, False))
+
+    assert [one.effect.name for one in of_motion(found, undecided)[0]] == ["base_moved"]
+    assert not of_base(of_motion(found, undecided)[1], ())
+    assert of_motion(found, replace(knock, knocked=("a", "b")))[1].knocked is None
+    assert not of_motion(found, drifts)[0]
+    assert of_base(of_motion(found, drifts)[1], ())
+
+
 @pytest.mark.sampled(1)
 @pytest.mark.parametrize("seed", range(12))
 def test_no_zero_changed_in_a_clean_campaign(seed):
@@ -74,6 +121,21 @@ def test_a_changed_zero_is_found_beside_one_that_was_wrong_from_the_beginning():
     _, found = stood(case)
     said = {(one.effect.where, one.effect.form) for one in found.causes}
     assert said == {(3, ""), (5, "since pose 6")}
+
+
+@pytest.mark.whole
+def test_what_is_visible_holds_for_a_cause_that_was_found_beside_a_change():
+    """An entry of the table is known as well beside it as its standard uncertainty says."""
+    case = bumped(clean(3), 6, 2e-3, 5e-4)
+    entry = next(one for one in letters(case.robot) if one.label == "link_length:4")
+    longer = changed(case.robot, (entry,), np.array([8e-3]))
+    _, found = stood(replace(case, robot=longer))
+    (one,) = [one for one in found.causes if one.effect.name != "base_moved"]
+    visible = found.visible[one.effect.label] * one.effect.parameters[0].typical
+
+    assert len(found.causes) == 2
+    assert one.effect.name.startswith("link")
+    assert one.std[0] < visible < abs(one.value[0])
 
 
 @pytest.mark.whole

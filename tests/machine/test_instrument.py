@@ -208,6 +208,17 @@ def test_variances_of_no_beam_have_no_correlations(variance):
     assert correlated(rng.normal(size=(40, 3)), np.tile(variance, (40, 1))) is None
 
 
+def test_readings_that_state_nothing_say_nothing_of_a_beam():
+    """Zeros in the columns of an export: none, or some among those of a beam."""
+    position = np.array([[3.0, -4.0, 12.0], [5.0, 1.0, -2.0], [20.0, 1.0, 0.3], [2.0, 2.0, 1.9]])
+    whole = beam_covariance(position, NOISE)
+    whole[:2] = 0.0
+
+    assert correlated(position, np.zeros((4, 3))) is None
+    assert correlated(position[:0], np.zeros((0, 3))) is None
+    assert correlated(position, whole[:, [0, 3, 5]]) == pytest.approx(whole, rel=1e-9, abs=1e-16)
+
+
 def test_a_reading_that_fits_no_beam_stays_uncorrelated():
     """Among readings of a beam one that is stated otherwise, and one at the instrument itself."""
     position = np.array([[3.0, -4.0, 12.0], [5.0, 1.0, -2.0], [20.0, 1.0, 0.3], [0.0, 0.0, 0.0]])

@@ -1,4 +1,4 @@
-"""Displacements as three models give them: nominal, joint springs, recommended."""
+"""Displacements predicted by three models: nominal, joint springs, recommended."""
 
 from __future__ import annotations
 
@@ -6,19 +6,20 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.annex.figures.marks import dots, title
+from pipeline.annex.summaries import MOST, thinned
 from pipeline.answer.contract import Answer, Which
 from pipeline.base.linear import rms
 from pipeline.base.quantities import MM, plain
 from pipeline.report import words
-from pipeline.report.figures.marks import Tips, dots, each_row, title
-from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import MOST, Tables, thinned
+from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import MUTED, SERIES
 
 
 def _columns(answer: Answer, models: pd.DataFrame) -> dict[str, str]:
-    """Which models there are: name in words by column."""
+    """Models with finite predictions: name in words by column."""
     named = {"nominal_m": "nominal", "joint_springs_m": "joint springs"}
     if answer.recommended.model != Which.JOINT_SPRINGS:
         named["recommended_m"] = words.MODELS[answer.recommended.model]
@@ -26,12 +27,12 @@ def _columns(answer: Answer, models: pd.DataFrame) -> dict[str, str]:
 
 
 def _miss(models: pd.DataFrame, column: str) -> float:
-    """Rms of measured minus predicted [mm]."""
+    """Rms of measured minus predicted coordinates [mm]."""
     return MM * rms((models["measured_m"] - models[column]).to_numpy(float))
 
 
 def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """One plot for each model: what it misses of each coordinate, over the displacement."""
+    """Draw measured minus predicted over measured coordinates, one plot per model."""
     models = tables["models"]
     names = _columns(answer, models)
     views = canvas.subplots(1, len(names), sharex=True, sharey=True, squeeze=False)[0]

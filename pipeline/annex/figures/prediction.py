@@ -1,4 +1,4 @@
-"""Displacements measured and predicted, and how far a predicted deflection can be off."""
+"""Measured and predicted displacements, and relative error of predicted deflections."""
 
 from __future__ import annotations
 
@@ -6,29 +6,24 @@ import numpy as np
 import pandas as pd
 from matplotlib.figure import Figure as Canvas
 
+from pipeline.annex.figures.marks import cumulative, cumulative_axes, dots, legend_above
+from pipeline.annex.summaries import finite, prediction_error, thinned
 from pipeline.answer.contract import Answer
 from pipeline.base.linear import rms
 from pipeline.base.quantities import MM, percent, plain
-from pipeline.report.figures.marks import (
-    Tips,
-    cumulative,
-    cumulative_axes,
-    dots,
-    each_row,
-    legend_above,
-)
-from pipeline.report.figures.plot import Plot
+from pipeline.report.figures.plot import Plot, Tips
 from pipeline.report.record import Figure
-from pipeline.report.summaries import Tables, finite, prediction_error, thinned
+from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import MUTED, SERIES
 
 _KEY = ["pose", "repeat", "target"]
 
 
 def _rows(tables: Tables) -> pd.DataFrame:
-    """Coordinates that the other poses predict: pose, repeat, target, axis, and both values [mm].
+    """Coordinates predicted from the other poses: pose, repeat, target, axis, both values [mm].
 
-    Predicted is measured minus the residual of the pose when it is left out of the estimate.
+    The prediction is the measured value minus the residual of the pose when it is left out of the
+    estimate.
     """
     moved = tables["displacements"].melt(
         _KEY, ["dx_m", "dy_m", "dz_m"], var_name="axis", value_name="measured_m"
@@ -41,7 +36,7 @@ def _rows(tables: Tables) -> pd.DataFrame:
 
 
 def _draw_measured(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """One point per coordinate on the line of equality, axes of F_b apart."""
+    """Draw predicted over measured coordinates, with a colour for each axis of F_b."""
     every = _rows(tables)
     rows = thinned(every, (every["measured"] - every["predicted"]).to_numpy(float))
     axes = canvas.subplots()
@@ -85,12 +80,12 @@ def _write_measured(answer: Answer, tables: Tables) -> Figure | None:
 
 
 def _draw_prediction(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """Share of the validation poses below each relative error."""
+    """Draw the share of the validation poses below each relative error."""
     errors = prediction_error(tables["validation"])
     axes = canvas.subplots()
     tips: Tips = {}
     for index, ((where, draw_from), mu) in enumerate(errors.items()):
-        if np.quantile(mu, 0.1) <= 0:  # no stiffness had a value to draw about, and zero no log
+        if np.quantile(mu, 0.1) <= 0:  # no stiffness had a value; zero is not on a log axis
             continue
         name = f"{_SETS.get(where, where)}, {_DRAWS.get(draw_from, draw_from)}"
         tips |= cumulative(

@@ -87,15 +87,6 @@ SHIPPED = (
     "ur30",
 )
 
-CONVENTIONS = {
-    "khalil": "Rx(alpha) Tx(d) Rz(theta) Tz(r): modified DH, letters of Khalil and Kleinfinger",
-    "craig": "Rx(alpha) Tx(a) Rz(theta) Tz(d): modified DH in the letters of Craig, rows i-1 | i",
-    "standard": "Rz(theta) Tz(d) Tx(a) Rx(alpha): the classic (distal) DH table",
-}
-"""Meaning of the letters of a row; Khalil's d is Craig's a; Khalil's r is Craig's d. Between nearly
-parallel axes these letters diverge; a rotation Ry(beta) after Rx(alpha), Hayati and Mirmirani's
-fifth letter (J. Robotic Systems 2, 1985), keeps them small."""
-
 
 class Joint(Numbers):
     """One `[[joint]]` of a robot file; lengths [m], angles in degrees or radians by suffix.
@@ -223,7 +214,17 @@ class _Controller(Numbers):
 
 
 class RobotFile(Numbers):
-    """A robot file, as written by a person."""
+    """A robot file, as written by a person.
+
+    A row means, by the file's convention:
+
+        khalil     Rx(alpha) Tx(d) Rz(theta) Tz(r)   modified DH, letters of Khalil and Kleinfinger
+        craig      Rx(alpha) Tx(a) Rz(theta) Tz(d)   modified DH in Craig's letters, rows i-1 | i
+        standard   Rz(theta) Tz(d) Tx(a) Rx(alpha)   the classic (distal) DH table
+
+    Between nearly parallel axes these letters diverge; a rotation Ry(beta) after Rx(alpha), Hayati
+    and Mirmirani's fifth letter (J. Robotic Systems 2, 1985), keeps them small.
+    """
 
     model_config = ConfigDict(extra="forbid")
 

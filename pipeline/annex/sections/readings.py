@@ -1,4 +1,4 @@
-"""What the data look like: residuals, budget, registration, rejected rows."""
+"""Sections on residuals, uncertainty budget, number of poses, registration and reliability."""
 
 from __future__ import annotations
 
@@ -10,45 +10,44 @@ from typing import Any
 
 import pandas as pd
 
+from pipeline.annex.summaries import registration_by_target
+from pipeline.annex.words import parameter, size, source
 from pipeline.answer.contract import (
     LEAST_CONTROLLED,
     Answer,
     BaseResiduals,
     Growth,
     NoiseComponent,
-    Rejected,
     Stiffness,
     TestPose,
 )
 from pipeline.answer.pose_budget import HELD_OUT
 from pipeline.base.quantities import known, p_value, percent, plain, with_std
-from pipeline.report import words
 from pipeline.report.columns import Cells, measured, number, roughly, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.figures.marks import each_row
 from pipeline.report.record import (
-    Column,
     Paragraph,
     ReportTable,
     Section,
-    TableEntry,
-    entry,
     section_of,
 )
-from pipeline.report.summaries import Tables, has, registration_by_target
-
-_MOST_ROWS = 400
-"""Rows of rejected readings shown; the rest is counted and stands in the tables."""
+from pipeline.report.summaries import Tables, each_row, has
 
 
 def residuals(answer: Answer, tables: Tables) -> Section | None:
-    """Pictures of what the fit leaves."""
+    """Figures of the residuals."""
     names = ("pose-rms", "residual-force", "residual-course", "whitened", "arrows")
     return section_of("residuals", "Residuals", figures(names, answer, tables))
 
 
-def budget(answer: Answer) -> Section | None:
-    """Which error makes each stiffness uncertain, and the noise found beside the stated."""
+def enough(answer: Answer, tables: Tables) -> Section | None:
+    """Whether more poses would help: uncertainty over the number of poses, and correlation."""
+    names = ("enough", "correlation")
+    return section_of("enough", "Are the poses enough?", figures(names, answer, tables))
+
+
+def budget(answer: Answer, tables: Tables) -> Section | None:
+    """Budget of the deflection at the test pose and of each stiffness, and estimated noise."""
     return section_of(
         "budget",
         "Uncertainty budget",
@@ -67,21 +66,20 @@ _BEYOND = (
 )
 
 _Line = tuple[str, float, float | None]
-"""What a line of the budget is about, its size [mm], its share of the variance [%]."""
+"""A line of the budget: source, standard uncertainty [mm], share of the variance [%]."""
 
 
 def _pose_table(pose: TestPose | None) -> ReportTable | None:
-    """The budget of the deflection at the test pose, whose lines add up in quadrature."""
+    """Budget of the deflection at the test pose; its lines add in quadrature."""
     if pose is None or not pose.budget or pose.std_mm is None:
         return None
     u = pose.std_mm
     lines: list[_Line] = [
-        (words.source(part.source), part.std_mm, 100 * (part.std_mm / u) ** 2)
-        for part in pose.budget
+        (source(part.source), part.std_mm, 100 * (part.std_mm / u) ** 2) for part in pose.budget
     ]
     lines += [("combined standard uncertainty u", u, None)]
     lines += [("expanded uncertainty U (k = 2)", 2 * u, None)]
-    digits = max(0, 3 - math.floor(math.log10(u)))  # four of u, so that the squares add up
+    digits = max(0, 3 - math.floor(math.log10(u)))  # four digits of u, so that the squares add up
     columns: list[Cells[_Line]] = [
         said("Source", lambda line: line[0]),
         number("Standard uncertainty [mm]", lambda line: line[1], partial(_fixed, digits)),
@@ -96,7 +94,7 @@ def _pose_table(pose: TestPose | None) -> ReportTable | None:
 
 
 def _fixed(digits: int, value: float | None) -> str:
-    """A number with so many decimals; what is less than one unit of the last is said to be."""
+    """A number with this many decimals, or `below 0.01` if it is less than one unit of the last."""
     least = 10.0**-digits
     small = value is None or value < least
     return f"below {least:.{digits}f}" if small else f"{value:.{digits}f}"
@@ -104,7 +102,7 @@ def _fixed(digits: int, value: float | None) -> str:
 
 def _budget_table(joints: Sequence[Stiffness]) -> ReportTable | None:
     columns: list[Cells[str]] = [
-        said("Source", words.source),
+        said("Source", source),
         *(_shares_of(joint) for joint in joints if joint.budget),
     ]
     sources = dict.fromkeys(part.source for joint in joints for part in joint.budget)
@@ -126,7 +124,7 @@ def _percent(share: float | None) -> str:
 
 
 def _calibrations(answer: Answer) -> Paragraph | None:
-    """What the budget holds of calibrations and of days; None without a budget."""
+    """Whether the budget includes calibrations and day-to-day scatter; None without a budget."""
     sources = {part.source for joint in answer.stiffness for part in joint.budget}
     if not sources:
         return None
@@ -156,12 +154,13 @@ _CALIBRATED = (
         "not stated; give length_sigma_rel in [instrument] of campaign.toml",
     ),
 )
-"""Sources of error that a certificate states, and what to do where none does."""
+"""Sources of error that calibration certificates state: name in the budget, name in words, and what
+to do if none is stated."""
 
 
 def _noise_table(found: Sequence[NoiseComponent]) -> ReportTable | None:
     columns: list[Cells[NoiseComponent]] = [
-        said("Noise of", lambda one: words.source(one.name)),
+        said("Noise of", lambda one: source(one.name)),
         measured("Estimated over stated", lambda one: (one.found_over_stated, one.std)),
         number("p-value", lambda one: one.p_value, p_value),
     ]
@@ -174,7 +173,7 @@ def _noise_table(found: Sequence[NoiseComponent]) -> ReportTable | None:
 
 
 def registration(answer: Answer, tables: Tables) -> Section | None:
-    """How well the base reflectors fit."""
+    """Residuals of the base reflectors after registration."""
     given = answer.registration
     return section_of(
         "registration",
@@ -214,7 +213,7 @@ def _registration_text(given: BaseResiduals) -> Paragraph:
 
 
 def _growth_text(grown: Growth | None) -> str:
-    """How long a metre of the base frame is, where that is not a metre."""
+    """Sentence on the thermal growth of the base frame; empty if none was found."""
     if grown is None:
         return ""
     from_what = (
@@ -225,29 +224,29 @@ def _growth_text(grown: Growth | None) -> str:
 
 
 def reliability(answer: Answer, tables: Tables) -> Section | None:
-    """Which readings the others control least, and the harm that one of them may do unnoticed."""
+    """Readings with the lowest redundancy, and the effect of an undetected error in one of them."""
     if not has(tables, "reliability"):
         return None
     single = tables["reliability"].dropna(subset=["reading"])
-    most = [words.parameter(answer, str(name)) for name in single["moves_most"]]
+    most = [parameter(answer, str(name)) for name in single["moves_most"]]
     single = single.assign(moves_most=most)
     return section_of("reliability", "Reliability of the readings", [_harm(single), _least(single)])
 
 
 def _harm(single: pd.DataFrame) -> Paragraph | None:
-    """What the reading moves that does most harm by an error that nobody notices."""
+    """The reading whose undetected error shifts a parameter most, in standard uncertainties."""
     if single.empty:
         return None
     row = next(each_row(single.nlargest(1, "moves_sigmas")))
     who = f"{row.reading}{f' along {row.axis}' if known(row.axis) else ''}"
-    size = words.size(row.smallest_visible, row.unit)
+    bias = size(row.smallest_visible, row.unit)
     if not known(row.moves_sigmas):
         return Paragraph(
             f"{who} is an uncontrolled observation: no other reading checks it, and any error in "
             f"it shifts {row.moves_most}."
         )
     return Paragraph(
-        f"An undetected error does most harm in {who}: one of up to {size} may go unnoticed "
+        f"An undetected error does most harm in {who}: one of up to {bias} may go unnoticed "
         f"and shift {row.moves_most} by {plain(row.moves_sigmas, 2)} standard uncertainties."
     )
 
@@ -255,11 +254,11 @@ def _harm(single: pd.DataFrame) -> Paragraph | None:
 def _least(single: pd.DataFrame) -> ReportTable | None:
     columns: list[Cells[Any]] = [
         said("Reading", lambda row: row.reading),
-        said("Of", lambda row: words.source(row.source)),
+        said("Of", lambda row: source(row.source)),
         said("Along", lambda row: row.axis),
         number("Redundancy", lambda row: row.r, roughly),
         number("w", lambda row: row.w, roughly),
-        said("Minimal detectable bias", lambda row: words.size(row.smallest_visible, row.unit)),
+        said("Minimal detectable bias", lambda row: size(row.smallest_visible, row.unit)),
         number("Shifts by [σ]", lambda row: row.moves_sigmas, roughly),
         said("Which", lambda row: row.moves_most),
     ]
@@ -271,28 +270,3 @@ def _least(single: pd.DataFrame) -> ReportTable | None:
         'are in results.xlsx, sheet "reliability".'
     )
     return table_of("reliability", "Readings with the lowest redundancy", columns, rows, note)
-
-
-def rejected(answer: Answer) -> Section | None:
-    """Rows that were left out and why, at most _MOST_ROWS of them."""
-    given = answer.rejected
-    columns: list[Cells[Rejected]] = [
-        said("File", lambda row: row.file, code=True),
-        (Column("Line", numeric=True), _line),
-        said("Reason", lambda row: row.reason),
-    ]
-    more = len(given) - _MOST_ROWS
-    note = f"{more} more are in result.json." if more > 0 else ""
-    table = table_of("rejected", "Left out and why", columns, given[:_MOST_ROWS], note)
-    return section_of("rejected", "Rejected rows", [Paragraph(_left_out(len(given))), table])
-
-
-def _left_out(count: int) -> str:
-    if not count:
-        return "No row of the raw files was unreadable or incomplete."
-    rows = "1 row was" if count == 1 else f"{count} rows were"
-    return f"{rows} left out of the estimate; nothing was corrected silently."
-
-
-def _line(row: Rejected) -> TableEntry:
-    return TableEntry("whole file", 0) if row.line is None else entry(str(row.line), row.line)

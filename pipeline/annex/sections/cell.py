@@ -1,21 +1,20 @@
-"""What stood where: the cell in three dimensions, and its poses one by one."""
+"""Section on the cell: its picture in three dimensions, and a table of its poses."""
 
 from __future__ import annotations
 
 from typing import Any
 
+from pipeline.annex.figures.scene import joints_of, largest, readings_of
 from pipeline.answer.contract import Answer
 from pipeline.base.quantities import plain
 from pipeline.report.columns import Cells, number, said, table_of
 from pipeline.report.figures.catalogue import figures
-from pipeline.report.figures.marks import each_row
-from pipeline.report.figures.scene import joints_of, largest, readings_of
 from pipeline.report.record import ReportTable, Section, section_of
-from pipeline.report.summaries import Tables, has
+from pipeline.report.summaries import Tables, each_row, has
 
 
 def cell(answer: Answer, tables: Tables) -> Section | None:
-    """The scene and the same in a table, for who cannot see it."""
+    """The scene, and a table with the same content for readers who cannot see it."""
     drawn = figures(("scene",), answer, tables)
     return section_of("cell", "The cell", [*drawn, _poses(answer, tables) if drawn else None])
 
