@@ -126,7 +126,7 @@ def _predict(
     mechanism = model.mechanism
     here = _at(model, q, force, payload, temperature)
     cov, pulled = _spread(model.cov, here.D, here.K, here.knots), np.flatnonzero(force.any(axis=1))
-    at, moved, moved_std = here.stand.at.copy(), np.zeros_like(here.stand.at), 0.0 * here.stand.at
+    at, (moved, moved_std) = here.stand.at.copy(), np.zeros((2, *here.stand.at.shape))
     if len(pulled):
         rest = _at(model, q[pulled], 0.0 * force[pulled], payload[pulled], temperature[pulled])
         one = _under_force(model, q[pulled], force[pulled], here.part(pulled), rest)

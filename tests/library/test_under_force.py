@@ -263,6 +263,7 @@ def test_what_a_force_moves_has_an_uncertainty_of_its_own(joined):
     np.testing.assert_allclose(told.moved, told.at - rest.at, atol=1e-12)
     assert not rest.moved.any()
     assert not rest.moved_std.any()
+    assert not np.signbit(rest.moved_std).any()
 
 
 def drawn_unloaded(joined, count=20000):
