@@ -17,11 +17,11 @@ SPOKEN: dict[str, tuple[str, ...]] = {
     "answer/positions.py": ("_to_do", "_ALONE", "_next", "_AGAIN"),
     "answer/remarks.py": ("WORK",),
     "answer/sentences.py": (
-        *("_next", "_again", "_proposed", "_unchecked", "_pulled", "loads", "_joints"),
+        *("_next", "_again", "_proposed", "_unchecked", "_pulled", "_joints"),
         *("_least_certain", "_NONE_OPEN", "_settled"),
     ),
     "answer/tolerated.py": ("DECIDED",),
-    "answer/words.py": ("DO", "listed"),
+    "answer/words.py": ("DO", "listed", "loads"),
     "design/discriminate.py": ("_never",),
     "design/criteria.py": ("prediction",),
     "design/made.py": ("worth_unpulled", "_unchecked", "cell_lines"),
@@ -47,7 +47,7 @@ SPOKEN: dict[str, tuple[str, ...]] = {
             "_deflection",
             "_key",
         ),
-        *("_write", "Reading", "readings", "_draw_gauge", "_write_gauge", "_only"),
+        *("_write", "_stands_at", "Reading", "readings", "_draw_gauge", "_write_gauge", "_only"),
     ),
     "report/model.py": ("compose", "_about", "_title"),
     "report/record.py": ("Certificate", "Frame"),
@@ -60,7 +60,16 @@ SPOKEN: dict[str, tuple[str, ...]] = {
         "_counts",
         "_counted",
     ),
-    "report/words.py": ("nouns", "VERDICTS", "UNUSABLE", "CORRECTED", "_OUT", "_OPEN", "JUDGED"),
+    "report/words.py": (
+        "nouns",
+        "_MISTAKES",
+        "VERDICTS",
+        "UNUSABLE",
+        "CORRECTED",
+        "_OUT",
+        "_OPEN",
+        "JUDGED",
+    ),
 }
 """Files, and the functions and constants in them with texts of a certificate or sheet; () is
 all."""
