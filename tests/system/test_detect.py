@@ -212,8 +212,7 @@ def test_without_a_scatter_nothing_is_lacking():
 
 
 def test_exact_readings_do_not_make_rounding_a_lack_of_fit():
-    """A model that misses by a tenth of a standard uncertainty is good, even if the rest is
-    exact."""
+    """A model off by a tenth of a standard uncertainty is good, however exact the rest is."""
     y = COLUMNS @ np.ones(4)
     y = y + 1e-4 * (BY_POSE @ np.random.default_rng(1).standard_normal(BY_POSE.shape[1]))
     view, score = campaign(y)
