@@ -345,7 +345,7 @@ def pool(root: Path) -> Iterator[World]:
         "worker1": lambda: worker,
         "worker2": lambda: worker,
     }
-    world = World(root, own, {"flow": "prefect.flow_engine", "guarded": "pipeline.service.worker"},
+    world = World(root, own, {"flow": "prefect.engine", "guarded": "pipeline.service.worker"},
                   environment, completed, unkilled=frozenset({"database"}))  # fmt: skip
     deploy = _pipeline("deploy", "--root", root, "--pool", "robots", "--interval", "15")
     for _ in range(60):

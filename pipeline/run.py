@@ -36,6 +36,7 @@ from pipeline.answer.standing import stood
 from pipeline.base import doors
 from pipeline.base.errors import InputError, at
 from pipeline.base.look import looks
+from pipeline.base.threads import alone
 from pipeline.diagnosis.settle import settle
 from pipeline.diagnosis.verdict import verdict
 from pipeline.faults.conventions import conventions
@@ -196,7 +197,7 @@ class Answered:
 
 def answered(name: str, raw: Raw, keep: Keep = conformed, step: Step = plain) -> Answered:
     """Run the stages up to stiffnesses, and what is wrong with data or model."""
-    with raw.placing():
+    with raw.placing(), alone():
         read = None if raw.settings.positions is None else positions(name, raw, keep, step)
         if read is None or not raw.settings.of_positions:
             return _of_pulls(name, raw, read, keep, step)

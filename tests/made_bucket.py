@@ -11,7 +11,7 @@ LONG_AGO = 1_700_000_000
 """When every object was put there [s since 1970], where nothing else is said."""
 
 
-def handler(objects, listed=None, refused=(), times=None, changed=None, broken=None):
+def handler(objects, listed=None, refused=(), times=None, changed=None, broken=None, more=False):
     """A handler of requests for one bucket.
 
     Args:
@@ -21,6 +21,7 @@ def handler(objects, listed=None, refused=(), times=None, changed=None, broken=N
         times: When an object was put there, by name, as listings tell it [s since 1970].
         changed: The same, as the object tells it itself.
         broken: Status and code of an error that is answered, by name; that of the listing is empty.
+        more: Each listing says that there is more.
     """
 
     class Handler(http.server.BaseHTTPRequestHandler):
@@ -35,7 +36,7 @@ def handler(objects, listed=None, refused=(), times=None, changed=None, broken=N
             elif listing:
                 said = {word: values[0] for word, values in query.items()}
                 told = {**objects, **(listed or {})}
-                self._answer(200, _listing(told, times or {}, **_known(said)))
+                self._answer(200, _listing(told, times or {}, more, **_known(said)))
             else:
                 self._object(body=True)
 
@@ -85,7 +86,7 @@ def _known(said):
     return {words[word]: value for word, value in said.items() if word in words}
 
 
-def _listing(objects, times, prefix="", delimiter="", encoding=""):
+def _listing(objects, times, more, prefix="", delimiter="", encoding=""):
     shown = quote if encoding == "url" else escape
     entries, folders = [], {}
     for name, data in sorted(objects.items()):
@@ -100,10 +101,12 @@ def _listing(objects, times, prefix="", delimiter="", encoding=""):
             f"<LastModified>{_stamp(times.get(name, LONG_AGO))}</LastModified>"
             f'<ETag>"{md5(data).hexdigest()}"</ETag><Size>{len(data)}</Size></Contents>'
         )
+    truncated = "true</IsTruncated><NextContinuationToken>t</NextContinuationToken>"
+    end = truncated if more else "false</IsTruncated>"
     common = [f"<CommonPrefixes><Prefix>{shown(f)}</Prefix></CommonPrefixes>" for f in folders]
     return (
         '<?xml version="1.0"?><ListBucketResult><Name>robots</Name>'
         f"<Prefix>{shown(prefix)}</Prefix><KeyCount>{len(entries)}</KeyCount><MaxKeys>1000</MaxKeys>"
         f"{'<EncodingType>url</EncodingType>' if encoding else ''}"
-        f"<IsTruncated>false</IsTruncated>{''.join(entries + common)}</ListBucketResult>"
+        f"<IsTruncated>{end}{''.join(entries + common)}</ListBucketResult>"
     ).encode()

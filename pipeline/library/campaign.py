@@ -224,8 +224,7 @@ def load_campaign(
 def identify(campaign: Campaign) -> Result:
     """Identify stiffnesses, diagnosis and model of a campaign in memory; no file is written.
 
-    The numbers are those of `pipeline run`; with another number of threads of the linear algebra
-    the last digits differ, by relative amounts of about 1e-10.
+    The numbers are those of `pipeline run`.
 
     Raises:
         InputError: The data cannot be trusted; states file, line and way out.

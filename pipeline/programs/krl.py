@@ -93,8 +93,9 @@ _BLOCKS: tuple[tuple[Kind, re.Pattern[str]], ...] = (
 _LEXICON = Lexicon(
     motion=re.compile(
         r"(?<![\w$#.])(S?(?:PTP|LIN|CIRC)(?:_REL)?|SPL(?:_REL)?|(?:PTP_)?SPLINE|ASYPTP|ASYCONT"
-        r"|RSI_MOVECORR|MOVE_?(?:PTP|LIN|CIRC))(?![\w.])(?!\s*=)",
-        re.IGNORECASE,
+        r"|RSI_MOVECORR|MOVE_?(?:PTP|LIN|CIRC))(?![\w.])(?!\s*=)"
+        r"|^[ \t]*([A-Z_]\w*)[ \t]*(?=\{)",
+        re.IGNORECASE | re.MULTILINE,
     ),
     literal=re.compile(r"\{\s*(?:\w+\s*:\s*)?((?:X|A1)\s+[-+.\d'])", re.IGNORECASE),
     reading=frozenset({"inverse", "forward", "inv_pos", "abs", "sqrt"}),

@@ -115,7 +115,11 @@ _BLOCKS: dict[str, Kind] = {
     "endwhile": "close", "endproc": "close", "endfunc": "close", "endtrap": "close",
     "error": "label", "undo": "label", "backward": "label",
 }  # fmt: skip
-_TOKEN = re.compile(r"(?<![\w.\\])(\w++)(\s*+:(?!=))?|;|%[^%;]*%")
+_TOKEN = re.compile(r"(?<![\w.\\])(\w++)(\s*+:(?!=))?|;|%%++[^%;]*+%%++|%[^%;]*+%")
+_HEAD = "%%"
+"""How the head of a file begins and ends."""
+_NAME = re.compile(r'%\s*+"((?:[^"\r\n]|"")*)"\s*+(%)?')
+"""What the name of a routine begins with that is called by a string; all of it before a `%`."""
 
 
 @dataclass
@@ -358,17 +362,28 @@ def _steps(found: _Rapid) -> Iterator[Step]:
     for token in _TOKEN.finditer(plain):
         word, at = (token[1] or "").lower(), token.start()
         kind = _kind(found, word, before, bool(token[2]) and word in jumps)
-        if token[0].startswith("%"):
-            kind = "call"  # of a routine whose name is computed
-        elif compact and not word:
+        if compact and token[0] == ";":
             kind = "close"
-        if kind:
+        if token[0].startswith("%") and not token[0].startswith(_HEAD):
+            yield _called_by_name(found, at)
+        elif kind:
             yield Step(at, kind, found.source.line(at), _DISPLACED.get(word, ""))
-        compact = word == "if" or (compact and word not in _ENDS_IF)
+        compact = word == "if" or (compact and token[0].lower() not in _ENDS_IF)
         before = word
 
 
-_ENDS_IF = ("", "then")
+def _called_by_name(found: _Rapid, at: int) -> Step:
+    """What a routine does whose name is a string; the beginning may be all that is said of it."""
+    line, said = found.source.line(at), _NAME.match(found.source.text, at)
+    name = said[1].lower() if said else ""
+    if said and said[2] and name in _DISPLACED:
+        return Step(at, "set", line, _DISPLACED[name])
+    if (said and said[2]) or not any(one.startswith(name) for one in _DISPLACED):
+        return Step(at, "call", line)
+    return Step(at, "set", line, Unsure(f"what line {line} calls by a string may displace points"))
+
+
+_ENDS_IF = (";", "then")
 """What ends an IF that may have no block: its statement does, or THEN, which begins one."""
 
 

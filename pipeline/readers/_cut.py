@@ -15,6 +15,7 @@ import pyarrow.compute as pc
 from pyarrow import csv as arrow_csv
 
 from pipeline.base.arrays import Bools, Ints, Locked
+from pipeline.base.errors import InputError
 from pipeline.readers._cells import Bad, cells, is_special
 from pipeline.readers._layout import JOINT, Layout
 from pipeline.readers._text import Text
@@ -134,6 +135,8 @@ def _each(text: Text, layout: Layout, line: Ints) -> _Cut:
             kept.append(number)
         except Bad as reason:
             rejected.append((number, str(reason)))
+            if not found and len(rejected) == HOPELESS:
+                raise hopeless(*rejected[0], HOPELESS) from reason
     cells = zip(*found, strict=True) if found else [()] * len(layout.fields)
     columns = [
         pa.array(column, pa.string()).cast(_TYPES[field.kind])
@@ -141,6 +144,18 @@ def _each(text: Text, layout: Layout, line: Ints) -> _Cut:
         if field.kind in _TYPES
     ]
     return _Cut(columns, np.array(kept, dtype=np.int64), tuple(rejected))
+
+
+HOPELESS = 100_000
+"""So many rows of which none can be read are no export with mistakes in it: the others are not
+looked at one by one."""
+
+
+def hopeless(line: int, reason: str, rows: int) -> InputError:
+    """That none of so many rows can be read, with the reason of the first."""
+    thing, _, way_out = reason.rpartition("; ")
+    thing = f"nothing can be read, because {rows} rows from here on are like this one: {thing}"
+    return InputError(thing, way_out, line=line)
 
 
 def _row(line: str, layout: Layout) -> list[str]:

@@ -19,7 +19,7 @@ from pipeline.base.errors import InputError
 from pipeline.base.threads import MUCH, spread
 from pipeline.readers import _time
 from pipeline.readers._cells import NUMBER, ODD, bare_number, cut_off, is_turn, shown
-from pipeline.readers._cut import cut
+from pipeline.readers._cut import HOPELESS, cut, hopeless
 from pipeline.readers._layout import Field, Layout, TypedRows
 from pipeline.readers._text import Text
 from pipeline.readers._units import ANGLE_WORDS, UNIT_WORDS
@@ -72,6 +72,9 @@ def rows(text: Text, layout: Layout) -> TypedRows:
     columns = spread(lambda k: _parsed(fields[k], cells[k], layout), range(len(fields)), much)
     good = np.logical_and.reduce([column.good for column in columns])
     _zones_alike(columns, good)
+    if len(good) >= HOPELESS and not good.any():
+        (first,) = _why_not(columns, found.line[:1], good[:1], layout)
+        raise hopeless(*min([first, *found.rejected[:1]]), len(good))
     rejected = [*found.rejected, *_why_not(columns, found.line, good, layout)]
     line = found.line[good]
     if len(line) and cut_off(text, layout, line):

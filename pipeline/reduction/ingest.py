@@ -6,6 +6,7 @@ is left out and listed with its reason.
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 from typing import Any
@@ -452,12 +453,12 @@ def _nothing_left(rejected: Sequence[Rejection]) -> InputError:
     """The error when no pull is complete, with the reason whose way out is given most often."""
     if not rejected:
         return InputError("the files have no rows", "export the campaign again, with its pulls")
-    ways_out = [why.rpartition("; ")[2] for _, _, why in rejected]
-    most = max(ways_out, key=ways_out.count)
+    ways_out = Counter(why.rpartition("; ")[2] for _, _, why in rejected)
+    most, times = ways_out.most_common(1)[0]
     where, line, why = next(r for r in rejected if r[2].endswith(most))
     thing = why.rpartition("; ")[0]
     return InputError(
-        f"nothing usable is left, because {ways_out.count(most)} rows are like this one: {thing}",
+        f"nothing usable is left, because {times} rows are like this one: {thing}",
         most,
         file=where,
         line=line,

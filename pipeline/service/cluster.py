@@ -7,9 +7,10 @@ import importlib
 import itertools
 import logging
 import threading
+from collections import Counter
 from collections.abc import Callable, Iterable, Iterator
-from dataclasses import dataclass
-from typing import Any, ClassVar, TypeVar
+from dataclasses import dataclass, field
+from typing import Any, ClassVar, Generic, TypeVar
 
 from pipeline.base.errors import Unfinished, UsageError
 from pipeline.base.shown import printable
@@ -22,7 +23,8 @@ _REACHED_S = 10.0
 """Time allowed for a scheduler to answer [s]."""
 
 _DESERTED_S = 60.0
-"""A cluster without a worker for so long gets none [s]."""
+"""A cluster without a worker for so long gets none, and a worker that is not heard of for so long
+stands still [s]; its scheduler waits for that one for five to ten minutes."""
 
 
 @dataclass(frozen=True)
@@ -47,27 +49,31 @@ class Cluster:
             Unfinished: The scheduler is gone, or has had no worker for a while.
         """
         with _connected(self.address) as client:
-            left, waiting = iter(items), dict[Any, S]()
+            left, at_work = iter(items), _AtWork(client, work)
             try:
                 while True:
-                    room = max(1, self._threads(client)) - len(waiting)
+                    room = max(1, self._threads(client)) - len(at_work.waiting)
                     for item in itertools.islice(left, max(0, room)):
-                        waiting[client.submit(_one_at_a_time, work, item, pure=False)] = item
-                    if not waiting:
+                        at_work.give(item)
+                    if not at_work.waiting:
                         return
-                    for future in self._ended(client, [*waiting]):
-                        yield self._done(waiting.pop(future), future)
+                    for future in self._ended(at_work):
+                        if future in at_work.waiting:  # and not of an item that is done
+                            yield self._done(at_work.taken(future), future)
             finally:
-                client.cancel([*waiting])
+                client.cancel([*at_work.waiting])
 
-    def _ended(self, client: Any, futures: list[Any]) -> list[Any]:
+    def _ended(self, at_work: _AtWork[S, T]) -> list[Any]:
         """Those that have ended, one at least."""
+        client = at_work.client
         while True:
             with contextlib.suppress(TimeoutError), client.as_current():
-                return [*_dask().wait(futures, _DESERTED_S, "FIRST_COMPLETED").done]
+                waiting = [*at_work.waiting]
+                return [*_dask().wait(waiting, _DESERTED_S, "FIRST_COMPLETED").done]
             if not self._threads(client):
                 thing = f"the cluster at {self.address} has no worker any more"
                 raise Unfinished(thing, "start some and run it again to go on")
+            at_work.go_round()
 
     def _threads(self, client: Any) -> int:
         """Number of items that the cluster can work on at the same time."""
@@ -92,6 +98,55 @@ class Cluster:
             words = printable(f"{type(problem).__name__}: {problem}", 200)
             thing = f"what its worker has made of it cannot be read here ({words})"
             return Done(item, None, Unfinished(thing, SEE))
+
+
+@dataclass
+class _AtWork(Generic[S, T]):
+    """What a cluster is at.
+
+    Attributes:
+        client: Of its scheduler.
+        work: What is done with each item.
+        waiting: Items by what will be made of them; one may be there twice.
+        heard: When each worker was last heard of, as its scheduler says.
+    """
+
+    client: Any
+    work: Callable[[S], T]
+    waiting: dict[Any, S] = field(default_factory=dict)
+    heard: dict[str, float] = field(default_factory=dict)
+
+    def give(self, item: S, **where: Any) -> None:
+        """Have an item worked on."""
+        made = self.client.submit(_one_at_a_time, self.work, item, pure=False, **where)
+        self.waiting[made] = item
+
+    def taken(self, future: Any) -> S:
+        """The item of what has ended; whoever else is at it may stop."""
+        item = self.waiting.pop(future)
+        twins = [one for one, other in self.waiting.items() if other is item]
+        self.client.cancel(twins)
+        for one in twins:
+            del self.waiting[one]
+        return item
+
+    def go_round(self) -> None:
+        """Give items to another worker whose own was not heard of since the last time, too.
+
+        Its machine may be stopped, asleep or cut off. Where it goes on, the work is done twice and
+        kept once.
+        """
+        known = self.client.scheduler_info(n_workers=-1)["workers"]
+        now = {worker: float(said["last_seen"]) for worker, said in known.items()}
+        still = [worker for worker, last in now.items() if self.heard.get(worker) == last]
+        self.heard, awake = now, [*{*now} - {*still}]
+        if not (still and awake):
+            return
+        theirs = {key for keys in self.client.processing(still).values() for key in keys}
+        times = Counter(map(id, self.waiting.values()))
+        for future, item in [*self.waiting.items()]:
+            if future.key in theirs and times[id(item)] == 1:
+                self.give(item, workers=awake)
 
 
 _ALONE = threading.Lock()

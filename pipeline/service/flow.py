@@ -84,6 +84,10 @@ def _refused(problem: PipelineError) -> State[Any]:
 def scan(hand_out: bool = False) -> None:
     """Run every campaign under data/raw that is new or changed and complete, each as a flow.
 
+    Where another one is at work this has nothing to do. A lock says so, which ends with its
+    process: Prefect's limit of runs keeps the place of one whose worker was killed before it began,
+    for ever where its server was killed, too.
+
     Args:
         hand_out: Leave them to the workers of the pool, instead of one after another here.
 
@@ -93,6 +97,12 @@ def scan(hand_out: bool = False) -> None:
     if PARENT in os.environ:
         follow(int(os.environ[PARENT]))
     root = _root()
+    with service.looking(root) as first:
+        if first:
+            _look(root, hand_out)
+
+
+def _look(root: Path, hand_out: bool) -> None:
     _drop_late()
     outcomes = []
     for made in _scanned(root, hand_out):
@@ -128,7 +138,10 @@ def _scanned(root: Path, hand_out: bool) -> Iterator[Outcome]:
 
 
 def _take_up(root: Path) -> None:
-    """Begin those runs of campaigns again that a worker which is gone has left."""
+    """Begin those runs of campaigns again that a worker which is gone has left, and end its looks.
+
+    Whoever calls this looks alone.
+    """
     begun = FlowRunFilter.model_validate(
         {"state": {"type": {"any_": [StateType.PENDING, StateType.RUNNING]}}}
     )
@@ -139,6 +152,11 @@ def _take_up(root: Path) -> None:
             campaign = known.get(run.parameters["campaign"])
             if run.state and _left(run.state, campaign):
                 client.set_flow_run_state(run.id, Scheduled(name="Again"), force=True)
+        looks = FlowFilter.model_validate({"name": {"any_": [scan.name]}})
+        for run in client.read_flow_runs(flow_filter=looks, flow_run_filter=begun, limit=200):
+            if run.state and str(run.id) != runtime.flow_run.id and _left(run.state, None):
+                gone: State[Any] = Crashed(message="Its worker is gone.")
+                client.set_flow_run_state(run.id, gone, force=True)
 
 
 def _left(state: State[Any], campaign: CampaignFolder | None) -> bool:
@@ -316,9 +334,7 @@ def deploy(pool: str, wanted: Service) -> None:
     with get_client(sync_client=True) as client, contextlib.suppress(ObjectAlreadyExists):
         client.create_work_pool(WorkPoolCreate(name=pool, type="process"))
     place: Any = {"entrypoint_type": EntrypointType.MODULE_PATH, "work_pool_name": pool}
-    looks: Any = scan.to_deployment(
-        concurrency_limit=1, parameters={"hand_out": True}, **place, **_planned(wanted)
-    )
+    looks: Any = scan.to_deployment(parameters={"hand_out": True}, **place, **_planned(wanted))
     campaigns: Any = attend.to_deployment(_DEPLOYED, **place)
     for deployment in (campaigns, looks):
         deployment.apply()

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import datetime
 import os
+import resource
 import signal
 import sys
 import threading
@@ -113,3 +114,10 @@ def alive(process: int) -> bool:
     except PermissionError:  # it exists, and belongs to another user
         return True
     return True
+
+
+def at_most(memory: int) -> None:
+    """No more data in this process than so many bytes; some systems have no such limit."""
+    _, most = resource.getrlimit(resource.RLIMIT_DATA)
+    if most == resource.RLIM_INFINITY or memory < most:
+        resource.setrlimit(resource.RLIMIT_DATA, (memory, most))

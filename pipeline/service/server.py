@@ -16,10 +16,12 @@ import shutil
 import sqlite3
 import urllib.error
 import urllib.request
+from collections.abc import Iterator
 from datetime import datetime
 from pathlib import Path
 from typing import Any, TypeVar
 
+from filelock import FileLock, Timeout
 from pydantic import ValidationError
 
 from pipeline.base import files
@@ -46,8 +48,9 @@ PATIENCE_S = 120.0
 RUNNING, LOOKED = "service.json", "look.json"
 """Files in data/processed: who serves this project, and when data/raw was last looked at."""
 
-LOCK = ".service.lock"
-"""Beside them, held by who serves; no campaign's own folder begins with a dot."""
+LOCK, LOOKING = ".service.lock", ".look.lock"
+"""Beside them, held by who serves, and by a worker that looks; no campaign's own folder begins with
+a dot."""
 
 _LATE = 3
 """Delay, in intervals, after which a scan is considered overdue [1]."""
@@ -113,6 +116,24 @@ class Looked(Strict):
     def of(cls, root: Path) -> Looked | None:
         """Read the last scan of a project; None before the first."""
         return _noted(cls, root / "data" / "processed" / LOOKED)
+
+
+@contextlib.contextmanager
+def looking(root: Path) -> Iterator[bool]:
+    """Whether nobody else looks at data/raw for a team; within the block nobody does."""
+    processed = root / "data" / "processed"
+    with files.writing(processed):
+        processed.mkdir(parents=True, exist_ok=True)
+    lock = FileLock(processed / LOOKING)
+    try:
+        lock.acquire(timeout=0)
+    except Timeout:
+        yield False
+        return
+    try:
+        yield True
+    finally:
+        lock.release()
 
 
 _Note = TypeVar("_Note", bound=Strict)

@@ -17,12 +17,21 @@ from urllib.parse import urlsplit
 from pipeline.base.errors import CannotWrite, InputError
 from pipeline.base.shown import too_large
 from pipeline.readers import largest
-
-_OURS = ("s3", "gs", "gcs", "abfs", "abfss", "file")
-"""Addresses that pyarrow knows without fsspec."""
+from pipeline.service import listing
+from pipeline.service.listing import NO_END, NO_STORAGE
 
 _KEYS = "give a key that may: AWS_ACCESS_KEY_ID and AWS_SECRET_ACCESS_KEY, or a profile"
 _REFUSALS = (
+    (
+        NO_END.upper(),
+        f"its listing has {NO_END}",
+        "give a folder that holds campaigns alone, or see to the storage",
+    ),
+    (
+        NO_STORAGE.upper(),
+        "what answers there is no storage: it has whatever it is asked for, as a page to log in at",
+        "log in to the network, or correct AWS_ENDPOINT_URL",
+    ),
     ("NO_SUCH_BUCKET", "there is no such bucket", "make it, or correct the address"),
     (
         "SLOW_DOWN|SERVICE_UNAVAILABLE|INTERNAL_FAILURE|THROTTL",
@@ -58,36 +67,16 @@ class Store:
     @cached_property
     def _place(self) -> tuple[Any, str]:
         """The file system, and the folder in it."""
-        from pyarrow import fs
+        return listing.place(self.url)
 
-        if urlsplit(self.url).scheme in _OURS:
-            place: tuple[Any, str] = fs.FileSystem.from_uri(self.url)
-            return place
-        import fsspec
-
-        found, path = fsspec.core.url_to_fs(self.url)
-        return fs.PyFileSystem(fs.FSSpecHandler(found)), path
-
-    def marks(self) -> dict[str, tuple[int, float]]:
+    def marks(self) -> listing.Marks:
         """Every object below, by its name from here: size in bytes, and when it was put there.
 
         Raises:
             InputError: It cannot be reached, read or found.
         """
-        from pyarrow import fs
-
         with self._reading():
-            files, folder = self._place
-            try:
-                found = files.get_file_info(fs.FileSelector(folder, recursive=True))
-            except FileNotFoundError:  # a folder of object storage is there once it holds something
-                return {}
-        start = len(folder.rstrip("/")) + 1
-        return {
-            info.path[start:]: (info.size, (info.mtime_ns or 0) / 1e9)
-            for info in found
-            if info.type == fs.FileType.File
-        }
+            return listing.marks(self.url)
 
     def read(self, name: str, mark: tuple[int, float]) -> bytes:
         """Content of one object.

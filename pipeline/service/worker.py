@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import resource
 import sys
 from dataclasses import asdict
 from multiprocessing.connection import Connection
@@ -13,7 +12,7 @@ from pathlib import Path
 
 from pipeline.app.outcome import Compute, Outcome, guarded, outcome
 from pipeline.service.guard import PAGES
-from pipeline.service.processes import follow
+from pipeline.service.processes import at_most, follow
 from pipeline.store.campaign import CampaignFolder
 
 
@@ -29,20 +28,13 @@ def main(root: str, engine: str, line: str, parent: str, memory: str) -> None:
     """
     follow(int(parent))
     os.dup2(2, 1)  # whatever some library prints is no data
-    _at_most(int(memory))
+    at_most(int(memory))
     with Connection(int(line)) as jobs:
         compute = _engine(engine)
         with contextlib.suppress(EOFError, OSError):  # the parent is gone
             while True:
                 made = _done(Path(root), json.loads(jobs.recv_bytes()), compute)
                 jobs.send_bytes(json.dumps(asdict(made)).encode())
-
-
-def _at_most(memory: int) -> None:
-    """No more data than so many bytes; some systems have no such limit."""
-    _, most = resource.getrlimit(resource.RLIMIT_DATA)
-    if most == resource.RLIM_INFINITY or memory < most:
-        resource.setrlimit(resource.RLIMIT_DATA, (memory, most))
 
 
 def _engine(engine: str) -> Compute:

@@ -4,11 +4,15 @@ import os
 import subprocess
 import sys
 import threading
+from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
 
 import pytest
+import threadpoolctl
 
-from pipeline.base.threads import both, spread
+from pipeline.base.threads import alone, both, spread
+from pipeline.run import answered
+from pipeline.store.campaign import dump, find
 
 
 @pytest.mark.parametrize("much", [True, False])
@@ -63,3 +67,42 @@ def test_linear_algebra_has_one_thread_whatever_the_user_has_set(said):
     )
 
     assert done.stdout == "{1}\n"
+
+
+def test_linear_algebra_has_one_thread_where_another_has_begun_more():
+    """Blocks within blocks and beside them; what there was before comes back with the last."""
+
+    def threads():
+        known = threadpoolctl.threadpool_info()
+        return {one["num_threads"] for one in known if one["user_api"] == "blas"}
+
+    with threadpoolctl.threadpool_limits(2), ThreadPoolExecutor(1) as other:
+        begun, over = threading.Event(), threading.Event()
+
+        def beside():
+            with alone():
+                begun.set()
+                over.wait(10)
+
+        with alone():
+            with alone():
+                assert threads() == {1}
+            assert threads() == {1}
+            done = other.submit(beside)
+            begun.wait(10)
+        assert threads() == {1}
+        over.set()
+        done.result()
+        assert threads() == {2}
+
+
+@pytest.mark.whole
+def test_an_answer_does_not_hang_on_threads_of_somebody_else():
+    """Byte by byte, where numpy was imported with two threads, as in a worker of Dask's."""
+    raw = find(Path(__file__).parents[2], "fanuc_r2000ic").read()
+    made = []
+    for number in (1, 2):
+        with threadpoolctl.threadpool_limits(number):
+            made.append(dump(answered("c", raw).answer.as_json()))
+
+    assert made[0] == made[1]

@@ -10,6 +10,7 @@ from workbooks import workbook
 
 from pipeline import readers
 from pipeline.base.errors import InputError
+from pipeline.intake._group_names import Group, states_of, ways_to_read
 from pipeline.machine.robot import load
 from pipeline.readers import logs
 from pipeline.readers.said import LogForm
@@ -476,3 +477,18 @@ def test_a_column_of_times_may_be_called_time():
         load_log(text)
     called = {"Nr": "pose", "Uhrzeit": "time", "Kraft": "force_n"}
     assert load_log(text, {"columns": called}) == [(1, 1, 500.0)]
+
+
+def test_a_state_without_a_word_is_asked_for_and_can_be_written():
+    """`P07` beside `P07-L1`: nobody says that the first is unloaded; campaign.toml may."""
+    names = ["P07", "P07-L1", "P07-L2", "P08", "P08-L1", "base_start"]
+    written = Group(r"P(?P<pose>[0-9]+)(?P<state>(?:-L)?)(?P<repeat>[0-9]*)", ("", "-L"))
+    states = states_of(names, written)
+
+    assert ways_to_read({name: {"P1": [0.0]} for name in names}) == ()
+    assert {name for name in names if states.get(name) == "unloaded"} == {"P07", "P08"}
+    assert {name for name in names if states.get(name) == "loaded"} == {
+        "P07-L1",
+        "P07-L2",
+        "P08-L1",
+    }

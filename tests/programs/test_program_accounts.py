@@ -122,6 +122,7 @@ CASES = {
     "twice in braces": ("p.src", f"{SET}LIN {K}\nLIN {K[:-1]},X 5}}", [3], [4]),
     "axes and pose": ("p.src", f"{SET}LIN {K}\nPTP {K[:-1]},A1 5}}", [3], [4]),
     "mark between files": ("p.src", f"{SET}LIN {K}\n\xef\xbb\xbfBAS(#TOOL,N)\nLIN {K}", [3], [5]),
+    "word of nobody": ("p.src", f"{SET}LIN {K}\nLINX {K}\nGLUE{{A1 5}}", [3], [4, 5]),
     # RAPID
     "displaced in short": ("m.mod", rapid("IF a PDispOn p10,t;", f"MoveL {R},v1,z1,t;"), [3], [6]),
     "short if": ("m.mod", rapid(f"IF a MoveL {R},v1,z1,t;"), [3, 5], []),
@@ -151,6 +152,34 @@ CASES = {
         "m.mod",
         rapid('%"b"%;', f"MoveL {R},v1,z1,t;", "ENDPROC", "PROC b()", "PDispSet q;"),
         [3], [6],
+    ),
+    "displaced by name": ("m.mod", rapid('%"PDispSet"% q;', f"MoveL {R},v1,z1,t;"), [3], [6]),
+    "no more displaced by name": (
+        "m.mod",
+        rapid("PDispSet q;", f"MoveL {R},v1,z1,t;", '%"PDispOff"%;', f"MoveL {R},v1,z1,t;"),
+        [3, 8], [6],
+    ),
+    "displaced by a computed name": (
+        "m.mod", rapid("%name%;", f"MoveL {R},v1,z1,t;"), [3], [6],
+    ),
+    "displaced by a name in parts": (
+        "m.mod", rapid('%"PD"+"ispSet"% q;', f"MoveL {R},v1,z1,t;"), [3], [6],
+    ),
+    "displaced by a name in a branch": (
+        "m.mod", rapid("IF a THEN", "%name%;", "ENDIF", f"MoveL {R},v1,z1,t;"), [3], [8],
+    ),
+    "displaced by name in short": (
+        "m.mod",
+        rapid(f"MoveL {R},v1,z1,t;", 'IF a %"PDispSet"% q;', "ENDPROC", "PROC b()",
+              f"MoveL {R},v1,z1,t;"),
+        [3, 5], [9],
+    ),
+    "a part of many by name": (
+        "m.mod", rapid('%"part"+NumToStr(n,0)%;', f"MoveL {R},v1,z1,t;"), [3, 6], [],
+    ),
+    "head of a file": (
+        "m.mod", "%%%\n VERSION:1\n LANGUAGE:ENGLISH\n%%%\n" + rapid(f"MoveL {R},v1,z1,t;"),
+        [7, 9], [],
     ),
     "data by name": (
         "m.mod",

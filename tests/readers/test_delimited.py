@@ -7,6 +7,7 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
+from pipeline.base.errors import InputError
 from pipeline.readers._delimited import rows
 from pipeline.readers._layout import Field, Layout
 from pipeline.readers._text import text
@@ -119,3 +120,25 @@ def test_a_time_that_no_clock_shows_costs_its_row_also_among_good_ones(cell):
 
     assert found.line.tolist() == [1, 3]
     assert [(n, "not a time" in reason) for n, reason in found.rejected] == [(2, True)]
+
+
+@pytest.mark.parametrize(
+    ("row", "said"),
+    [
+        ("P1;1", "has 2 fields where 5 are expected"),
+        ("P1;a;b;c;d", 'x is "a", not a number'),
+        ('"P1";;;;', "has nothing in column x"),
+    ],
+)
+def test_what_is_no_export_is_not_explained_row_by_row(monkeypatch, row, said):
+    """A sentence with the first row where none of many can be read; one that can be is kept."""
+    for module in ("_cut", "_delimited"):
+        monkeypatch.setattr(f"pipeline.readers.{module}.HOPELESS", 5)
+    bad = f"{row}\n".encode()
+    with pytest.raises(InputError, match=f"nothing can be read, because 5 rows .*: {said}") as no:
+        rows(text("a.csv", bad * 5), layout())
+    assert no.value.line == 1
+
+    found = rows(text("a.csv", b"P1;1;;;\n" + bad * 5), layout())
+    assert found.line.tolist() == [1]
+    assert len(found.rejected) == 5

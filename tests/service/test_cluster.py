@@ -8,6 +8,7 @@ import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 
@@ -122,6 +123,23 @@ def test_an_item_that_kills_every_worker_is_given_up(cluster):
     """Where none is left the run ends with a sentence instead of waiting for ever."""
     with pytest.raises(Unfinished, match="no worker any more"):
         list(Cluster(cluster[0]).results(halved, [1]))
+
+
+def slept(item):
+    time.sleep(5)
+    return item
+
+
+def test_a_worker_that_stands_still_costs_nothing(cluster, monkeypatch):
+    """Its item is another one's long before the scheduler would give it up, after ten minutes."""
+    monkeypatch.setattr("pipeline.service.cluster._DESERTED_S", 15.0)
+    address, workers = cluster
+    threading.Timer(2.0, workers[0].send_signal, [signal.SIGSTOP]).start()
+    began = time.monotonic()
+    found = sorted(done.value for done in Cluster(address).results(slept, range(4)))
+
+    assert found == [0, 1, 2, 3]
+    assert time.monotonic() - began < 180
 
 
 def test_a_cluster_without_workers_says_so(cluster):

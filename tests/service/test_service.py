@@ -124,3 +124,14 @@ def test_a_proxy_that_prefect_cannot_take_is_a_sentence(tmp_path, monkeypatch, p
         service.settle(tmp_path)
     os.environ["ALL_PROXY"] = "http://127.0.0.1:9"
     service.settle(tmp_path)
+
+
+def test_one_looks_at_a_time(tmp_path):
+    """Also where the last one has met an error; the next one is told at once."""
+    with service.looking(tmp_path) as first, service.looking(tmp_path) as second:
+        assert (first, second) == (True, False)
+    with pytest.raises(ValueError, match="in the middle"), service.looking(tmp_path):
+        raise ValueError("in the middle")
+
+    with service.looking(tmp_path) as again:
+        assert again

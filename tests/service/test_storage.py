@@ -18,6 +18,7 @@ from pipeline.app.outcome import outcome
 from pipeline.base import files
 from pipeline.base.errors import InputError
 from pipeline.base.preferences import Preferences, Storage, load
+from pipeline.service import listing
 from pipeline.service import sync as mirror
 from pipeline.service.storage import Store
 from pipeline.service.watch import Clock, scan
@@ -39,6 +40,22 @@ class Work:
 
     def pages(self):
         """None to draw."""
+
+
+@pytest.fixture(autouse=True)
+def _near(request, monkeypatch):
+    """Listings in this process; one of their own takes a second to begin."""
+    if "afar" not in request.fixturenames:
+
+        def marks(url):
+            return {name: (size, put) for name, size, put in listing.listed(url)}
+
+        monkeypatch.setattr(listing, "marks", marks)
+
+
+@pytest.fixture
+def afar():
+    """Listings in a process of their own."""
 
 
 @pytest.fixture
@@ -509,6 +526,69 @@ def test_an_object_that_is_only_listed_is_asked_for_again(made, tmp_path):
     made(objects | {name: b"y"})
     assert mirror.fetch(tmp_path, WHERE) == []
     assert (tmp_path / "data" / name).read_bytes() == b"y"
+
+
+def test_a_listing_is_that_of_its_own_process(made, afar):
+    """Names of any letters and what a driver complains of come back from there."""
+    made(GOOD | {"raw/ä\u202e 𝄞/x": b"x"})
+    here = {name: (size, put) for name, size, put in listing.listed(WHERE.raw)}
+
+    assert listing.marks(WHERE.raw) == here
+    assert "ä\u202e 𝄞/x" in here
+    with pytest.raises(InputError, match="Unexpected query parameter"):
+        Store("s3://robots/raw?nonsense=1").marks()
+
+
+def test_a_listing_without_an_end_is_ended(made, afar, tmp_path, monkeypatch):
+    """The storage says each time that there is more: a sentence, and the look goes on."""
+    monkeypatch.setattr(listing, "_LONGEST_S", 2.0)
+    made(GOOD, more=True)
+
+    (endless,) = mirror.fetch(tmp_path, WHERE)
+
+    assert endless.passing
+    assert "its listing has no end within" in said([endless])[0]
+    assert "give a folder that holds campaigns alone" in said([endless])[0]
+
+
+def test_a_listing_of_more_than_campaigns_is_refused(made, tmp_path, monkeypatch):
+    """It ends, and is longer than what may be worth reading."""
+    monkeypatch.setattr(listing, "_MOST", 3)
+    made(GOOD | {"raw/z/more": b"", "raw/z/most": b""})
+
+    (long,) = mirror.fetch(tmp_path, WHERE)
+
+    assert "has no end within" in said([long])[0]
+
+
+class Login(http.server.BaseHTTPRequestHandler):
+    """A page to log in at, whatever is asked for."""
+
+    def do_GET(self):
+        """The page."""
+        self.do_HEAD()
+        self.wfile.write(b"<html>log in</html>")
+
+    def do_HEAD(self):
+        """What comes before it."""
+        self.send_response(200)
+        self.send_header("Content-Length", "19")
+        self.end_headers()
+
+    def log_message(self, format, *args):
+        """Say nothing."""
+
+
+def test_a_page_to_log_in_at_is_no_empty_storage(bucket, tmp_path, monkeypatch):
+    """It is told, once it stands between; an empty bucket is none."""
+    assert mirror.fetch(tmp_path, WHERE) == []
+    with serving(Login) as port:
+        at(monkeypatch, port)
+        (page,) = mirror.fetch(tmp_path, WHERE)
+
+    assert page.passing
+    assert "is no storage: it has whatever it is asked for" in said([page])[0]
+    assert "log in to the network" in said([page])[0]
 
 
 JUNK = [

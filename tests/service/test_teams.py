@@ -1,7 +1,9 @@
 """The flow on a team's own Prefect server: PostgreSQL behind it, a work pool, another process."""
 
+import base64
 import contextlib
 import glob
+import json
 import os
 import shutil
 import signal
@@ -216,3 +218,29 @@ def test_a_worker_runs_campaigns_for_a_server_on_postgresql(tmp_path, team, post
         (raw / "a" / "campaign.toml").write_text(text + "\n# another look\n", "utf-8")
         again = ["a|COMPLETED", "a|COMPLETED", "broken|FAILED"]
         until(lambda: runs(postgres) == again, 240, tmp_path / "worker.log")
+
+
+def asked(path, content):
+    """What the team's server answers."""
+    head = {
+        "Content-Type": "application/json",
+        "Authorization": f"Basic {base64.b64encode(b'stiffness:secret').decode()}",
+    }
+    data = json.dumps(content).encode()
+    with urllib.request.urlopen(urllib.request.Request(API + path, data, head)) as answer:
+        return json.loads(answer.read())
+
+
+@pytest.mark.timeout(1800)
+def test_a_look_whose_worker_was_killed_before_it_began_stops_no_other(tmp_path, team, postgres):
+    """What the worker has told the server stays: the look is pending, and nobody is at it."""
+    root, settings = team
+    shutil.copytree(KEPT, root / "data" / "raw" / "a")
+    looks = {"flows": {"name": {"any_": ["scan-campaigns"]}}}
+    until(lambda: asked("/flow_runs/filter", looks), 120)
+    left = min(asked("/flow_runs/filter", looks), key=lambda run: run["expected_start_time"])
+    asked(f"/flow_runs/{left['id']}/set_state", {"state": {"type": "PENDING"}})
+    with process(*WORKER, "--limit", "2", log=tmp_path / "worker.log", **settings):
+        until((root / "reports" / "a" / "result.json").is_file, 400, tmp_path / "worker.log")
+        gone = f"select state_type from flow_run where id = '{left['id']}'"
+        until(lambda: postgres(gone) == ["CRASHED"], 300, tmp_path / "worker.log")
