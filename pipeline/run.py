@@ -131,6 +131,8 @@ def as_read(
         displacements=got.displacements,
         forces=got.forces,
         stale=got.stale,
+        contradictions=got.contradictions,
+        lost=got.lost,
         unused=got.unused,
         treated=got.treated,
         torques=got.torques,

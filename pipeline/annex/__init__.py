@@ -1,10 +1,10 @@
-"""Outbuilding: what stands behind the first page of a report, parts and figures with their words.
+"""Outbuilding: what follows the first page of a report, sections and figures with their texts.
 
-The report has its certificate, the causes and the stiffnesses itself; what an engineer looks at
-when a number is doubted stands here: the cell in three dimensions, residuals, budget, registration,
-the robot's table, the method, rivals, laws, cross-validation, what it would do elsewhere.
+The core's report has the certificate, the causes and the stiffnesses. What an engineer consults
+when a number is in doubt is here: the cell in three dimensions, residuals, budget, registration,
+DH parameters, method, rivals, laws, cross-validation, and maps of the workspace.
 
-Door: `sections:SECTIONS`, `figures:PLOTS`; for the tables they alone need `pictured:pictured` and
-`pictured:of_positions`.
+Door: `sections:SECTIONS`, `figures:PLOTS`; for the tables that only these need,
+`pictured:pictured` and `pictured:of_positions`.
 Tests: `tests/report/`, for whole pages.
 """

@@ -1,4 +1,4 @@
-"""How uncertain each parameter would be with fewer poses, or with all of them once more."""
+"""Uncertainty of each parameter with fewer poses, or with every pose measured twice."""
 
 from __future__ import annotations
 
@@ -11,24 +11,24 @@ from pipeline.system.system import System
 from pipeline.system.whiten import Whitener, whitener
 
 _STEPS = 14
-"""Numbers of poses that are tried, at most."""
+"""Maximum number of steps in the number of poses."""
 
 
 def enough(
     system: System, size: Array, names: list[str], order: Ints, ratio: float = 1.0
 ) -> pd.DataFrame:
-    """Relative standard uncertainty of parameters over the number of poses.
+    """Relative standard uncertainty of parameters as a function of the number of poses.
 
     u_j(n) = s sqrt([(sum_(p <= n) X_p' X_p + P)^-1]_jj) / |x_j| with X_p the whitened rows of the
-    p-th pose and P the priors of the errors common to poses, which more poses average out only as
-    far as these tell them. s is `ratio`. The last row has every pose twice.
+    p-th pose and P the priors of the errors common to all poses, which further poses reduce only as
+    far as they determine these errors. s is `ratio`. The last step has every pose twice.
 
     Args:
         system: c = B x + G e about the estimate.
         size: |x_j|, in the order of the system's first parameters, shape (k,).
-        names: Of them.
-        order: Poses in the order of measuring, (p,).
-        ratio: Scatter found over stated that the estimate's uncertainties hold.
+        names: Names of these parameters.
+        order: Poses in the order of measuring, shape (p,).
+        ratio: Ratio of found to stated scatter that the uncertainties of the estimate include [1].
 
     Returns:
         Table ENOUGH.
@@ -46,14 +46,14 @@ def enough(
 
 
 def _ranks(system: System, white: Whitener, order: Ints) -> Ints:
-    """Place of the pose of each row in the order of measuring; -1 for priors."""
+    """Rank of each row's pose in the order of measuring, from 0; -1 for priors."""
     place = {pose: k for k, pose in enumerate(order.tolist())}
     own = [place.get(pose, -1) for pose in system.rows.pose.tolist()]
     return np.array(own + [-1] * white.common.shape[1], dtype=np.int64)
 
 
 def _counts(poses: int) -> list[int]:
-    """Numbers of poses, in equal ratios from two to all."""
+    """Numbers of poses from two to all, in a geometric progression."""
     steps = np.geomspace(min(2, poses), poses, _STEPS).round().astype(int)
     return [int(n) for n in np.unique(steps)]
 

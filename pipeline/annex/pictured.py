@@ -1,4 +1,4 @@
-"""Tables that are there for the figures of the annex alone."""
+"""Tables that only the figures of the annex need."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _Tables = dict[str, pd.DataFrame]
 
 
 def pictured(found: Findings, keep: Keep, step: Step) -> _Tables:
-    """The scene, the models beside each other, the arm, the worth of poses, the laws of causes."""
+    """Tables of the scene, comparison of models, arm, covariance, number of poses, and laws."""
     values, right = found.told.values, found.right
     nominal = np.array([1 / (joint.stiffness or np.nan) for joint in right.case.robot.joints])
     left = values.first.estimate.residual
@@ -39,12 +39,12 @@ def pictured(found: Findings, keep: Keep, step: Step) -> _Tables:
 
 
 def of_positions(found: Study, keep: Keep, step: Step) -> _Tables:
-    """The scene of a campaign of positions."""
+    """Tables of the scene of a campaign of positions."""
     return _kept(step(scene_of_positions)(found), keep)
 
 
 def _kept(made: _Tables, keep: Keep) -> _Tables:
-    """The tables of a scene, checked and kept."""
+    """Check and keep the tables of a scene."""
     return {
         "scene": keep("70_scene", made["scene"], tables.SCENE),
         "poses": keep("71_poses", made["poses"], tables.POSES),
@@ -53,7 +53,7 @@ def _kept(made: _Tables, keep: Keep) -> _Tables:
 
 
 def _enough(found: Findings, step: Step) -> pd.DataFrame:
-    """Table ENOUGH of the stiffnesses that have a value."""
+    """Table ENOUGH; a stiffness without a value has an infinite relative uncertainty."""
     values = found.told.values
     first, robot = values.first, values.fitted.case.robot
     size = np.where(values.found.identifiable, np.abs(values.found.value), 0.0)[: robot.n]
@@ -63,7 +63,7 @@ def _enough(found: Findings, step: Step) -> pd.DataFrame:
 
 
 def _as_measured(pulls: Pulls) -> Ints:
-    """Poses in the order of measuring, by number where no time is known, (p,)."""
+    """Poses in the order of measuring, or by number where no time is known, shape (p,)."""
     order = np.lexsort((pulls.pose, np.nan_to_num(pulls.time)))
     poses, first = np.unique(pulls.pose[order], return_index=True)
     return np.asarray(poses[np.argsort(first)])

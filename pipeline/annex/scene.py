@@ -1,4 +1,4 @@
-"""Tables of the picture of the cell: what stands in it, its poses, what the reflectors did."""
+"""Tables of the picture of the cell: bodies, poses, and vectors of the reflectors."""
 
 from __future__ import annotations
 
@@ -22,13 +22,14 @@ from pipeline.reduction.measured import Measured
 from pipeline.reduction.settings import Settings
 
 MOST = 40
-"""Poses in one picture; of more, the worst and an even choice of the rest are drawn."""
+"""Maximum number of poses in the picture; of more, those with the largest residuals and an even
+selection of the others are drawn."""
 
 _Tables = dict[str, pd.DataFrame]
 
 
 def scene(values: ModelValues) -> _Tables:
-    """Tables SCENE, POSES and VECTORS of a campaign of loads."""
+    """Tables SCENE, POSES and VECTORS of a campaign of pulls."""
     case, data = values.fitted.case, values.fitted.data
     first = np.unique(data.pulls.pose, return_index=True)[1]
     vectors = _displaced(values)
@@ -44,7 +45,7 @@ def scene(values: ModelValues) -> _Tables:
 
 
 def _points(settings: Settings, tracker: Array) -> list[Bodies]:
-    """Tracker and base reflectors, as far as it is known where they stand."""
+    """Tracker and base reflectors whose positions in F_b are known."""
     fixed = {name: np.array(at) for name, at in settings.base_frame.items()}
     at = {"tracker": tracker} if fixed else {}
     if not fixed and settings.cell is not None and settings.cell.tracker_m is not None:
@@ -53,7 +54,7 @@ def _points(settings: Settings, tracker: Array) -> list[Bodies]:
 
 
 def _chosen(poses: Ints, vectors: pd.DataFrame) -> Ints:
-    """At most `MOST` poses: a third of them those with the largest residuals, the rest evenly."""
+    """At most `MOST` poses: a third with the largest residuals, the others selected evenly."""
     if len(poses) <= MOST:
         return poses
     size = np.linalg.norm(vectors[_xyz("left_{}_m")].to_numpy(float), axis=1)
@@ -75,7 +76,7 @@ def _bodies(
 
 
 def _rows(one: Bodies, poses: Ints) -> pd.DataFrame:
-    """Capsules as rows, one for each of these poses."""
+    """One row per capsule and pose."""
     m, c = len(poses), len(one.names)
     ends = one.ends[:m].reshape(m * c, 6)
     columns = [*_xyz("from_{}_m"), *_xyz("to_{}_m")]
@@ -91,7 +92,7 @@ def _xyz(name: str) -> list[str]:
     return [name.format(axis) for axis in "xyz"]
 
 
-# --- pulled ---------------------------------------------------------------------------------------
+# --- pulls ----------------------------------------------------------------------------------------
 
 
 def _displaced(values: ModelValues) -> pd.DataFrame:
@@ -114,7 +115,7 @@ def _displaced(values: ModelValues) -> pd.DataFrame:
 
 
 def _strongest(pose: Ints, size: Array) -> Bools:
-    """Whether each pull is the one of its pose with the largest force, (m,)."""
+    """Whether each pull is the strongest of its pose, shape (m,)."""
     order = np.lexsort((-size, pose))
     first = np.unique(pose[order], return_index=True)[1]
     out = np.zeros(len(pose), dtype=bool)
@@ -123,7 +124,7 @@ def _strongest(pose: Ints, size: Array) -> Bools:
 
 
 def _places(cell: Cell, data: Measured) -> Array:
-    """Where each target is unloaded [m], (d, 3); as measured, or as the robot file has it."""
+    """Unloaded position of each target in F_b [m], as measured or else nominal, shape (d, 3)."""
     loaded = load(cell, data.pulls, np.zeros(len(cell.parameters)))
     of = loaded.points.mean(axis=1)[data.pull] if data.poses else None
     nominal = loaded.points[data.pull, data.target] if of is None else of
@@ -161,7 +162,7 @@ _NO_LINES: dict[str, Any] = {"first_line": None, "last_line": None}
 
 
 def _lines(readings: pd.DataFrame) -> dict[int, dict[str, Any]]:
-    """File and lines of the readings of each pose; of several files, the first."""
+    """File, first and last line of the readings of each pose; of several files, the first."""
     mine = readings.dropna(subset=["pose"]).astype({"pose": "int64"})
     return {
         int(str(pose)): {
@@ -206,7 +207,11 @@ def scene_of_positions(found: Study) -> _Tables:
 
 
 def _off(found: Study) -> pd.DataFrame:
-    """Table VECTORS of all poses: off the table as delivered, and what the whole model leaves."""
+    """Table VECTORS of all poses.
+
+    The first vector is the deviation from the nominal robot, the second the residual of the
+    complete model.
+    """
     final, first = found.final, found.stages[0].found
     readings, m, t = final.readings, len(final.readings), len(final.readings.targets)
     place = final.linear.at

@@ -1,4 +1,4 @@
-"""The law of each identified cause beside what every pull by itself says of it."""
+"""The law of each identified cause, and its estimate from every single pull."""
 
 from __future__ import annotations
 
@@ -24,15 +24,16 @@ _OF = {
     "force": ("load", "N"),
     "time": ("time", "s"),
 }
-"""What a law that nobody listed is shown over, and its unit."""
+"""Name and unit of the variable over which a law outside the catalogue is drawn."""
 
 _LEVER = 0.05
-"""A pull whose lever is below this part of the usual one says nothing of a motion."""
+"""Sensitivity of a pull's rows to a motion, over the median one, below which the pull is omitted
+[1]."""
 
 
 @dataclass(frozen=True)
 class _Axis:
-    """What is on an axis, and its unit."""
+    """Name and unit of a variable."""
 
     name: str
     unit: str
@@ -40,14 +41,14 @@ class _Axis:
 
 @dataclass(frozen=True, eq=False)
 class _Seen:
-    """One motion or parameter of a cause over what it is a law of.
+    """One motion or parameter y of a cause as a law of a variable x.
 
     Attributes:
-        of: What x is.
-        x: Per pull, shape (m,).
-        lies: What y is.
-        law: Per pull, shape (m,).
-        by: How a unit of y moves each row [m], shape (M,).
+        of: Name and unit of x.
+        x: Variable at each pull, shape (m,).
+        lies: Name and unit of y.
+        law: y at each pull according to the law, shape (m,).
+        by: Change of each row per unit of y [m], shape (M,).
     """
 
     of: _Axis
@@ -60,16 +61,17 @@ class _Seen:
 def laws(found: Hypothesis, data: Measured) -> pd.DataFrame:
     """Table LAWS: partial residuals, pull by pull.
 
-    A cause moves the rows of pull i by b_i y_i, with y_i its law. What the pull says of it is
+    A cause moves the rows of pull i by b_i y_i, where y_i is its law. Its estimate from this pull
+    alone is
 
         y^_i = b_i'(r_i + b_i y_i) / b_i'b_i,    u(y^_i) = s / sqrt(b_i'b_i),
 
-    r the residuals of the whole model and s their standard deviation: everything else stays as
-    identified (component-plus-residual, Larsen and McCleary, Technometrics 14, 1972).
+    with r the residuals of the complete model and s their standard deviation; everything else stays
+    as identified (component-plus-residual, Larsen and McCleary, Technometrics 14, 1972).
 
     Args:
         found: Joint springs and causes.
-        data: What they were estimated from.
+        data: The measurements from which they were estimated.
     """
     found = replace(found, system=found.system.of_pulls)
     loaded = load(found.cell, data.pulls, found.estimate.value)
@@ -83,7 +85,7 @@ def laws(found: Hypothesis, data: Measured) -> pd.DataFrame:
 
 
 def _effects(found: Hypothesis) -> Iterator[tuple[Effect, Array, Array]]:
-    """Each cause with its parameters (k,) and their columns of B, (M, k)."""
+    """Each cause with the values of its parameters, shape (k,), and their columns of B, (M, k)."""
     first = found.cell.robot.n
     for effect in found.effects:
         mine = slice(first, first := first + len(effect.parameters))
@@ -94,7 +96,7 @@ def _effects(found: Hypothesis) -> Iterator[tuple[Effect, Array, Array]]:
 def _seen(
     effect: Effect, values: Array, B: Array, loaded: Loaded, found: Hypothesis
 ) -> Iterator[_Seen]:
-    """The motions of an elastic cause, the parameters of any other."""
+    """The motions of an elastic cause, or the parameters of any other."""
     if isinstance(effect, Elastic):
         yield from _motions(effect, values, loaded, found)
         return
@@ -106,9 +108,10 @@ def _seen(
 
 
 def _motions(effect: Elastic, values: Array, loaded: Loaded, found: Hypothesis) -> Iterator[_Seen]:
-    """Each virtual joint: how far it gives way, over what pulls at it.
+    """Motion of each virtual joint over the torque or force on it.
 
-    A law that nobody listed moves one joint with all its amplitudes, shown over its own variable.
+    A law outside the catalogue that is a variation of compliance has one virtual joint, which all
+    its amplitudes move; its compliance is given over the variable of the law.
     """
     screws = effect.screws(loaded)
     tau = torque(screws, loaded.load_point, loaded.force)
@@ -133,7 +136,7 @@ def _motions(effect: Elastic, values: Array, loaded: Loaded, found: Hypothesis) 
 
 
 def _variable(effect: Effect, loaded: Loaded) -> tuple[_Axis, Array]:
-    """What a cause that is no spring is shown over: time for the instrument, else the load."""
+    """Variable of a cause that is not elastic: time for the instrument, otherwise the load."""
     time = loaded.pulls.time
     if effect.place == "metrology" and np.isfinite(time).all() and np.ptp(time) > 0:
         return _Axis("time", "s"), time
@@ -143,7 +146,7 @@ def _variable(effect: Effect, loaded: Loaded) -> tuple[_Axis, Array]:
 def _rows(
     effect: Effect, place: int, one: _Seen, found: Hypothesis, data: Measured
 ) -> pd.DataFrame:
-    """The pulls that move by a cause, as rows of LAWS."""
+    """Rows of LAWS for the pulls that a cause moves."""
     pull, m = found.system.rows.pull, len(data.pulls)
     square = np.bincount(pull, one.by**2, m)
     along = np.bincount(pull, one.by * found.estimate.residual, m)

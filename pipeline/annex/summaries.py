@@ -1,4 +1,4 @@
-"""Digests of the tables that captions and drawings share, so that words and pictures agree."""
+"""Summaries of tables that captions and drawings share, so that texts and figures agree."""
 
 from __future__ import annotations
 
@@ -15,20 +15,21 @@ from pipeline.diagnosis.facts import DETECTED
 from pipeline.report.summaries import Tables, has
 
 MOST = 2000
-"""Marks in one picture; of more, the largest and an even choice of the rest are drawn."""
+"""Maximum number of marks in a figure; of more, the largest and an even selection of the others are
+drawn."""
 
 AXES = ["dx_m", "dy_m", "dz_m"]
 
 
 def _rms(values: pd.Series[float]) -> float:
-    """Root mean square of what is finite, NaN if nothing is."""
+    """Root mean square of the finite values; NaN without any."""
     numbers = np.asarray(values, dtype=float)
     known = numbers[np.isfinite(numbers)]
     return rms(known) if len(known) else float("nan")
 
 
 def rms_of_poses(table: pd.DataFrame, **columns: str) -> pd.DataFrame:
-    """Rms of each pose [mm]: pose, and for each name that of a column [m]."""
+    """Rms per pose [mm]: pose, and under each given name the rms of a column [m]."""
     mm = table.assign(**{name: MM * table[column] for name, column in columns.items()})
     by_pose: pd.DataFrame = mm.groupby("pose")[list(columns)].agg(_rms)
     return by_pose.reset_index()
@@ -40,7 +41,7 @@ def pose_rms(residuals: pd.DataFrame) -> pd.DataFrame:
 
 
 def residual_force(tables: Tables) -> pd.DataFrame:
-    """Residuals [mm] beside the size of their pull [N]: pose, repeat, target, axis, force_n, mm."""
+    """Residuals [mm] with the force of their pull [N]: pose, repeat, target, axis, force_n, mm."""
     residuals, forces = tables["residuals"], tables["forces"]
     size = np.linalg.norm(forces[["fx_n", "fy_n", "fz_n"]].to_numpy(float), axis=1)
     joined = residuals.merge(
@@ -52,15 +53,15 @@ def residual_force(tables: Tables) -> pd.DataFrame:
 
 @dataclass(frozen=True)
 class Course:
-    """What residuals are held against.
+    """A variable over which residuals are examined.
 
     Attributes:
-        column: Of the rows.
-        name: In words.
-        unit: Its unit.
-        explained: Share of the residuals' variance that means over six steps of it explain, base
-            axes apart.
-        by_chance: The share that pure noise gives so.
+        column: Column of the rows.
+        name: Name in words.
+        unit: Unit.
+        explained: Share of the residuals' sum of squares explained by their means in six classes of
+            the variable, separately for each axis of F_b [1].
+        by_chance: Expected value of this share for pure noise [1].
     """
 
     column: str
@@ -71,14 +72,17 @@ class Course:
 
 
 def courses(tables: Tables, axes: Mapping[int, str]) -> tuple[pd.DataFrame, list[Course]]:
-    """Residuals [mm] beside rail position, torque and time, as far as the campaign has them.
+    """Residuals [mm] with rail position, torque and time, as far as the campaign has them.
 
-    The torque is that of the joint in which the suspect with the most evidence sits; `axes` has the
-    controller's names of the joints, by number.
+    The torque is that of the joint of the suspect with the most evidence among those in a joint.
+
+    Args:
+        tables: Tables of the report.
+        axes: The controller's names of the joints, by number.
 
     Returns:
-        Rows with `mm` (joint springs) and `mm_extended` (identified causes), and what to hold them
-        against.
+        Rows with `mm` (joint springs) and `mm_extended` (with the identified causes), and the
+        variables over which to examine them.
     """
     rows = tables["examined"].assign(
         mm=lambda t: MM * t["residual_m"], mm_extended=lambda t: MM * t["residual_extended_m"]
@@ -97,7 +101,7 @@ def courses(tables: Tables, axes: Mapping[int, str]) -> tuple[pd.DataFrame, list
 
 
 def _suspected(tables: Tables) -> int:
-    """Number of the joint in which the suspect with the most evidence sits, 0 without one."""
+    """Number of the joint of the suspect with the most evidence among those in a joint, or 0."""
     known = suspects(tables["diagnosis"], 60) if has(tables, "diagnosis") else pd.DataFrame()
     best = known.get("where", pd.Series(dtype=str)).astype(str)
     return next((int(where) for where in best if where.isdigit()), 0)
@@ -123,7 +127,13 @@ def _course(rows: pd.DataFrame, column: str, name: str, unit: str) -> Course:
 
 
 def thinned(table: pd.DataFrame, size: Array, most: int = MOST) -> pd.DataFrame:
-    """At most so many rows: a third of them the largest, the others spread evenly, in order."""
+    """At most `most` rows in order: a third are the largest, the others selected evenly.
+
+    Args:
+        table: The rows.
+        size: Size of each row, of which the absolute value counts, shape (n,).
+        most: Maximum number of rows.
+    """
     if len(table) <= most:
         return table
     order = np.argsort(-np.abs(size), kind="stable")
@@ -139,14 +149,14 @@ def finite(table: pd.DataFrame, *columns: str) -> pd.DataFrame:
 
 
 def whitened(residuals: pd.DataFrame) -> Array:
-    """Residuals in standard deviations, the finite ones, shape (M,)."""
+    """Finite whitened residuals, in standard deviations, shape (M,)."""
     return finite(residuals, "whitened")["whitened"].to_numpy(float)
 
 
 def _places(tables: Tables) -> pd.DataFrame:
-    """Where the reflectors are: pose, repeat, target, x, y, z [m], F_b; as measured, or nominal.
+    """Positions of the reflectors in F_b [m]: pose, repeat, target, x, y, z; measured or nominal.
 
-    A campaign that arrived already reduced has no positions of its own.
+    They are nominal if a campaign consists of displacements, without measured positions.
     """
     measured = tables["displacements"].rename(columns={f"zero_{a}_m": a for a in "xyz"})
     if has(tables, "examined") and not np.isfinite(measured["x"].to_numpy(float)).any():
@@ -161,17 +171,19 @@ def suspects(diagnosis: pd.DataFrame, most: int = 12) -> pd.DataFrame:
 
 
 def separability(table: pd.DataFrame, identified: Collection[str] = ()) -> pd.DataFrame:
-    """Causes that show at their typical size or are identified, and sigmas between each two.
+    """Distances in standard deviations between causes that are detectable or identified.
+
+    A cause is detectable if its typical magnitude is at least `DETECTED` standard deviations.
 
     Args:
         table: Table SEPARABILITY.
         identified: Labels of the causes that the answer names.
 
     Returns:
-        Label by label, in the order of the catalogue: on the diagonal how far the cause stands
-        out of the scatter beside the joint springs, elsewhere the smaller of what either leaves
-        when the other is fitted in its place; at typical sizes, and a pair with an identified
-        cause as large as these readings have it. `attrs["found"]` holds the labels of those.
+        Matrix with labels in the order of the catalogue. On the diagonal: significance of the cause
+        in addition to the joint springs; elsewhere: the smaller misfit that either cause leaves if
+        the other is fitted in its place. Magnitudes are typical, except for pairs with an
+        identified cause, which has the magnitude found. `attrs["found"]` lists the labels of these.
     """
     wide = table.pivot_table(index="cause", columns="rival", values="sigmas", sort=False)
     labels = list(dict.fromkeys(table["cause"]))
@@ -187,7 +199,7 @@ def separability(table: pd.DataFrame, identified: Collection[str] = ()) -> pd.Da
 
 
 def _found(table: pd.DataFrame, labels: list[str]) -> Array:
-    """Sigmas at the sizes that these readings give, NaN where no cause is identified."""
+    """Distances at the magnitudes found [standard deviations], NaN where none is identified."""
     if "sigmas_found" not in table:
         return np.full((len(labels), len(labels)), np.nan)
     wide = table.pivot_table(
@@ -200,8 +212,8 @@ def arrows(tables: Tables) -> pd.DataFrame:
     """Residual vector of every reflector under the strongest pull of each pose.
 
     Returns:
-        pose, repeat, target, x, y, z (unloaded position [m], F_b), rx, ry, rz [mm]; empty where the
-        positions are not known.
+        pose, repeat, target, x, y, z (unloaded position in F_b [m]), rx, ry, rz [mm]; reflectors
+        with unknown positions are omitted.
     """
     sized = residual_force(tables)
     strongest = sized.loc[sized.groupby("pose")["force_n"].idxmax(), ["pose", "repeat"]]
@@ -218,7 +230,7 @@ def arrows(tables: Tables) -> pd.DataFrame:
 
 
 def registration_by_target(registration: pd.DataFrame) -> pd.DataFrame:
-    """Per base reflector [mm]: target, readings, mean dx, dy, dz, rms and largest distance."""
+    """Per base reflector: target, readings, mean dx, dy, dz, rms and largest distance [mm]."""
     mm = MM * registration.set_index("target")[AXES].set_axis(["dx", "dy", "dz"], axis=1)
     mm["distance"] = np.linalg.norm(mm, axis=1)
     groups = mm.groupby(level="target")
@@ -228,7 +240,10 @@ def registration_by_target(registration: pd.DataFrame) -> pd.DataFrame:
 
 
 def prediction_error(validation: pd.DataFrame) -> dict[tuple[str, str], Array]:
-    """Sorted relative prediction errors of Eq. (22), mean over targets per validation pose."""
+    """Relative prediction errors of Eq. (22), as means over targets, sorted over validation poses.
+
+    The keys are the set of poses and the distribution from which stiffnesses are drawn.
+    """
     per_pose = validation.groupby(["set", "draw", "index"])["mu"].mean()
     drawn = validation[["set", "draw"]].drop_duplicates().itertuples(index=False, name=None)
     pairs = sorted(drawn, key=lambda pair: (pair[1], pair[0] == "global"))

@@ -1,4 +1,4 @@
-"""What sources of uncertainty and suspects are called, and how large errors are, in words."""
+"""Names of sources of uncertainty and of suspects, and sizes of errors, in words."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ SOURCES = {
 }
 
 _SHOWN_IN = {"m": (1e3, "mm"), "rad": (1e3, "mrad"), "N": (1.0, "N"), "1": (1.0, "σ")}
-"""In which unit the size of an error is read."""
+"""Factor and unit in which the size of an error is printed, by SI unit."""
 
 
 def parameter(answer: Answer, name: str) -> str:
@@ -48,16 +48,16 @@ def source(name: str) -> str:
 
 
 def size(value: float, unit: str) -> str:
-    """The size of an error in the unit that people read it in."""
+    """The size of an error in its usual unit; `none` if it is not finite."""
     factor, shown = _SHOWN_IN[unit]
     return f"{plain(factor * value)} {shown}" if known(value) else "none"
 
 
 def axes_of(robot: Robot) -> Axes:
-    """Those of a robot that no answer is about yet."""
+    """Axes of the controller by number of the joint, for a robot without an answer."""
     return {joint: axis for joint, axis in enumerate(alone(robot), 1) if axis}
 
 
 def from_twins(text: str, axes: Axes) -> str:
-    """Causes that nothing tells apart, `joint_tilt:7 = tool_flex`, in words."""
+    """Twins, `joint_tilt:7 = tool_flex`, in words."""
     return " = ".join(from_label(label, axes) for label in text.split(" = "))

@@ -1,1 +1,1 @@
-"""What leaves the pipeline: result.json as the campaign contract words it, and result tables."""
+"""Results of the pipeline: result.json as defined by its contract, and result tables."""

@@ -1,4 +1,4 @@
-"""Parameters of causes with their sizes, in the units that people read them in."""
+"""Parameters of causes with their sizes, in the units that people use for them."""
 
 from __future__ import annotations
 
@@ -8,17 +8,17 @@ from pipeline.answer.contract import Amplitude, Cause
 from pipeline.base.quantities import MISSING, common_prefix, known, prefixed, scaled, with_std
 
 _UNITS = {"m/s": (1e-6 / 3600, "µm/h"), "rad/s": (1e-6 / 3600, "µrad/h"), "1": (0.01, "%")}
-"""Units that people do not read as they are computed: size of the one shown, and its name."""
+"""Size in SI and name of the unit shown, for units that are not shown as computed."""
 
 _BARE = ("degrees_of_freedom", "size")
-"""Parameters that are no shares where they have no unit."""
+"""Dimensionless parameters that are not shares, so that they are not printed in percent."""
 
 _WHOLE = ("kg", "s")
-"""Units that take no prefix."""
+"""Units that are shown without a prefix."""
 
 
 def amount(one: Amplitude) -> str:
-    """`51.5 ± 3.8 nrad/(N·m)`."""
+    """A parameter with its standard uncertainty, `51.5 ± 3.8 nrad/(N·m)`."""
     if not known(one.value):
         return MISSING
     factor, unit = _shown_in(one)
@@ -26,7 +26,7 @@ def amount(one: Amplitude) -> str:
 
 
 def _shown_in(one: Amplitude) -> tuple[float, str]:
-    """The size of the unit shown, and its name."""
+    """Size in SI and name of the unit in which a parameter is shown."""
     if one.unit in _WHOLE or (one.unit == "1" and one.name in _BARE):
         return 1.0, one.unit.removeprefix("1")
     if one.unit in _UNITS:

@@ -1,4 +1,4 @@
-"""Finished answers: which there are, the one before, and the tables that their reports show."""
+"""Finished answers of campaigns, the one of the previous campaign, and the tables of reports."""
 
 from __future__ import annotations
 
@@ -50,7 +50,7 @@ _SHOWN = {
     "posture": "73_posture",
     "path": "63_path",
 }
-"""Tables that a report shows, and the files they are kept in."""
+"""Names of the tables that a report shows, and of the files in which they are kept."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,9 +58,9 @@ class Finished:
     """A campaign with its answer.
 
     Attributes:
-        campaign: Which.
-        answer: As its last finished run wrote it.
-        digest: SHA-256 of the result.json that the answer was read from.
+        campaign: The campaign.
+        answer: Its answer as written by the last finished run.
+        digest: SHA-256 of the result.json from which the answer was read.
     """
 
     campaign: CampaignFolder
@@ -69,24 +69,24 @@ class Finished:
 
 
 def read(campaign: CampaignFolder) -> Answer:
-    """The answer of a campaign, as its last finished run wrote it.
+    """The answer of a campaign as written by its last finished run.
 
     Raises:
-        UsageError: There is none, or an earlier version wrote it without what is needed now.
+        UsageError: There is none, or that of an earlier version lacks what is now required.
     """
     return with_digest(campaign).answer
 
 
 def with_digest(campaign: CampaignFolder) -> Finished:
-    """A campaign with its answer, and what tells it from any other.
+    """A campaign with its answer and the digest that identifies it.
 
     Raises:
-        UsageError: There is no answer, or an earlier version wrote it without what is needed now.
+        UsageError: There is no answer, or that of an earlier version lacks what is now required.
     """
     try:
         written = campaign.result_text()
         content = _brought_up_to_date(json.loads(written))
-        # a key that only another version knows is left out
+        # keys that only another version knows are ignored
         answer = Answer.model_validate(content, strict=False, extra="ignore")
         return Finished(campaign, answer, files.sha256(written))
     except (ValueError, LookupError, TypeError, AttributeError, OSError, RecursionError) as problem:
@@ -97,15 +97,14 @@ def with_digest(campaign: CampaignFolder) -> Finished:
 
 
 def done(campaign: CampaignFolder, key: str) -> Answer | None:
-    """The answer of an earlier run with the same key whose outputs are all intact."""
+    """The answer of an earlier run with the same key and intact outputs; None without one."""
     return read(campaign) if campaign.done(key) else None
 
 
 def _brought_up_to_date(content: dict[str, Any]) -> dict[str, Any]:
-    """result.json as this version words it, from one that an earlier version may have written.
+    """Convert the content of a result.json, possibly of an earlier version, to this version.
 
-    Once there were no values but those of the joint springs, and no stiffness said by itself
-    which joint of the robot it is of.
+    Early versions had values of the joint springs only, and no name of the joint in a stiffness.
     """
     alone = {name: content[name] for name in contract.Values.model_fields}
     extended = content.get("extended")
@@ -119,7 +118,7 @@ def _brought_up_to_date(content: dict[str, Any]) -> dict[str, Any]:
 
 
 def _joint_springs_alone(verdict: Verdict) -> dict[str, Any]:
-    """Which values an answer stood for when there were no others."""
+    """Recommendation of an early version, which had values of the joint springs only."""
     row = row_of(Reason.ADEQUATE if verdict is Verdict.ADEQUATE else Reason.UNEXPLAINED)
     alone = {"model": row.model, "data": row.data, "reason": row.reason, "why": BECAUSE[row.reason]}
     return {**alone, "hypotheses": [{"weight": 1.0, "causes": []}]}
@@ -131,12 +130,12 @@ def _joints_named(values: dict[str, Any]) -> dict[str, Any]:
 
 
 def finished(root: Path, tell: Callable[[str], object] = str) -> list[Finished]:
-    """Campaigns with a result that counts, by name; their raw folders may be gone.
+    """Campaigns with a finished result, sorted by name; their raw folders may no longer exist.
 
     Args:
-        root: The project's root.
-        tell: Hears a sentence on each campaign that is left out because this version cannot read
-            its result.
+        root: Root of the project.
+        tell: Called with a sentence on each campaign that is omitted because this version cannot
+            read its result.
     """
     out = []
     for campaign, _ in _with_manifest(root):
@@ -151,15 +150,15 @@ def _with_manifest(root: Path) -> Iterator[tuple[CampaignFolder, dict[str, Any]]
     for path in sorted((root / "reports").glob("*/result.json")):
         campaign = CampaignFolder(root, root / "data" / "raw" / path.parent.name)
         manifest = campaign.manifest()
-        if manifest is not None:  # a campaign that was run by path lies elsewhere
+        if manifest is not None:  # the folder of a campaign that was run by path is elsewhere
             yield CampaignFolder(root, root / manifest.get("source", campaign.folder)), manifest
 
 
 def earlier(campaign: CampaignFolder, answer: Answer) -> Answer | None:
-    """The answer of the same robot's campaign before this one, as far as it is finished.
+    """The answer to the same robot's previous finished campaign; None without one.
 
-    Only campaigns are read that can be it by their manifests, the last day first, not the hundreds
-    of a whole plant.
+    Candidates are chosen by their manifests, and read from the latest day backwards, to avoid
+    reading the hundreds of campaigns of a whole plant.
     """
     by_day: dict[str, list[CampaignFolder]] = {}
     for other, manifest in _with_manifest(campaign.root):
@@ -185,11 +184,11 @@ def _readable(campaigns: list[CampaignFolder]) -> list[Answer]:
 
 
 _LONG_AGO = "0000"
-"""In place of a date that an earlier version did not note."""
+"""Date assumed for a manifest of an earlier version, which did not contain one."""
 
 
 def about(answer: Answer) -> dict[str, str | None]:
-    """What the manifest says of an answer, so that `earlier` need not read it."""
+    """Entries of the manifest by which `earlier` selects campaigns without reading answers."""
     return _machine(answer) | {"measured": answer.measured}
 
 
@@ -198,28 +197,30 @@ def _machine(answer: Answer) -> dict[str, str | None]:
 
 
 _TOGETHER, _REFRESH = "pipeline.fleet.pages:together", "pipeline.fleet.pages:refresh"
-"""What all campaigns say together is the fleet's to say."""
+"""Doors of the fleet, which evaluates all campaigns together."""
 
 
 def together(answer: Answer, root: Path) -> str | None:
-    """What a campaign's page says of its robot's campaigns together, as known by now.
+    """Sentence on all campaigns of the answer's robot together, as known so far.
 
-    None where nobody says it, so that the page compares with the campaign before.
+    None if the fleet is not installed or states nothing; the page then compares with the previous
+    campaign.
     """
     return opened(_TOGETHER)(answer, root) if is_there(_TOGETHER) else None
 
 
 def refresh(root: Path) -> Path | None:
-    """Bring the page over all campaigns up to date; None where there is none, or nobody draws it.
+    """Bring the page over all campaigns up to date, and the parts of reports on other campaigns.
 
-    Each report is brought up to date with it, as far as it speaks of other campaigns.
+    Returns:
+        Path of the page; None if there is no campaign or the fleet is not installed.
     """
     page: Path | None = opened(_REFRESH)(root) if is_there(_REFRESH) else None
     return page
 
 
 def mark(before: Answer | None) -> str | None:
-    """What of the previous campaign a report depends on, in short."""
+    """Digest of the part of the previous answer on which a report depends; None without one."""
     if before is None:
         return None
     stiffness = [joint.model_dump(mode="json") for joint in before.stiffness]
@@ -227,7 +228,7 @@ def mark(before: Answer | None) -> str | None:
 
 
 def shown(campaign: CampaignFolder) -> dict[str, pd.DataFrame]:
-    """The tables of a report, as the run left them."""
+    """The tables of a report as kept by the run, by name."""
     paths = {name: campaign.processed / f"{file}.parquet" for name, file in _SHOWN.items()}
     return {name: tables.frame(parquet.read(p)) for name, p in paths.items() if p.is_file()}
 
@@ -235,12 +236,12 @@ def shown(campaign: CampaignFolder) -> dict[str, pd.DataFrame]:
 def look_of(
     dress: Callable[[Mapping[str, Any], Facts], Look], said: Mapping[str, Any], of: Answer
 ) -> Look:
-    """How a campaign's certificate looks, with what a line of the house may say of it.
+    """Appearance of a campaign's certificate, with the facts that lines of the house may quote.
 
     Args:
-        dress: Of `looks`, for its project.
-        said: What campaign.toml says of it, as the manifest keeps it.
-        of: Its answer.
+        dress: Result of `looks` for the project.
+        said: Language and fields stated in campaign.toml, as kept in the manifest.
+        of: The answer.
     """
     worst = of.tolerance.worst if of.tolerance else None
     facts = {

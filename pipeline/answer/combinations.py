@@ -1,4 +1,4 @@
-"""`combinations`: what is determined of several joints together, and what would part them."""
+"""`combinations`: determined combinations of compliances, and how to separate their members."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.system.combinations import Motion, parting
 
 
 def combination_entries(values: ModelValues) -> tuple[Combination, ...]:
-    """One record per direction that the data determine of joints that they do not part."""
+    """One record per combination that is determined of joints that are not determined singly."""
     fitted, n = values.fitted, values.fitted.case.robot.n
     alone = values.found.identifiable[:n]
     if n - int(alone.sum()) < 2:
@@ -41,7 +41,7 @@ def combination_entries(values: ModelValues) -> tuple[Combination, ...]:
 
 
 def _needs(robot: Robot, motion: Motion) -> str:
-    """What would tell the members of a combination apart best."""
+    """The motion of a joint that would best separate the members of a combination, in words."""
     joint, unit = robot.joints[motion.joint], "deg"
     to, low, high = (float(np.rad2deg(one)) for one in (motion.to, motion.low, motion.high))
     if joint.prismatic:
@@ -52,7 +52,7 @@ def _needs(robot: Robot, motion: Motion) -> str:
 
 
 def told(combinations: Sequence[Combination]) -> list[str]:
-    """Each combination in two sentences to act on."""
+    """Two sentences per combination: what is determined, and how to separate its members."""
     return [
         f"{listed(one.of)} cannot be distinguished: of their compliances these poses determine "
         f"{one.formula} = {bracketed(one.value, one.std)} {one.unit}. What "

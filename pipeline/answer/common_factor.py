@@ -1,4 +1,4 @@
-"""One factor on all stiffnesses against those of the robot file: the fact, and the sentence."""
+"""A common factor of all stiffnesses relative to the robot file: the fact, and the sentence."""
 
 from __future__ import annotations
 
@@ -12,15 +12,16 @@ from pipeline.machine.robot import Robot
 from pipeline.system.specimen import SURE, common, told
 
 _FEWEST = 2
-"""One joint alone may be another one than the file has."""
+"""Minimum number of joints for a common factor; the ratio of a single joint may have other
+reasons."""
 
 
 def common_factor(robot: Robot, joints: Sequence[Stiffness]) -> CommonFactor | None:
-    """The factor that all stiffnesses have in common, where it is more than a specimen's.
+    """The common factor of all stiffnesses, if it exceeds the variation between specimens.
 
     Args:
-        robot: What its file says of each joint.
-        joints: The stiffnesses that the answer gives.
+        robot: The robot, with the stiffnesses stated in its file.
+        joints: The stiffnesses of the answer.
     """
     both = [
         (float(one.value), one.std or 0.0, joint)
@@ -39,7 +40,7 @@ def common_factor(robot: Robot, joints: Sequence[Stiffness]) -> CommonFactor | N
 
 
 def told_factor(fact: CommonFactor | None) -> list[str]:
-    """A sentence where the stiffnesses are as many times those of the file."""
+    """A sentence on the common factor; none without one."""
     if fact is None:
         return []
     low, high = (plain(end, 2) for end in fact.ci95)

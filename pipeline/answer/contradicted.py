@@ -1,4 +1,4 @@
-"""Entries of campaign.toml that the readings contradict: the sentences, of `check` and of `run`."""
+"""Entries of campaign.toml that the readings contradict: sentences for `check` and `run`."""
 
 from __future__ import annotations
 
@@ -12,10 +12,10 @@ from pipeline.reduction.case import Case
 
 
 def entry_findings(case: Case, text: str) -> list[str]:
-    """A sentence for an entry that is wrong, with its line; several where it is left open.
+    """A sentence on a wrong entry, with its line; one per candidate if several are possible.
 
     Args:
-        case: The campaign without what is wrong in its readings.
+        case: The campaign, with the mistakes in its readings corrected.
         text: Its campaign.toml.
     """
     if case.settings.tracker is None:
@@ -28,7 +28,7 @@ def entry_findings(case: Case, text: str) -> list[str]:
 
 
 def contradicted(text: str, one: Entry, found: Sequence[Entry]) -> str:
-    """What the readings have against an entry, and the way out."""
+    """How the readings contradict an entry, and what to do."""
     if not one.names:
         return f"[{one.table}] is in {one.unit}, as the distances as read show; write it in metres"
     if len(one.names) == 2:
@@ -48,5 +48,5 @@ def contradicted(text: str, one: Entry, found: Sequence[Entry]) -> str:
 
 
 def in_mm(metres: float) -> str:
-    """A length [m] in mm, in three digits."""
+    """A length [m] in mm, to three significant digits."""
     return f"{in_digits(1e3 * metres, 3)} mm"

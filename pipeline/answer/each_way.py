@@ -1,4 +1,4 @@
-"""A joint with a stiffness each way of its torque, in words of the controller."""
+"""A joint with a stiffness for each sign of its torque, by the controller's name of the axis."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pipeline.base.quantities import common_prefix, prefixed, scaled, with_std
 def told(joint: Stiffness) -> str:
     """`A3 (k_theta4) is 2.40 ± 0.02 MN·m/rad where the pull turns A3 towards plus, 1.50 ...`.
 
-    Nothing of a joint with one stiffness.
+    Empty for a joint with one stiffness.
     """
     both = joint.by_sign
     if both is None:
@@ -25,7 +25,7 @@ def told(joint: Stiffness) -> str:
 
 
 def beside(joint: Stiffness) -> str:
-    """`; 1.500 ± 0.010 MN·m/rad the other way`, beside the stiffness at the test pose."""
+    """`; 1.500 ± 0.010 MN·m/rad the other way`, to follow the stiffness at the test pose."""
     both = joint.by_sign
     if both is None:
         return ""
@@ -34,7 +34,7 @@ def beside(joint: Stiffness) -> str:
 
 
 def _size(one: OneWay, joint: Stiffness) -> str:
-    """`2.400 ± 0.020 MN·m/rad`, or that these pulls do not determine it."""
+    """`2.400 ± 0.020 MN·m/rad`, or `not determined`."""
     if one.value is None:
         return "not determined"
     factor, letter = common_prefix([one.value])
@@ -43,7 +43,7 @@ def _size(one: OneWay, joint: Stiffness) -> str:
 
 
 def _way(one: OneWay, joint: Stiffness) -> str:
-    """`A3 towards plus`; `joint 4 in its positive sense` without an axis of the controller."""
+    """`A3 towards plus`, or `joint 4 in its positive sense` without an axis of the controller."""
     if one.axis_turns is not None:
         return f"{joint.axis} towards {one.axis_turns}"
     assert joint.by_sign is not None

@@ -1,4 +1,4 @@
-"""All that a run found out about a campaign, for whoever words the answer."""
+"""Everything that a run found out about a campaign, as input for the answer."""
 
 from __future__ import annotations
 
@@ -21,12 +21,12 @@ from pipeline.system.one_pose import OnePose
 
 @dataclass(frozen=True, eq=False)
 class Told:
-    """One model of the campaign with what is stated of it.
+    """One model of the campaign, as reported.
 
     Attributes:
         values: Its values.
-        model: The machine with them.
-        checked: Table VALIDATION; None where nothing is determined.
+        model: The identified machine with these values.
+        checked: Table VALIDATION; None if nothing is determined.
     """
 
     values: ModelValues
@@ -36,25 +36,27 @@ class Told:
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """All that a run found out about a campaign.
+    """Everything that a run found out about a campaign.
 
     Attributes:
         campaign: Name of the campaign.
-        raw: What its folder holds.
+        raw: Content of its folder.
         given: The joint springs from the data as given.
-        right: The joint springs from the data with every mistake put right; the same without any.
-        diagnosis: What the model misses, mistakes apart.
-        facts: What the verdict follows from, mistakes included.
+        right: The joint springs from the data with every mistake corrected; the same without
+            mistakes.
+        diagnosis: Diagnosis of these data, which does not include mistakes.
+        facts: Facts from which the verdict follows, mistakes included.
         row: Which values the answer gives, and why.
-        told: Those values.
+        told: The recommended values.
         springs: The paper's model on the data as given.
-        extended: The identified causes' own fit, on the data that the answer rests on; None
-            without causes.
+        extended: Estimate of springs and identified causes from the data on which the answer rests;
+            None without causes.
         where: The test pose.
-        control: Table RELIABILITY of those values.
-        carried: Table INFLUENCE of those values.
-        judged: What those values predict where the user asked for it.
-        one_pose: What shows that targets were computed from one pose; None where nobody has to.
+        control: Table RELIABILITY of the recommended values.
+        carried: Table INFLUENCE of the recommended values.
+        judged: Predictions at the test pose and along the path, and their conformity.
+        one_pose: Evidence that all targets of a pose were computed from one pose of the effector;
+            None if not applicable.
     """
 
     campaign: str
@@ -75,10 +77,10 @@ class Findings:
 
     @property
     def mistakes(self) -> tuple[Mistake, ...]:
-        """What is wrong with the data."""
+        """The mistakes in the data."""
         return self.facts.mistakes
 
     @property
     def verdict(self) -> Verdict:
-        """Of the campaign."""
+        """The verdict on the campaign."""
         return verdict(self.facts)

@@ -1,4 +1,4 @@
-"""The robot's table as the unloaded reflectors show it, for result.json."""
+"""DH parameters estimated from the unloaded reflectors, for result.json."""
 
 from __future__ import annotations
 
@@ -18,20 +18,21 @@ from pipeline.machine.robot.letters import letters, nominal
 from pipeline.system.combinations import mixes
 
 KNOWN = 0.5
-"""Variance over that of the prior below which the readings alone know more than the prior does."""
+"""Ratio of posterior to prior variance below which a parameter counts as determined [1]: the
+readings then contribute more information than the prior."""
 
 
 def table_entries(
     robot: Robot, off: Array, variance: Array, rough: Array, before: Array
 ) -> tuple[contract.TableLetter, ...]:
-    """Every geometric parameter that moves the flange against F_b.
+    """Every geometric parameter that moves the flange relative to F_b.
 
     Args:
-        robot: With its table as delivered.
-        off: How far each parameter is from it [m] or [rad], shape (k,).
-        variance: Of that, shape (k,).
-        rough: How rough the table was found to be, for each, shape (k,).
-        before: Standard deviation of each before the data, shape (k,).
+        robot: The robot with its nominal DH parameters.
+        off: Estimated minus nominal parameters [m] or [rad], shape (k,).
+        variance: Variances of the estimates, shape (k,).
+        rough: Prior standard deviation of each parameter as reported, shape (k,).
+        before: Prior standard deviation of each parameter in the estimate, shape (k,).
     """
     every = letters(robot)
     table = nominal(robot, every)
@@ -53,23 +54,24 @@ def table_entries(
 
 
 _HALF = 2.0
-"""A mix is determined if known to half of its typical size: if the readings by themselves know it
-to the uncertainty it had before, as with a single entry and `KNOWN`."""
+"""Typical size of a parameter over its prior standard deviation [1]. A combination is determined if
+known to half of its typical size, that is, if the readings alone determine it as well as the prior,
+the same criterion as `KNOWN` for a single parameter."""
 
 
 def table_combinations(
     entries: Sequence[contract.TableLetter], cov: Array, after: Array, before: Array
 ) -> tuple[contract.TableCombination, ...]:
-    """Every direction that the readings determine of entries that they do not determine singly.
+    """Every combination that the readings determine of entries that they do not determine singly.
 
-    With S = diag(s^2) the covariance of the entries before the readings and C after them, the
-    readings by themselves have the information S^(1/2) C^-1 S^(1/2) - 1 on entries in units of s,
-    whatever the place of the robot, its tool and all else is.
+    With S = diag(s^2) the prior covariance of the entries and C their posterior covariance, the
+    readings alone have the information S^(1/2) C^-1 S^(1/2) - 1 on the entries in units of s, with
+    the base frame, the tool and all other parameters unknown.
 
     Args:
-        entries: All of the table, in its order.
-        cov: Covariance of their errors as stated [m] or [rad], shape (k, k).
-        after: C, on the same roughness of the table as `before`, shape (k, k).
+        entries: All entries, in the order of the DH parameters.
+        cov: Covariance of the estimates as reported [m] or [rad], shape (k, k).
+        after: C, for the priors `before`, shape (k, k).
         before: s, shape (k,).
     """
     one, size = np.eye(len(before)), _HALF * before
@@ -104,7 +106,7 @@ def _combination(
 def estimated_combinations(
     stood: UnloadedFacts, entries: Sequence[contract.TableLetter]
 ) -> tuple[contract.TableCombination, ...]:
-    """What is determined of several entries together, in a campaign of pulls."""
+    """Determined combinations of DH parameters of a campaign of pulls; empty without estimates."""
     if (found := stood.cells) is None:
         return ()
     at, best = found.zeros.columns.table, found.best
@@ -114,7 +116,7 @@ def estimated_combinations(
 
 
 def estimated_table(stood: UnloadedFacts) -> tuple[contract.TableLetter, ...]:
-    """The table of a campaign of pulls; empty where too few reflectors were read unloaded."""
+    """DH parameters of a campaign of pulls; empty if too few reflectors were read unloaded."""
     found = stood.cells
     if found is None:
         return ()
@@ -135,7 +137,7 @@ def estimated_table(stood: UnloadedFacts) -> tuple[contract.TableLetter, ...]:
 
 
 def misshapen_findings(stood: UnloadedFacts) -> list[str]:
-    """Poses without a pull that tell nothing of the table."""
+    """Sentence on unloaded poses left out because the distances of their reflectors differ."""
     found = () if stood.cells is None else stood.cells.zeros.misshapen.tolist()
     if not found:
         return []
@@ -149,13 +151,13 @@ def misshapen_findings(stood: UnloadedFacts) -> list[str]:
 
 
 def _shared(stood: UnloadedFacts) -> set[str]:
-    """Entries of which only the sum with a twin is known."""
+    """Labels of entries that cannot be distinguished from a twin."""
     pairs = [one for one in stood.causes if one.twins]
     return {effect.label for one in pairs for effect in (one.effect, *one.twins)}
 
 
 def with_positions(values: contract.Values, stood: UnloadedFacts) -> contract.Values:
-    """Values with how far left-out poses' unloaded reflectors are from that table's prediction."""
+    """Values with the held-out error of unloaded positions, predicted by the estimated geometry."""
     if stood.gain is None or values.validation is None:
         return values
     off = 1e3 * np.linalg.norm(stood.gain.after.reshape(-1, 3), axis=1)

@@ -1,4 +1,4 @@
-"""One campaign beside another: which came before, and what of their stiffnesses differs."""
+"""Comparison of campaigns: which one is the previous, and which stiffnesses have changed."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pipeline.answer.contract import Answer, Stiffness
 NO_SCATTER: Mapping[str, float] = MappingProxyType({})
 
 SURE = 0.01
-"""Probability of a false alarm over all joints of a robot together."""
+"""False-alarm probability over all joints of a robot together [1]."""
 
 
 @dataclass(frozen=True)
@@ -22,13 +22,14 @@ class Change:
     """One stiffness in two campaigns, or in two models.
 
     Attributes:
-        name: `k_theta2`.
-        before: Stiffness [unit of the joint], None where there is none.
-        after: As before.
-        percent: Change of the stiffness in percent of before, None where one is missing.
-        percent_std: Its standard uncertainty, the two being independent.
-        sigmas: Change of the compliance in standard uncertainties of the difference.
-        sure: More than chance explains, all joints considered.
+        name: Name, `k_theta2`.
+        before: First stiffness [unit of the joint]; None if it has no value.
+        after: Second stiffness, likewise.
+        percent: Change relative to `before` [%]; None if one is missing.
+        percent_std: Standard uncertainty of `percent` for independent campaigns, else None.
+        sigmas: Change of the compliance in standard uncertainties of the difference; None where it
+            is not tested.
+        sure: Whether the change is significant at `SURE` for all joints together.
     """
 
     name: str
@@ -41,28 +42,28 @@ class Change:
 
 
 def ordered(answers: Iterable[Answer]) -> list[Answer]:
-    """By date, undated ones last, then by name."""
+    """Sort answers by date, undated ones last, and then by name."""
     return sorted(answers, key=lambda one: (one.measured or "9999", one.campaign))
 
 
 def trusted(answer: Answer) -> bool:
-    """Whether a campaign's stiffnesses, with their uncertainties, may tell a change."""
+    """Whether a campaign's stiffnesses and uncertainties are valid for comparisons."""
     return answer.recommended.reason.holds_for_its_readings
 
 
 def alike(a: Answer, b: Answer) -> bool:
-    """Whether the stiffnesses of two campaigns say the same of a machine.
+    """Whether the stiffnesses of two campaigns are comparable.
 
-    From the arm's own weight they are as wrong as the masses of the robot file, from pulls as the
-    scale: what one has more than the other is no change of the machine.
+    Those from the arm's own weight have the relative error of the masses in the robot file, those
+    from pulls that of the scale; a difference between the two kinds is not a change of the machine.
     """
     return a.of_positions == b.of_positions
 
 
 def previous(answer: Answer, answers: Iterable[Answer]) -> Answer | None:
-    """The last campaign of the same machine that was measured earlier; None if nothing tells.
+    """The last comparable campaign of the same machine that was measured earlier, or None.
 
-    A campaign whose model does not explain its readings does not count, nor one of another kind.
+    Undated campaigns and campaigns whose values are not valid (`trusted`) do not count.
     """
     now = answer.measured
     earlier = [
@@ -77,22 +78,22 @@ def previous(answer: Answer, answers: Iterable[Answer]) -> Answer | None:
 
 
 def precedes(day: str | None, now: str | None) -> bool:
-    """Whether a campaign was measured before another, by their dates; not where one has none."""
+    """Whether a campaign was measured before another by their dates; False if one has none."""
     return bool(day and now) and str(day) < str(now)
 
 
 def of_one_day(a: Answer, b: Answer) -> bool:
-    """Whether two campaigns are of one day, between which nothing is scatter from day to day."""
+    """Whether two campaigns are of one day, so that day-to-day scatter does not apply."""
     return bool(a.measured and b.measured) and day_of(a) == day_of(b)
 
 
 def day_of(answer: Answer) -> str:
-    """The day of a campaign, of the time of its first reading."""
+    """The day of a campaign, from the date or time of its answer."""
     return str(answer.measured)[:10]
 
 
 def compliance(joint: Stiffness) -> tuple[float, float] | None:
-    """Compliance and its standard uncertainty, None where the campaign does not determine it."""
+    """Compliance and its standard uncertainty; None if the campaign does not determine it."""
     value, std = joint.compliance, joint.compliance_std
     if value is None or std is None or std <= 0 or not joint.identifiable:
         return None
@@ -105,17 +106,17 @@ def changes(
     independent: bool = True,
     scatter: Mapping[str, float] = NO_SCATTER,
 ) -> list[Change]:
-    """Joint by joint, how two lists of stiffnesses differ.
+    """Differences between two lists of stiffnesses, joint by joint.
 
-    Compliances are compared, because their errors are normal. Two models of one campaign share
-    its errors: what they differ by is then not tested (`independent` False).
+    Compliances are tested, because their errors are normally distributed. Two models of one
+    campaign share its errors, so that their differences are not tested (`independent` False).
 
     Args:
-        before: Of the first.
-        after: Of the second.
-        independent: Whether they share no errors.
-        scatter: What a stiffness differs by from day to day [1], by name, between two days of a
-            robot whose campaigns tell it.
+        before: Stiffnesses of the first campaign or model.
+        after: Stiffnesses of the second.
+        independent: Whether the two share no errors.
+        scatter: Relative standard deviation of a stiffness from day to day [1], by name, if known
+            from the campaigns of the robot.
     """
     pairs = {joint.name: joint for joint in before}
     both = [
@@ -129,9 +130,9 @@ def changes(
 
 
 def _on_side_of(before: Stiffness, after: Stiffness) -> Stiffness:
-    """The later of two with its stiffness on the side of the torque that the earlier one has.
+    """The later stiffness, for the sign of the torque to which the earlier one refers.
 
-    The test poses of two campaigns may turn a joint differently.
+    The load may turn a joint differently at the test poses of the two campaigns.
     """
     mine, its = before.by_sign, after.by_sign
     if mine is None or its is None or mine.value_of == its.value_of:
@@ -156,7 +157,7 @@ def _change(a: Stiffness, b: Stiffness, limit: float, independent: bool, scatter
 
 
 def _on_a_day(found: tuple[float, float] | None, scatter: float) -> tuple[float, float] | None:
-    """A compliance with the uncertainty of what it is on any day."""
+    """A compliance, with the day-to-day scatter [1] added to its standard uncertainty."""
     return found and (found[0], float(np.hypot(found[1], scatter * found[0])))
 
 

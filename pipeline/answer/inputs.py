@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from datetime import date
 
 import numpy as np
@@ -22,6 +22,7 @@ from pipeline.machine.effects.tracker_drift import GROUP_S
 from pipeline.machine.instrument import near, sheet
 from pipeline.machine.robot import configure
 from pipeline.machine.room import accepted
+from pipeline.reduction._shots import Lost
 from pipeline.reduction.case import Case
 from pipeline.reduction.digits import division, rounding
 from pipeline.reduction.forces import reading_std
@@ -58,6 +59,17 @@ def rejected_entries(rejected: pd.DataFrame) -> tuple[Rejected, ...]:
     return tuple(
         Rejected(file=file, line=None if pd.isna(line) else int(line), reason=reason)
         for file, line, reason in rejected[["file", "line", "reason"]].itertuples(index=False)
+    )
+
+
+def lost_told(lost: Lost) -> Iterator[str]:
+    """How many readings were left out, and which poses as a whole."""
+    if not lost.readings:
+        return
+    poses = f"pose{'s' * (len(lost.poses) > 1)} {listed(map(str, lost.poses))}"
+    yield (
+        f"{lost.readings} of {lost.of} readings {'were' if lost.readings > 1 else 'was'} left out"
+        f"{f', all of {poses}' if lost.poses else ''}; see Rejected rows for file and line of each."
     )
 
 

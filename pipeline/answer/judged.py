@@ -1,4 +1,4 @@
-"""What is predicted where the user asked for it, and what ISO 14253-1 decides of it."""
+"""Predicted deflections at the test pose and along the path, and conformity by ISO 14253-1."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ def pose_entry(robot: Robot, where: Where, found: JudgedTolerance) -> TestPose:
 
 
 def axis_values(robot: Robot, q: Array) -> tuple[AxisValue, ...]:
-    """Where the controller's axes stand, or the joints where the robot file maps none."""
+    """Values of the controller's axes [m] or [deg], or of the joints if the file maps no axes."""
     of = axes.of(robot)
     values = of.values(q[None])[0]
     return tuple(
@@ -48,7 +48,7 @@ def axis_values(robot: Robot, q: Array) -> tuple[AxisValue, ...]:
 def tolerance_entry(
     asked: settings.ToleranceSettings | None, where: Where, found: JudgedTolerance
 ) -> contract.Tolerance | None:
-    """What is decided; None where campaign.toml has no tolerance."""
+    """Conformity with the tolerance; None if campaign.toml states none."""
     if asked is None:
         return None
     here = found.at.decisions(asked.deflection_mm / MM)[0]
@@ -61,7 +61,7 @@ def tolerance_entry(
 
 
 def path_findings(asked: contract.Tolerance | None, pulled: tuple[float, float]) -> list[str]:
-    """A sentence where a path asks for other forces [N] than the campaign pulled with."""
+    """A sentence if the path's forces [N] exceed those of the pulls or are far below them."""
     path = None if asked is None else asked.path
     force = None if path is None else path.force_n
     return [] if force is None else beside_pulls(np.array(force), pulled)
@@ -83,7 +83,7 @@ def _path(file: str, rows: pd.DataFrame) -> JudgedPath:
 
 
 def _stretch(rows: pd.DataFrame, decision: Decision) -> Stretch:
-    """Points of which the same is decided; the numbers are those of the largest deflection."""
+    """Consecutive points with the same decision; the values are those of the largest deflection."""
     worst = rows.iloc[int(rows["deflection_m"].argmax())]
     pose = rows["pose"].tolist()
     return Stretch(
@@ -98,6 +98,6 @@ def _stretch(rows: pd.DataFrame, decision: Decision) -> Stretch:
 
 
 def _worst(decisions: Sequence[Decision]) -> Decision:
-    """Of a whole path: it fails where a point does, and passes where every point does."""
+    """Decision on a whole path: it fails if any point fails, and passes if every point passes."""
     order = (Decision.FAIL, Decision.UNDECIDED, Decision.PASS)
     return next(one for one in order if one in decisions)

@@ -1,4 +1,4 @@
-"""Numbers as result.json holds them."""
+"""Rms values as given in result.json."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ def rms_mm(values: Array) -> float:
 
 
 def left_out_m(residuals: Array) -> float | None:
-    """The same [m] of cross-validation residuals that other poses determine; None without any."""
+    """Rms [m] of the cross-validation residuals that other poses determine; None without any."""
     known = residuals[np.isfinite(residuals)]
     return linear.rms(known) if len(known) else None
 
 
 def left_out_mm(residuals: Array) -> float | None:
-    """The same in mm."""
+    """Rms [mm] of the cross-validation residuals that other poses determine; None without any."""
     rms = left_out_m(residuals)
     return None if rms is None else 1e3 * rms

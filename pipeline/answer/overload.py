@@ -1,4 +1,4 @@
-"""A force that is many times what the robot carries: the fact, and the sentence."""
+"""A force of many times the robot's payload: the fact, and the sentence."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.machine.robot import Robot, rating
 
 
 def overload_entry(robot: Robot, pulls: Pulls) -> Overload | None:
-    """The hardest pull, where the robot would not hold it; None where nobody says what it holds."""
+    """The strongest pull, if the robot could not hold it; None also if no payload is stated."""
     force = np.linalg.norm(pulls.force, axis=1)
     if not len(force):
         return None
@@ -29,7 +29,7 @@ def overload_entry(robot: Robot, pulls: Pulls) -> Overload | None:
 
 
 def overloaded(fact: Overload | None) -> list[str]:
-    """A sentence where a force is many times what the robot carries."""
+    """A sentence on an overload; none without one."""
     if fact is None:
         return []
     return [

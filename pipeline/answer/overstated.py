@@ -1,4 +1,4 @@
-"""Stated noise that the readings contradict from below: the sentence."""
+"""Sentences on stated noise that is larger than the scatter of the readings."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.system.variance import Components
 
 
 def overstated(settings: Settings, found: Components) -> list[str]:
-    """A sentence for each noise that is stated far larger than the readings scatter."""
+    """A sentence on each noise component that is stated much larger than the scatter found."""
     return [
         _TOLD[found.name[i]](settings, float(found.scale[i]))
         for i in np.flatnonzero(found.smaller).tolist()
@@ -52,7 +52,7 @@ _TOLD: dict[str, Callable[[Settings, float], str]] = {"tracker": _tracker, "forc
 
 
 def beside_the_beam(found: Beam) -> list[str]:
-    """A sentence where the range is better than the one figure that is stated for all axes."""
+    """A sentence if the scatter along the beam is less than the one value stated for all axes."""
     if not found.better:
         return []
     across = found.across.mean()
@@ -65,4 +65,5 @@ def beside_the_beam(found: Beam) -> list[str]:
 
 
 _SOME = 0.05
-"""From so much of it on a standard uncertainty is another one [1]: nobody states it better."""
+"""Relative difference of two standard uncertainties from which on they are reported as different
+[1]; none is stated more accurately."""

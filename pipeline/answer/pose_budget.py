@@ -1,4 +1,4 @@
-"""Which source makes how much of the uncertainty at the test pose: a budget that adds up."""
+"""Uncertainty budget of the deflection at the test pose; its parts add up to the total."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pipeline.prediction.tolerance import TipDeflection
 from pipeline.system.budget import budget
 
 HELD_OUT = "held_out"
-"""Source of what left-out poses were missed by beyond what the model states."""
+"""Source of the part of the cross-validation error that exceeds the other sources."""
 
 
 def pose_budget(
@@ -27,23 +27,24 @@ def pose_budget(
 ) -> tuple[PosePart, ...]:
     """Contributions to the standard uncertainty u of a deflection, along it; u^2 = sum u_s^2.
 
-    Of hypothesis h with weight w_h, n the direction of the deflection and A_h its derivative by
-    the parameters, source s has
+    For hypotheses h with weight w_h, the direction n of the deflection and its derivative A_h with
+    respect to the parameters, source s contributes
 
         u_s^2 = sum_h w_h n' A_h C_hs A_h' n,   C_hs the part of s in the parameters' covariance.
 
-    What the hypotheses differ by, what undeformed geometry leaves out, and what left-out poses
-    were missed by beyond all these are sources of their own.
+    Sources of their own are the differences between the hypotheses, the neglect of the deflected
+    geometry, and the part of the cross-validation error that exceeds all others.
 
     Args:
-        values: The answer's values, with the systems that they are from.
-        model: What is handed over of them, hypothesis by hypothesis.
+        values: The answer's values, with the systems from which they were estimated.
+        model: The identified model made from them, hypothesis by hypothesis.
         q: Joint values of the pose [m] or [rad], shape (n,).
-        force: Force at the load point [N], F_b, shape (3,).
-        at: The deflection that is predicted there.
+        force: Force at the load point in F_b [N], shape (3,).
+        at: The predicted deflection.
 
     Returns:
-        Largest first [mm]; empty where a stiffness that acts there is not determined.
+        Standard uncertainties by source [mm], the largest first; empty if a stiffness that acts
+        there is not determined.
     """
     u, size = float(at.std[0]), float(at.size[0])
     if not (np.isfinite(u) and size > 0):
@@ -65,24 +66,24 @@ def pose_budget(
 
 
 _ROUNDING = 1e-9
-"""Part of the variance below which it is rounding [1]."""
+"""Share of the variance below which a contribution is rounding error and is omitted [1]."""
 
 
 def _of_parameters(one: Hypothesis, handed: Handed, pull: Pulls, along: Array) -> dict[str, float]:
-    """Variance along a direction [m^2] from each source of error in the parameters."""
+    """Variance of the deflection along a direction [m^2] by source of error of the parameters."""
     cell = replace(handed.at(), equilibrium="undeformed")
     a = along @ jacobian(cell, pull, handed.value).reshape(3, -1)
     mine = of_machine(one.cell)
     own, more = a[: mine.sum()], a[mine.sum() :]
     split = budget(one.system, one.estimate)
     parts = one.ratio**2 * np.einsum("i,sij,j->s", own, split.cov[:, mine][:, :, mine], own)
-    beyond = handed.cov[mine.sum() :, mine.sum() :]  # of laws where they were not taught
+    beyond = handed.cov[mine.sum() :, mine.sum() :]  # of laws outside the range of the readings
     found = dict(zip(split.source.tolist(), parts.tolist(), strict=True))
     return found | {"law": found.get("law", 0.0) + float(more @ beyond @ more)}
 
 
 def _moved(handed: Handed, pull: Pulls) -> tuple[Array, Array]:
-    """Deflection of the load point, and what its geometry leaves out of it [m], both (3,)."""
+    """Deflection of the load point, and its change by the deflected geometry [m], both (3,)."""
     cell = handed.at()
     bent = replace(cell, equilibrium="deformed")
     here, there = (predict(one, pull, handed.value).displacement[0, 0] for one in (cell, bent))

@@ -1,8 +1,7 @@
-"""Which values the answer gives: decided once, read by everything downstream.
+"""Decision on the values that the answer gives, made once for everything downstream.
 
-The first row of `TABLE` whose condition holds decides. Its model is that of the diagnosis where
-this identifies causes, else the joint springs; its data are those without the mistakes that were
-found.
+The first row of `TABLE` whose condition holds decides. Its model is that of the diagnosis if this
+identifies causes, otherwise the joint springs; its data are those with the mistakes corrected.
 """
 
 from __future__ import annotations
@@ -37,17 +36,17 @@ from pipeline.system.system import Estimate
 
 @dataclass(frozen=True)
 class Basis:
-    """All that the decision depends on.
+    """Everything on which the decision depends.
 
     Attributes:
-        mistakes: The data hold a mistake.
-        verdict: Of the diagnosis of the data without it.
-        modelled: Something that the diagnosis identified changes the springs.
-        rivals: Another hypothesis than the identified one counts, too.
-        beside: A cause is in the model beside the springs; without one, the unloaded geometry or
-            the scatter of the scale was corrected.
-        too_small: Causes that are too small to name may act.
-        disagree: Positions and pulls are each explained, by springs that are not the same.
+        mistakes: Whether the data contain a mistake.
+        verdict: Verdict on the data without it.
+        modelled: Whether something that the diagnosis identified changes the springs.
+        rivals: Whether other hypotheses than the identified one have weight, too.
+        beside: Whether the model has a cause in addition to the springs; without one, the unloaded
+            geometry or the scatter of the scale was corrected.
+        too_small: Whether causes that are too small to name may be present.
+        disagree: Whether positions and pulls are each explained, but by different springs.
     """
 
     mistakes: bool
@@ -60,32 +59,32 @@ class Basis:
 
     @property
     def unseen(self) -> bool:
-        """Nothing is wrong, and something too small to name may be."""
+        """Whether the model fits, but causes that are too small to name may be present."""
         return self.verdict == Verdict.ADEQUATE and self.too_small
 
     @property
     def named(self) -> bool:
-        """The diagnosis names causes."""
+        """Whether the verdict names causes, certain or not."""
         return self.verdict in (Verdict.EXPLAINED, Verdict.AMBIGUOUS)
 
     @property
     def causes(self) -> bool:
-        """Causes hold that change the springs."""
+        """Whether causes are named that change the springs."""
         return self.named and self.modelled
 
     @property
     def explained(self) -> bool:
-        """One of them is certain."""
+        """Whether these causes are identified with certainty."""
         return self.causes and self.verdict == Verdict.EXPLAINED
 
     @property
     def unexplained(self) -> bool:
-        """Nothing known explains the readings."""
+        """Whether no known cause explains the readings."""
         return self.verdict == Verdict.UNEXPLAINED
 
     @classmethod
     def of(cls, facts: Facts, diagnosis: Diagnosed) -> Basis:
-        """Those of a campaign, mistakes included."""
+        """Basis of a campaign from its facts, mistakes included, and its diagnosis."""
         found = diagnosis.hypotheses
         beside = bool(found and found[0].effects)
         lost = any(one.hopeless for one in facts.mistakes)
@@ -101,10 +100,10 @@ class DecisionRow:
     """One row of the decision.
 
     Attributes:
-        reason: Its name.
-        model: Whose values.
-        data: From which data: the corrected ones if these hold a mistake, only then.
-        holds: When it applies to such data.
+        reason: Name of the row.
+        model: The model whose values are given.
+        data: Data of the estimate: the corrected ones if and only if the data contain a mistake.
+        holds: Condition under which the row applies to these data.
     """
 
     reason: Reason
@@ -134,7 +133,7 @@ TABLE: tuple[DecisionRow, ...] = (
     DecisionRow(Reason.TOO_SMALL, _AVERAGED, _GIVEN, lambda f: f.unseen),
     DecisionRow(Reason.ADEQUATE, _SPRINGS, _GIVEN, lambda f: f.verdict == Verdict.ADEQUATE),
 )
-"""First match wins."""
+"""Rows of the decision; the first that holds decides."""
 
 
 def row_of(reason: str) -> DecisionRow:
@@ -143,23 +142,23 @@ def row_of(reason: str) -> DecisionRow:
 
 
 def decide(basis: Basis) -> DecisionRow:
-    """The row of `TABLE` that holds."""
+    """The first row of `TABLE` that holds."""
     data = _CORRECTED if basis.mistakes else _GIVEN
     return next(row for row in TABLE if row.data == data and row.holds(basis))
 
 
 @dataclass(frozen=True, eq=False)
 class ModelValues:
-    """Springs and causes of one model with all that is needed to state them.
+    """Springs and causes of one model, with everything needed to report them.
 
     Attributes:
-        fitted: The campaign that they rest on, with its joint springs.
-        hypotheses: Springs with what was identified, the identified causes first; for the joint
-            springs alone these only.
+        fitted: The campaign from which they were estimated, with its joint springs.
+        hypotheses: Hypotheses on the causes with the springs estimated for each, the identified
+            causes first; a single one without causes for the joint springs alone.
         left_out_m: Residuals of each pose when it is left out [m], shape (M,); NaN where the other
             poses do not predict it.
-        where: The test pose, whose side holds where a joint has a stiffness each way; None where
-            no joint can have two.
+        where: The test pose, whose sign of the torque counts for a joint with a stiffness for each
+            sign; None if no joint can have two.
     """
 
     fitted: Fitted
@@ -169,21 +168,21 @@ class ModelValues:
 
     @property
     def first(self) -> Hypothesis:
-        """The identified causes themselves, whose fit and residuals are shown."""
+        """Hypothesis of the identified causes, whose fit and residuals are shown."""
         return self.hypotheses[0]
 
     @property
     def parameters(self) -> tuple[Parameter, ...]:
-        """Of its tables: those of the springs alone where several hypotheses have others."""
+        """Parameters of the result tables; for several hypotheses those of the springs only."""
         return self.first.estimate.parameters[: len(self.found.value)]
 
     @cached_property
     def found(self) -> Estimate | Springs:
-        """Values and uncertainties of the parameters."""
+        """Values and uncertainties of the parameters, averaged over several hypotheses."""
         return self.first.estimate if len(self.hypotheses) == 1 else springs(self.hypotheses)
 
     def model(self, campaign: str, verdict: str, row: DecisionRow) -> handover.IdentifiedModel:
-        """What is handed over of it."""
+        """The identified model for use elsewhere (model.toml)."""
         return handover.IdentifiedModel(
             campaign,
             verdict,
@@ -207,13 +206,13 @@ class ModelValues:
 
 
 def joint_springs(fitted: Fitted) -> ModelValues:
-    """The joint springs and nothing else."""
+    """Values of the joint springs without causes."""
     alone = Hypothesis(1.0, (), fitted.case.cell, fitted.system, fitted.estimate)
     return ModelValues(fitted, (alone,), left_out(fitted.system))
 
 
 def identified(fitted: Fitted, diagnosis: Diagnosed, where: Where) -> ModelValues | None:
-    """Springs with the identified causes; None where these do not change the springs."""
+    """Springs with the identified causes; None if these do not change the springs."""
     if not diagnosis.hypotheses:
         return None
     own = replace(diagnosis.hypotheses[0], weight=1.0)
@@ -221,7 +220,10 @@ def identified(fitted: Fitted, diagnosis: Diagnosed, where: Where) -> ModelValue
 
 
 def standing(fitted: Fitted, diagnosis: Diagnosed) -> Fitted:
-    """The joint springs of the robot as its unloaded reflectors prove it to stand."""
+    """The joint springs with the geometry as estimated from the unloaded reflectors.
+
+    If these do not correct it (`UnloadedFacts.corrects`), the geometry stays nominal.
+    """
     stood, cell = diagnosis.facts.unloaded, fitted.case.cell
     if not stood.corrects:
         return fitted
@@ -233,9 +235,9 @@ def recommend(row: DecisionRow, stands: Fitted, diagnosis: Diagnosed, where: Whe
     """The values that the answer gives.
 
     Args:
-        row: What decides.
-        stands: The joint springs of the robot as it stands, from the data without mistakes.
-        diagnosis: Of these data.
+        row: The decision.
+        stands: The joint springs from the data without mistakes, as returned by `standing`.
+        diagnosis: Diagnosis of these data.
         where: The test pose.
     """
     if row.model == _SPRINGS:
@@ -249,13 +251,13 @@ def recommend(row: DecisionRow, stands: Fitted, diagnosis: Diagnosed, where: Whe
 
 
 def beside_positions(values: ModelValues) -> ModelValues:
-    """The same values with what absolute positions in the same campaign say of springs and table.
+    """The same model estimated together with the absolute positions of the same campaign.
 
-    Errors of left-out poses are those of the joint model too, but for causes, which each fold of
-    the pulls has chosen by itself.
+    The cross-validation residuals of joint springs are then those of the joint estimate. Those with
+    causes are kept, since each fold of the pulls has chosen its causes by itself.
     """
     data, left = values.fitted.data, values.left_out_m
-    springs = not values.first.effects  # beside springs alone stand causes of a usual size
+    springs = not values.first.effects  # further hypotheses then have causes of a usual size
     before = [
         usual(one.effects[0]) if springs and one.effects else None for one in values.hypotheses
     ]
@@ -269,6 +271,9 @@ def beside_positions(values: ModelValues) -> ModelValues:
 
 
 def _left_out(diagnosis: Diagnosed) -> Array:
-    """Cross-validation residuals with the causes, chosen in each fold where these were tested."""
+    """Cross-validation residuals [m] with the causes, which are chosen anew in each fold if tested.
+
+    Shape (M,).
+    """
     tested = any(cause.gain and cause.gain.of == "displacements" for cause in diagnosis.causes)
     return diagnosis.left_out_after_m if tested else left_out(diagnosis.hypotheses[0].system)

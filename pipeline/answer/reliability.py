@@ -1,6 +1,6 @@
-"""Reliability of the readings, by name and line of each; what each pull carries.
+"""Reliability of the readings, with name and line of each, and influence of each pull.
 
-Quantities that people read stand for the estimate: the stiffnesses (to first order their
+The effect of an error is given on quantities of interest: the stiffnesses (to first order their
 compliances), the sizes of the causes, and the deflection at the test pose.
 """
 
@@ -37,19 +37,19 @@ from pipeline.system.system import System
 _AXES = np.array(["x", "y", "z"], dtype=object)
 
 _NONE = 1e-7
-"""An error so much smaller than the largest of its source is rounding [1], such as that of a chain
-along itself: variances carry sixteen digits, their roots eight."""
+"""Ratio to the largest error of the same source up to which an error is rounding [1], such as that
+of a chain's direction along itself: variances have sixteen digits, their roots eight."""
 
 
 @dataclass(frozen=True, eq=False)
 class Asked(Locked):
-    """Linear quantities a' x of a model whose uncertainty people read.
+    """Linear quantities of interest a' x of a model.
 
     Attributes:
-        name: `k_theta2`, `dl_x`, `P1 dz`, shape (q,).
-        of: Their coefficients a, in units of the parameters, shape (q, k); those of the k
-            parameters first.
-        stated: Stiffnesses and deflections, shape (q,).
+        name: Names such as `k_theta2`, `dl_x`, `P1 dz`, shape (q,).
+        of: Coefficients a, shape (q, k); the k parameters themselves come first.
+        stated: Whether each is a stiffness or a deflection, and not a parameter of a cause, shape
+            (q,).
     """
 
     name: Strings
@@ -58,11 +58,11 @@ class Asked(Locked):
 
 
 def _asked(cell: Cell, values: Array, where: Where) -> Asked:
-    """Springs, causes and the deflection at the test pose.
+    """Quantities of interest: springs, causes and the deflection at the test pose.
 
     Args:
-        cell: Joint springs and causes.
-        values: Its parameters, shape (k,).
+        cell: Model of joint springs and causes.
+        values: Values of its parameters, shape (k,).
         where: The test pose.
     """
     flat, n, k = replace(cell, equilibrium="undeformed"), cell.robot.n, len(values)
@@ -77,7 +77,7 @@ def _asked(cell: Cell, values: Array, where: Where) -> Asked:
 
 
 def control(values: ModelValues, where: Where) -> tuple[pd.DataFrame, pd.DataFrame]:
-    """Tables RELIABILITY and INFLUENCE of the likeliest model."""
+    """Tables RELIABILITY and INFLUENCE of the first hypothesis of a model."""
     first, fitted = values.first, values.fitted
     system, x = first.system, first.estimate.value
     about = _asked(first.cell, x, where)
@@ -91,7 +91,7 @@ def control(values: ModelValues, where: Where) -> tuple[pd.DataFrame, pd.DataFra
 
 
 def _influence(system: System, at: Solution, about: Asked) -> pd.DataFrame:
-    """Table INFLUENCE: every pull and every parameter that is determined."""
+    """Table INFLUENCE: effect of every pull on every determined parameter."""
     k, rows = len(system.parameters), system.rows
     known = np.flatnonzero(np.isfinite(at.std[:k]))
     first = np.unique(rows.pull, return_index=True)[1]
@@ -106,7 +106,7 @@ def _influence(system: System, at: Solution, about: Asked) -> pd.DataFrame:
 
 
 def _told(found: Reliability, size: Array, about: Asked) -> dict[str, Array | Strings]:
-    """Columns that hold what was found, errors of a size in its unit."""
+    """Columns of RELIABILITY with the results; `size` is u of each error in its unit, (E,)."""
     moves = found.moves[:, about.stated]
     most = np.argmax(moves, axis=1)
     return {
@@ -121,7 +121,7 @@ def _told(found: Reliability, size: Array, about: Asked) -> dict[str, Array | St
 
 
 def _base(fitted: Fitted, at: Solution, turn: Array, about: Asked) -> Iterator[pd.DataFrame]:
-    """Rows of the readings of the base reflectors."""
+    """Rows of RELIABILITY for the readings of the base reflectors."""
     registration = fitted.reduced.registration
     rows = registration.table
     if not len(rows):
@@ -146,14 +146,14 @@ def _base(fitted: Fitted, at: Solution, turn: Array, about: Asked) -> Iterator[p
 
 @dataclass(frozen=True, eq=False)
 class _Inputs(Locked):
-    """What each column of G is an error of.
+    """The input of which each column of G is an error.
 
     Attributes:
-        source: As in the errors, shape (E,).
-        first: First row that it moves, shape (E,).
-        size: Its standard uncertainty in `unit`, shape (E,).
-        unit: `m`, `rad`, `N`, or `1` for standard uncertainties, shape (E,).
-        along: Its direction in F_b; zero where it has none, shape (E, 3).
+        source: Source of error, shape (E,).
+        first: First row that the error affects, shape (E,).
+        size: Standard uncertainty of the error in `unit`, shape (E,).
+        unit: `m`, `rad`, `N`, or `1` for relative errors and standard uncertainties, shape (E,).
+        along: Vector of the error in F_b; zero where it has no direction, shape (E, 3).
     """
 
     source: Strings
@@ -164,13 +164,13 @@ class _Inputs(Locked):
 
     @classmethod
     def of(cls, system: System, data: Measured, force: Array, turn: Array) -> _Inputs:
-        """What input v each column g is made of, by least squares: S v = g, S = dc/dv.
+        """Find by least squares the input error v that causes each column g: S v = g, S = dc/dv.
 
         Args:
             system: Rows and errors.
-            data: What they were made from.
+            data: The measurements from which they were assembled.
             force: dc/df, shape (M, 3) [m/N].
-            turn: dc/dw of a turn of the tracker, shape (M, 3) [m/rad].
+            turn: dc/dw for a rotation w of the tracker, shape (M, 3) [m/rad].
         """
         G, source = system.errors.G.tocoo(), system.errors.source
         E, f = len(source), data.pulls.force[data.pull].repeat(3, axis=0)
@@ -200,18 +200,18 @@ class _Inputs(Locked):
 
     @property
     def kept(self) -> Bools:
-        """Errors that are no rounding, shape (E,)."""
+        """Whether each error is more than rounding, shape (E,)."""
         names, which = np.unique(self.source.astype(str), return_inverse=True)
         largest = np.zeros(len(names))
         np.maximum.at(largest, which, self.size)
         return np.asarray(self.size > _NONE * largest[which])
 
     def table(self, system: System, names: _Names) -> dict[str, Any]:
-        """Columns of RELIABILITY that say whose error it is.
+        """Columns of RELIABILITY that identify each error.
 
         Args:
-            system: For its rows.
-            names: What each reading is called.
+            system: The system, for its rows.
+            names: Names of the readings.
         """
         rows, at = system.rows, np.minimum(self.first, len(system.rows) - 1)
         each = zip(self.source, rows.pose[at], rows.repeat[at], rows.target[at], strict=True)
@@ -233,7 +233,7 @@ _Names = Mapping[tuple[str, int, int, str], tuple[str, str, int]]
 def _named(
     names: _Names, source: str, pose: int, repeat: int, target: str
 ) -> tuple[str | None, str | None, int | None]:
-    """Name, file and line of one error; no name where it is of no single reading."""
+    """Name, file and line of the reading of an error; None if it is not of a single reading."""
     if source in ("force_reading", "direction"):
         target = ""
     elif source not in ("tracker", "zero"):
@@ -244,7 +244,18 @@ def _named(
 
 
 def _made_of(row: Ints, column: Ints, value: Array, S: Array, count: int) -> Array:
-    """V with S v = g for each of `count` columns g, given by their entries, shape (count, i)."""
+    """Least-squares solutions v of S v = g for sparse columns g.
+
+    Args:
+        row: Rows of the entries of all columns g.
+        column: Columns of the entries.
+        value: Values of the entries.
+        S: Sensitivities, shape (M, i).
+        count: Number of columns.
+
+    Returns:
+        Solutions, shape (count, i).
+    """
     i = S.shape[1]
     N, h = np.empty((count, i, i)), np.empty((count, i))
     for a in range(i):
@@ -255,17 +266,17 @@ def _made_of(row: Ints, column: Ints, value: Array, S: Array, count: int) -> Arr
 
 
 def _nearest(along: Array) -> Strings:
-    """The axis of F_b nearest to each direction, None where it has none, shape (E,)."""
+    """Axis of F_b nearest to each direction, or None for a zero vector, shape (E,)."""
     axis = _AXES[np.argmax(np.abs(along), axis=1)]
     axis[~along.any(axis=1)] = None
     return axis
 
 
 def _names(case: Case, placed: pd.DataFrame) -> _Names:
-    """Of the readings of a campaign.
+    """Names, files and lines of the readings of a campaign.
 
-    The zeros of a pose are one, with the line of the first; the direction of a chain has the line
-    of its first end.
+    The zeros of a target in a pose count as one reading, with the line of the first; the direction
+    of a chain has the line of its first end.
     """
     ends, loads = case.settings.naming.chain, case.loads
     out: dict[tuple[str, int, int, str], tuple[str, str, int]] = {}
@@ -294,19 +305,19 @@ def _names(case: Case, placed: pd.DataFrame) -> _Names:
 
 
 def controlled_entries(control: pd.DataFrame) -> tuple[Controlled, ...]:
-    """`reliability`: the errors with the lowest r of table RELIABILITY."""
+    """`reliability`: the errors with the lowest redundancy r in table RELIABILITY."""
     least = control.nsmallest(LEAST_CONTROLLED, "r")
     return tuple(Controlled(**_plain(row)) for row in least.to_dict("records"))
 
 
 def _plain(row: Mapping[Hashable, Any]) -> dict[str, Any]:
-    """A row whose empty cells are None."""
+    """A row with None for empty cells."""
     cells = {str(name): None if pd.isna(cell) else cell for name, cell in row.items()}
     return cells | {"line": None if cells["line"] is None else int(cells["line"])}
 
 
 def carried_entries(carried: pd.DataFrame, values: ModelValues) -> tuple[Carried, ...]:
-    """`influence`: of each stiffness and of each cause the pull that moves it most."""
+    """`influence`: the pull with the largest effect on each stiffness and on each cause."""
     of = {one.name: effect for effect in values.first.effects for one in effect.parameters}
     key = [of[what].label if what in of else what for what in carried["what"]]
     most = carried.loc[carried.groupby(key, sort=False)["moves_sigmas"].idxmax()]

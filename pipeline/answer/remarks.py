@@ -1,4 +1,4 @@
-"""What is to be known of a stiffness, in sentences."""
+"""Remarks on stiffnesses and payloads, in sentences."""
 
 from __future__ import annotations
 
@@ -12,12 +12,12 @@ from pipeline.reduction.torques import CONTRADICTS
 
 
 def finding(joint: Stiffness) -> str | None:
-    """All that is to be known of one stiffness; None where nothing is."""
+    """All remarks on one stiffness; None without any."""
     return " ".join(_sentence(remark, [joint]) for remark in joint.remarks) or None
 
 
 def contradicted(payloads: Sequence[Payload], by: str = "joint torques") -> list[str]:
-    """A sentence for each payload that the readings have otherwise than campaign.toml."""
+    """A sentence on each payload for which the readings contradict campaign.toml."""
     return [
         f"The {by} contradict the payload {one.name}: by {one.poses} poses it has "
         f"{_of(one.found)}, and campaign.toml says {_of(one.stated)} (p = {one.p_value:.1g}); "
@@ -35,9 +35,9 @@ def _of(body: Body) -> str:
 
 
 def told(joints: Iterable[Stiffness]) -> list[str]:
-    """The same of several; what holds of some of them alike is said once.
+    """Remarks on several stiffnesses; one that applies to several alike is made once.
 
-    What is known of joints together is said of the combination, see `combinations.told`.
+    Remarks on joints that are determined together are left to `combinations.told`.
     """
     alike: dict[Any, tuple[Remark, list[Stiffness]]] = {}
     for joint in joints:
@@ -49,7 +49,7 @@ def told(joints: Iterable[Stiffness]) -> list[str]:
 
 
 def _own(remark: Remark, joint: Stiffness) -> object:
-    """What of a joint its sentence depends on beside the name: its numbers, its kind, nothing."""
+    """Key of what a sentence depends on besides the name: number or type of the joint, or None."""
     if remark.cause is not None:
         return None
     return joint.joint_type if remark.odd in (Odd.MIXED, Odd.NO_LEVER) else joint.joint
@@ -79,7 +79,7 @@ WORK = {
     JointType.PRISMATIC: "pulls along the rail",
     JointType.REVOLUTE: "pulls with a lever about its axis",
 }
-"""The pulls that would determine a joint better."""
+"""Pulls that would determine a joint better, by its type."""
 
 _IDLE = {
     JointType.PRISMATIC: "no pull of the campaign has a part along the joint; add pulls along the "
@@ -87,11 +87,11 @@ _IDLE = {
     JointType.REVOLUTE: "no pull of the campaign puts a torque on the joint; load the effector "
     "sideways, off that joint's axis",
 }
-"""That a joint is never loaded, and the way out."""
+"""Explanation that a joint is never loaded, and what to do, by its type."""
 
 
 def _sentence(remark: Remark, joints: Sequence[Stiffness]) -> str:
-    """One remark on one joint, or on several of which it holds alike."""
+    """A remark on one joint, or on several to which it applies alike."""
     first, each = joints[0], "Each of " if len(joints) > 1 else ""
     return _SENTENCES[remark.odd].format(
         those=each + listed([joint.called for joint in joints]),
@@ -105,7 +105,7 @@ def _sentence(remark: Remark, joints: Sequence[Stiffness]) -> str:
 
 
 def _others(remark: Remark) -> str:
-    """Joints that all belong to it, or causes of which one is true."""
+    """List of the joints that are determined together, or of the alternative causes."""
     if remark.odd is Odd.TOGETHER:
         return listed(remark.others)
     return " or ".join(remark.others)

@@ -26,6 +26,7 @@ from pipeline.answer.contract import (
     Which,
 )
 from pipeline.answer.findings import Findings
+from pipeline.answer.inputs import lost_told
 from pipeline.answer.numbers import left_out_mm
 from pipeline.answer.tolerated import expanded, largest_force, tolerated
 from pipeline.answer.words import (
@@ -117,12 +118,12 @@ def first_screen(found: Findings, stated: Stated) -> tuple[Line, ...]:
 
 
 def _wrong(found: Findings, stated: Stated) -> tuple[str, ...]:
-    """What is wrong, and after it, or before "nothing else", what the noise does."""
+    """What is wrong, and after it, or before "nothing else", what the noise does; what is lost."""
     noisy = tuple(noise_told(stated.diagnosis.causes))
     unseen, told = len(stated.diagnosis.blind_spots), (*stated.contradicted, *noisy)
     said = wrong(found.facts, unseen, told)
     rest = (*noisy, said) if clear(found.facts) else (said, *noisy)
-    return (*stated.contradicted, *rest)
+    return (*stated.contradicted, *rest, *lost_told(found.given.case.lost))
 
 
 def _other(found: Findings, springs: str, data: str, delivered: str) -> list[str]:

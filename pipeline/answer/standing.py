@@ -21,6 +21,7 @@ from pipeline.diagnosis.positions import UNLISTED
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.position_readings import (
     accused,
+    dated_beside,
     exchanged_beside,
     outliers,
     wrong_entries,
@@ -70,9 +71,14 @@ class _Stood:
 def identified(name: str, raw: Raw, keep: Keep, step: Step) -> PositionsFound:
     """From the tables of positions to what they say."""
     rows, rejects = step(as_read)(raw.settings, raw.robot, raw.files)
-    wrong, sheet = step(position_rows)(PositionSheet(raw.robot, raw.settings, rows))
+    given = PositionSheet(raw.robot, raw.settings, rows)
+    wrong, sheet = step(position_rows)(given)
     read = usable(raw.settings, raw.robot, sheet.rows, rejects)
     found = _studied(raw, read, step)
+    if dated := dated_beside(given, wrong, found):
+        wrong, sheet = dated
+        read = usable(raw.settings, raw.robot, sheet.rows, rejects)
+        found = _studied(raw, read, step)
     late, sheet = exchanged_beside(PositionSheet(raw.robot, raw.settings, read.table), found)
     if late:  # a table as delivered shows decimetres, the identified one a millimetre
         read = usable(raw.settings, raw.robot, sheet.rows, rejects)

@@ -1,4 +1,4 @@
-"""`stiffness` and `budget`: one record per joint, or why it has no value."""
+"""`stiffness` and `budget`: one record per joint, with the reason if it has no value."""
 
 from __future__ import annotations
 
@@ -38,22 +38,22 @@ from pipeline.reduction.pose_of_interest import Where
 from pipeline.system.budget import budget
 
 _WHICH = "which_cause"
-"""Source of the uncertainty that comes of not knowing which cause is true."""
+"""Source of the uncertainty about which cause is true."""
 
 _SHOWN = 1e-3
-"""A smaller share of the variance than this is rounding."""
+"""Share of the variance up to which `which_cause` is treated as zero, being rounding [1]."""
 
 
 def stiffness_entries(
     cell: Cell, hypotheses: Sequence[Hypothesis], where: Where | None = None
 ) -> tuple[Stiffness, ...]:
-    """One record per joint: the stiffness with its budget, or why there is none.
+    """One record per joint: the stiffness with its budget, or the reason why there is none.
 
     Args:
-        cell: For the names and units of the joints.
-        hypotheses: What may be true, the identified causes first; one for a single model.
-        where: The test pose, whose side is that of a joint with a stiffness each way of the torque;
-            without it such a joint has the mean of both compliances.
+        cell: The cell, for names and units of the joints.
+        hypotheses: Hypotheses, the identified causes first; a single one for a single model.
+        where: The test pose, whose sign of the torque counts for a joint with a stiffness for each
+            sign; without it such a joint has the mean of both compliances.
     """
     both = {} if where is None else _by_sign(cell, hypotheses, where)
     if where is not None:
@@ -74,7 +74,7 @@ def stiffness_entries(
 
 
 def _by_sign(cell: Cell, hypotheses: Sequence[Hypothesis], where: Where) -> dict[int, BySign]:
-    """Both stiffnesses, by the index of their joint, of joints that the named causes give two."""
+    """Stiffnesses for both signs of the torque, by index of the joint, where a cause causes two."""
     first = hypotheses[0]
     if not two_sided(first):
         return {}
@@ -96,7 +96,10 @@ def _by_sign(cell: Cell, hypotheses: Sequence[Hypothesis], where: Where) -> dict
 
 
 def _one_way(found: Springs, k: int, turns: int) -> OneWay:
-    """One of the stiffnesses of `each_way`, and which way its torque turns the axis, or 0."""
+    """One of the stiffnesses of `each_way`; its torque turns the axis to plus (1) or minus (-1).
+
+    `turns` is 0 if no axis is mapped to the joint.
+    """
     x, std = float(found.value[k]), float(found.std[k])
     has_value = bool(found.identifiable[k]) and x > 0
     return OneWay(
@@ -110,12 +113,12 @@ def _one_way(found: Springs, k: int, turns: int) -> OneWay:
 
 
 def _inverted(low: float, high: float) -> tuple[float | None, float | None]:
-    """Interval of a stiffness from that of its compliance."""
+    """Interval of a stiffness from that of its compliance; None for a limit that does not exist."""
     return 1 / high if 0 < high < np.inf else None, 1 / low if low > 0 else None
 
 
 def _parts(hypotheses: Sequence[Hypothesis], n: int) -> dict[str, Array]:
-    """What each source adds to the variance of each compliance, shape (n,), by source."""
+    """Contribution of each source to the variance of each compliance, shape (n,), by source."""
     out: dict[str, Array] = {}
     for one in hypotheses:
         split = budget(one.system, one.estimate)
@@ -125,7 +128,7 @@ def _parts(hypotheses: Sequence[Hypothesis], n: int) -> dict[str, Array]:
 
 
 def _budget(found: Springs, parts: Mapping[str, Array], k: int) -> tuple[BudgetPart, ...]:
-    """What each source adds to one stiffness: standard uncertainty [its unit], part of variance."""
+    """Budget of stiffness k by source: standard uncertainty [its unit], share of the variance."""
     x, total = float(found.value[k]), float(found.cov[k, k])
     if not (found.identifiable[k] and x > 0 and 0 < total < np.inf):
         return ()
@@ -140,7 +143,7 @@ def _budget(found: Springs, parts: Mapping[str, Array], k: int) -> tuple[BudgetP
 
 
 def budget_entries(stiffness: Sequence[Stiffness]) -> tuple[dict[str, str | float], ...]:
-    """The same by source: share of each stiffness' variance in percent."""
+    """Budgets of all stiffnesses, one row per source: shares of their variances [%]."""
     rows: dict[str, dict[str, str | float]] = {}
     for joint in stiffness:
         for part in joint.budget:
@@ -152,7 +155,7 @@ def budget_entries(stiffness: Sequence[Stiffness]) -> tuple[dict[str, str | floa
 def stiffness_entry(
     joint: Joint, found: Springs, k: int, parts: tuple[BudgetPart, ...], axis: str | None
 ) -> Stiffness:
-    """One joint with its numbers, and nothing said of them."""
+    """Record of one joint with its values, without remarks."""
     x, std = float(found.value[k]), float(found.std[k])
     low, high = float(found.low[k]), float(found.high[k])
     identifiable = bool(found.identifiable[k])
@@ -181,7 +184,7 @@ def stiffness_entry(
 def _remarks(
     joint: Stiffness, odd: Odd | None, on: Sequence[Dependence], partners: tuple[str, ...]
 ) -> Iterator[Remark]:
-    """What is to be known of a stiffness; what a rival takes away needs no other reason."""
+    """Remarks on a stiffness; if it is lost because of a rival cause, no other reason is given."""
     if odd is not None and not any(one.lost for one in on):
         yield Remark(odd=odd, others=partners if odd is Odd.TOGETHER else ())
     for cause in dict.fromkeys(one.cause for one in on):
@@ -190,12 +193,12 @@ def _remarks(
 
 @dataclass(frozen=True, eq=False)
 class _Odd:
-    """What the numbers of the springs alone show.
+    """Peculiarities of springs that follow from their estimates.
 
     Attributes:
         found: All springs.
-        idle: Those that no pull loads, shape (n,).
-        partners: Of each spring the others with which alone it is determined.
+        idle: Whether no pull loads a spring, shape (n,).
+        partners: For each spring, the others in combination with which alone it is determined.
     """
 
     found: Springs
@@ -203,7 +206,7 @@ class _Odd:
     partners: Sequence[Sequence[int]]
 
     def of(self, k: int) -> Odd | None:
-        """Of one spring."""
+        """The peculiarity of spring k, or None."""
         x, std, low = self.found.value[k], self.found.std[k], self.found.low[k]
         if self.idle[k]:
             return Odd.NO_LEVER
@@ -219,7 +222,7 @@ class _Odd:
 
 
 def _partners(hypotheses: Sequence[Hypothesis], found: Springs) -> list[list[int]]:
-    """Of each spring those with which it is determined together, if it is not by itself."""
+    """For each spring, those with which it is determined in combination, if not by itself."""
     n = len(found.value)
     out: list[list[int]] = [[] for _ in range(n)]
     if found.identifiable.all():
@@ -235,7 +238,7 @@ def _called(cell: Cell, joints: Sequence[int]) -> tuple[str, ...]:
 
 
 def _dependence(cause: str, on: Sequence[Dependence], identifiable: bool) -> Remark:
-    """What a spring owes to not knowing which of two causes is true."""
+    """Remark on a spring that depends on which of several causes is true."""
     lost = dict.fromkeys(one.rival for one in on if one.lost)
     if lost:
         return Remark(odd=Odd.LOST, cause=cause, others=tuple(lost))

@@ -1,4 +1,4 @@
-"""Result tables: what systems, estimates and residuals look like as Parquet."""
+"""Result tables: systems, estimates and residuals as kept in Parquet."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _AXES = np.array(["x", "y", "z"], dtype=object)
 
 
 def _rows_table(system: System) -> pd.DataFrame:
-    """What each row of a system is."""
+    """Number, pose, repeat, target and axis of each row of a system."""
     rows = system.rows
     return pd.DataFrame(
         {
@@ -50,7 +50,7 @@ def errors_table(system: System) -> pd.DataFrame:
 
 
 def residuals_table(system: System, estimate: Estimate, left_out_m: Array) -> pd.DataFrame:
-    """Table RESIDUALS; without stated noise, whitened by their own scatter.
+    """Table RESIDUALS; without stated noise, the residuals are whitened by their own scatter.
 
     Args:
         system: The system.
@@ -71,7 +71,7 @@ def models_table(springs: System, paper: Estimate, residual: Array, nominal: Arr
     Args:
         springs: The system of the joint springs.
         paper: Its solution.
-        residual: What the recommended model leaves [m], shape (M,).
+        residual: Residuals of the recommended model [m], shape (M,).
         nominal: Compliances of the robot file, NaN where it states none, shape (n,).
     """
     return _rows_table(springs).assign(

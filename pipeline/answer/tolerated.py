@@ -1,4 +1,4 @@
-"""What is decided by a tolerance, in one line."""
+"""Conformity with a tolerance, in one sentence."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ DECIDED = {
     Decision.FAIL: "fail",
     Decision.UNDECIDED: "undecided",
 }
-"""What is decided, in one word."""
+"""Decisions in one word."""
 
 _MOST = 4
-"""So many stretches of a path are told one by one."""
+"""Maximum number of stretches of a path that are listed singly."""
 
 
 def expanded(one: Tip) -> str:
-    """`0.614 mm, U = 0.075 mm (k = 2)`; without U where a stiffness is not determined."""
+    """`0.614 mm, U = 0.075 mm (k = 2)`; without U if a stiffness is not determined."""
     if one.deflection_mm is None:
         return "an unknown amount"
     if one.expanded_mm is None:
@@ -36,7 +36,7 @@ def expanded(one: Tip) -> str:
 
 
 def tolerated(asked: Tolerance, pose: TestPose | None = None) -> str:
-    """The tolerance and what is decided, at the test pose and along the path."""
+    """The tolerance, and the decisions at the test pose and along the path."""
     decided = " ".join(_decided(asked, pose))
     return (
         f"campaign.toml allows a deflection of {asked.deflection_mm:g} mm; decision rule of ISO "
@@ -45,15 +45,16 @@ def tolerated(asked: Tolerance, pose: TestPose | None = None) -> str:
 
 
 def largest_force(asked: Tolerance, pose: Tip, force_n: float) -> float | None:
-    """Force at the test pose that would pass, if the deflection is proportional to it [N].
+    """Largest force at the test pose that would pass, for a deflection proportional to it [N].
 
     Args:
         asked: The tolerance T.
-        pose: What is predicted there, d and u; u is kept, as most of it does not fall.
-        force_n: Size of its force F.
+        pose: Predicted deflection d and its standard uncertainty u, which is kept, since most of
+            it does not decrease with the force.
+        force_n: Force F at the test pose [N].
 
     Returns:
-        F (T - 1.65 u) / d; None where it passes, or where no force would.
+        F (T - 1.65 u) / d; None if F passes, or if no force would.
     """
     if asked.test_pose in (None, Decision.PASS) or not pose.deflection_mm or not pose.std_mm:
         return None
@@ -70,7 +71,7 @@ def _decided(asked: Tolerance, pose: TestPose | None) -> Iterator[str]:
 
 
 def _along(path: JudgedPath) -> str:
-    """Which stretches are what, or how many points where they are many."""
+    """Decision on each stretch, or number of points per decision if there are many stretches."""
     if len(path.stretches) == 1:
         return f"{DECIDED[path.decision]} at all {path.points} points"
     if len(path.stretches) <= _MOST:

@@ -1,4 +1,4 @@
-"""What is stated of one model: its stiffnesses, how well it fits, how far it can be trusted."""
+"""Values of one model: its stiffnesses, its fit, its predictions and their validation."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ def stated(values: ModelValues, model: IdentifiedModel, where: Where) -> dict[st
 
 
 def values_entry(told: Told, where: Where) -> contract.Values:
-    """The same with its validation."""
+    """Stiffnesses, fit, deflection at the test pose and validation of one model."""
     left, checked = told.values.left_out_m, told.checked
     validation = None if checked is None else _validation_entry(checked, left, where, told.values)
     return contract.Values(validation=validation, **stated(told.values, told.model, where))
 
 
 def _fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> Fit:
-    """How well the model meets the data."""
+    """Residuals of the model, and the test of its fit."""
     return Fit(
         rms_mm=rms_mm(estimate.residual),
         chi2=estimate.chi2,
@@ -56,8 +56,8 @@ def _fit_entry(cell: Cell, data: Measured, estimate: Estimate) -> Fit:
 
 
 def _second_order_mm(cell: Cell, data: Measured, estimate: Estimate) -> float:
-    """How far the deflected robot's geometry would move the targets, rms [mm]; c = B x omits it."""
-    n = len(cell.parameters)  # the springs stand first
+    """Effect of the deflected geometry on the targets, rms [mm], which c = B x neglects."""
+    n = len(cell.parameters)  # the springs come first
     known = estimate.identifiable[:n] & (estimate.value[:n] > 0)
     x = np.where(known, estimate.value[:n], cell.robot.nominal_compliance)
     return rms_mm(second_order(cell, data, x))
@@ -73,7 +73,7 @@ _STATEMENTS = {
 
 
 def _beside(estimate: Estimate) -> str:
-    """What else the test of the model rests on, or why there is none."""
+    """Sentence on noise with tails in the test of the model, or on a missing test; may be empty."""
     if estimate.p_value is None:
         return " Nothing is left beside these that could test the model."
     if estimate.goodness.tails:
@@ -82,7 +82,7 @@ def _beside(estimate: Estimate) -> str:
 
 
 def noise_statement(estimate: Estimate, tracked: bool) -> str:
-    """One sentence on where the noise comes from and what depends on it."""
+    """Sentences on the origin of the noise and on what depends on it."""
     if estimate.noise_from in _STATEMENTS:
         return _STATEMENTS[estimate.noise_from] + _beside(estimate)
     std = 1e3 * estimate.residual_std_m
@@ -101,13 +101,13 @@ def noise_statement(estimate: Estimate, tracked: bool) -> str:
 def _validation_entry(
     checked: pd.DataFrame, left_out_m: Array, where: Where, values: ModelValues
 ) -> Validation:
-    """Means of Eq. (22) per target, from the full covariance and as in Eq. (23).
+    """Means of Eq. (22) per target, with full covariance and as in Eq. (23), and held-out error.
 
     Args:
         checked: Table VALIDATION.
-        left_out_m: Residuals of poses that were left out [m]; NaN where nothing predicts them.
+        left_out_m: Cross-validation residuals [m]; NaN where no other pose predicts them.
         where: The test pose.
-        values: The model's values, and what they rest on.
+        values: The model's values, with the campaign from which they were estimated.
     """
     fitted = values.fitted
     loads = by_payload(fitted.case.settings, fitted.data, values.first.system)
@@ -124,20 +124,20 @@ def _validation_entry(
 
 
 def _drawn(checked: pd.DataFrame, draw: str) -> Drawn:
-    """The means where the stiffnesses are drawn in one way."""
+    """Means for one distribution of the stiffnesses, `covariance` or `independent`."""
     drawn = checked[checked["draw"] == draw]
     near, far = (drawn[drawn["set"] == name] for name in ("test_pose", "global"))
     return Drawn(test_pose=_means(near), global_=_means(far))
 
 
 def _means(rows: pd.DataFrame) -> contract.PerTarget:
-    """Of each target, in their order."""
+    """Mean relative error of each target, in their order."""
     means = rows.groupby("target", sort=False)["mu"].mean()
     return {str(target): float(mean) for target, mean in means.items()}
 
 
 def _deflection_entries(model: IdentifiedModel, where: Where) -> tuple[TargetDeflection, ...]:
-    """Predicted deflection at the test pose with its standard uncertainty."""
+    """Predicted deflection of each target at the test pose, with its standard uncertainty [mm]."""
     moved, std = (1e3 * part for part in model.deflection(where.q, where.force))
     return tuple(
         TargetDeflection(target=name, dx_mm=x, dy_mm=y, dz_mm=z, std_mm=(a, b, c))

@@ -1,4 +1,4 @@
-"""The command line, in an environment made before any library is there."""
+"""The command line, with environment variables set before any library is imported."""
 
 import os
 

@@ -1,4 +1,4 @@
-"""The command line: stdout is data, stderr is progress; exit codes are in the README."""
+"""The command line: results on stdout, progress on stderr; exit codes are in the README."""
 
 from __future__ import annotations
 
@@ -19,23 +19,23 @@ from pipeline.base.files import FULL
 def main(
     arguments: list[str] | None = None, app: typer.Typer = everything, name: str = "pipeline"
 ) -> None:
-    """Run the command line; every way out has a documented exit code and no traceback.
+    """Run the command line; it always ends with a documented exit code and without a traceback.
 
     Args:
-        arguments: Words behind the command's name; those of this process when not given.
+        arguments: Arguments after the program's name; by default those of this process.
         app: The commands.
-        name: What is typed for them.
+        name: Name of the program as typed.
     """
     _prepare_streams()
     sys.exit(_exit_code(arguments, app, name))
 
 
 def _prepare_streams() -> None:
-    """A closed stream swallows what it gets; a sign that one cannot show becomes a `?`."""
+    """Discard output to a closed stream, and print characters that cannot be encoded as `?`."""
     for name in ("stdout", "stderr"):
         stream = getattr(sys, name)
         if stream is None:
-            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115  # for as long as we live
+            setattr(sys, name, open(os.devnull, "w"))  # noqa: SIM115  # until the process ends
         elif isinstance(stream, io.TextIOWrapper):
             stream.reconfigure(errors="replace")
 
@@ -46,7 +46,7 @@ def _exit_code(
     try:
         return _carried_out(arguments, app, name)
     except SystemExit as end:
-        if isinstance(end.__context__, BrokenPipeError):  # nobody reads on: `pipeline ... | head`
+        if isinstance(end.__context__, BrokenPipeError):  # reader ended: `pipeline ... | head`
             return 0
         raise
     except (Exception, KeyboardInterrupt) as problem:
@@ -58,13 +58,13 @@ def _carried_out(arguments: list[str] | None, app: typer.Typer, name: str) -> in
     if app is everything:
         words = words or ["--help"]
     code: Any = app(args=words, standalone_mode=False, prog_name=name)
-    if code == Interrupted.exit_code:  # Typer's word for a KeyboardInterrupt
+    if code == Interrupted.exit_code:  # Typer returns this for a KeyboardInterrupt
         raise KeyboardInterrupt
     return code if isinstance(code, int) else 0
 
 
 def _told(problem: Exception | KeyboardInterrupt, name: str) -> tuple[str, int]:
-    """What went wrong in one sentence, and the exit code for it."""
+    """One sentence on the problem, and its exit code."""
     match problem:
         case PipelineError():
             return str(problem), problem.exit_code
@@ -79,7 +79,7 @@ def _told(problem: Exception | KeyboardInterrupt, name: str) -> tuple[str, int]:
         case OSError() if problem.errno in FULL:
             why = f"The answer cannot be written ({problem.strerror})"
             return f"{why}; free some space and run it again.", CannotWrite.exit_code
-        case _:  # the last net: a sentence for the engineer, the rest in a file
+        case _:  # any other error: a sentence for the engineer, details in a file
             from pipeline.app.outcome import record_crash
 
             return record_crash(problem), 1
@@ -87,6 +87,6 @@ def _told(problem: Exception | KeyboardInterrupt, name: str) -> tuple[str, int]:
 
 def _say(sentence: str, code: int) -> int:
     if code == Interrupted.exit_code and sys.stderr.isatty():
-        typer.echo(err=True)  # the terminal has written ^C where our sentence would begin
+        typer.echo(err=True)  # the terminal has printed ^C at the beginning of this line
     typer.secho(fitted(sentence, sys.stderr), err=True, fg="red")
     return code

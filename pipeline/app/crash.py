@@ -1,7 +1,7 @@
-"""An internal error as a text that can be sent to anybody: what of our code failed, not on what.
+"""Report of an internal error that can be shared: where the code failed, without any user data.
 
-Names, numbers and paths of a campaign may stand in the words of an exception, in the lines of
-somebody else's code and in the names of folders: none of these is written.
+Names, numbers and paths of a campaign may occur in the message of an exception, in lines of other
+code and in names of folders; none of these is written.
 """
 
 from __future__ import annotations
@@ -29,9 +29,9 @@ _PLAIN = re.compile(r"[(\[]*[a-z]+[)\].,:;]*|[(\[]*\d{1,3}[)\].,:;x\d]*|…[)\].
 
 
 def shareable(problem: BaseException) -> str:
-    """Versions, kinds of errors with their words made anonymous, and where in the code they arose.
+    """Versions, types of errors with anonymised messages, and where in the code they arose.
 
-    Whole numbers below 1000 stay: shapes and counts tell most of what is to be known.
+    Integers below 1000 are kept: shapes and counts are the most useful part of a message.
     """
     libraries = " ".join(f"{one} {_version(one)}" for one in _LIBRARIES)
     about = f"pipeline {__version__}, Python {platform.python_version()}, {sys.platform}"
@@ -40,7 +40,7 @@ def shareable(problem: BaseException) -> str:
 
 
 def _chained(error: traceback.TracebackException) -> Iterator[str]:
-    """The error that was first comes first."""
+    """Lines on a chain of errors, the original error first."""
     before = error.__cause__ or (None if error.__suppress_context__ else error.__context__)
     if before is not None:
         yield from _chained(before)
@@ -54,7 +54,7 @@ def _chained(error: traceback.TracebackException) -> Iterator[str]:
 
 
 def _place(filename: str) -> str | None:
-    """A file of ours or of a library, without the folders it is installed in; None of others."""
+    """Path of a file of this package or a library relative to its installation, or else None."""
     path = Path(filename)
     if path.is_relative_to(_OURS):
         return f"pipeline/{path.relative_to(_OURS).as_posix()}"
@@ -66,9 +66,9 @@ def _place(filename: str) -> str | None:
 
 
 def _anonymous(words: str) -> str:
-    """Words of an exception without what may be a customer's: quoted text, paths, values, names.
+    """Message of an exception without possible user data: quoted text, paths, values, names.
 
-    What is left are words in small letters and whole numbers below 1000.
+    Words in lower case and integers below 1000 remain.
     """
     for kind in (_QUOTED, _PATH, _NUMBER):
         words = kind.sub("…", words)

@@ -1,4 +1,4 @@
-"""What became of one campaign: what is printed for people and programs, and the exit code."""
+"""Outcome of processing one campaign: output for people and programs, and the exit code."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ from pipeline.base.quantities import bracketed, common_prefix, prefixed, scaled,
 from pipeline.base.shown import in_json, printable
 from pipeline.store.campaign import CampaignFolder, find, label
 
-if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
+if TYPE_CHECKING:  # importing its types loads the numerical libraries, which takes a second
     from pipeline.answer.contract import Answer, Combination, Rejected, Stiffness
 
 
@@ -26,18 +26,19 @@ Meant = str | CampaignFolder
 
 @dataclass(frozen=True)
 class Outcome:
-    """What became of one campaign.
+    """Outcome of processing one campaign.
 
     Attributes:
-        campaign: Name of its folder, also where it was asked for by path.
-        content: What --json prints.
-        text: What is printed otherwise, one or more lines.
-        exit_code: 0 done, 1 internal, 3 not written, 5 rejected in whole or in part, 6 given up.
-        misfit: The model does not fit, leaves a stiffness undetermined, or the tolerance is not
-            certainly kept.
+        campaign: Name of its folder, even if it was requested by path.
+        content: Output of --json.
+        text: Output otherwise, one or more lines.
+        exit_code: 0 done, 1 internal error, 3 not written, 5 rejected in whole or in part, 6
+            abandoned.
+        misfit: Whether the model does not fit or leaves a stiffness undetermined, or the tolerance
+            is not certainly kept.
         complaints: Sentences for stderr.
-        verdict: Of its diagnosis; None without a result.
-        passing: What went wrong may heal by itself.
+        verdict: Verdict of the diagnosis; None without a result.
+        passing: Whether the problem may be temporary.
     """
 
     campaign: str
@@ -51,7 +52,7 @@ class Outcome:
 
     @property
     def event(self) -> str:
-        """What a service says of it on its screen, in one line."""
+        """One line for the screen of a service."""
         if self.complaints and self.verdict is None:
             return self.complaints[0]
         said = " ".join(self.content.get("verdict_sentence", [])[:1])
@@ -63,18 +64,19 @@ class Outcome:
 
 
 Several = Callable[[Path, Iterable[Meant], bool], Iterator[Outcome]]
-"""What becomes of many campaigns of a project, as they end; whether to compute all again."""
+"""Function that processes many campaigns at a time: from the project's root, the campaigns, and
+whether to recompute unchanged ones, to their outcomes as they end."""
 Compute = Callable[[CampaignFolder], "Answer"]
-"""How a campaign is brought up to date: campaign in, answer out."""
+"""Function that brings a campaign up to date and returns its answer."""
 
 
 def outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
-    """What becomes of one campaign; whatever goes wrong is part of it."""
+    """Process one campaign; any error is part of the outcome."""
     return dated(campaign, partial(_outcome, compute=compute))
 
 
 def dated(campaign: CampaignFolder, work: Callable[[CampaignFolder], Outcome]) -> Outcome:
-    """What `work` makes of a campaign; where it fails, that the report is an old one."""
+    """Outcome of `work` on a campaign; if it fails, an existing report is marked as an old one."""
     made, old = guarded(campaign.name, partial(work, campaign)), campaign.reports / "index.html"
     if "error" not in made.content or not old.is_file():
         return made
@@ -115,7 +117,7 @@ def _outcome(campaign: CampaignFolder, compute: Compute) -> Outcome:
 
 
 def _stiffnesses(joints: Sequence[Stiffness]) -> list[str]:
-    """`  A1   k_theta2   3.800 ± 0.012 MN·m/rad`; without axes where the robot file has none."""
+    """`  A1   k_theta2   3.800 ± 0.012 MN·m/rad`; without axes if the robot file maps none."""
     from pipeline.answer.each_way import beside
 
     width = max((len(joint.axis) + 3 for joint in joints if joint.axis), default=0)
@@ -126,7 +128,7 @@ def _stiffnesses(joints: Sequence[Stiffness]) -> list[str]:
 
 
 def _first_screen(answer: Answer) -> list[str]:
-    """Its lines, without the numbers, which are listed joint by joint."""
+    """Lines of the first screen without that of the stiffnesses, which are listed separately."""
     from pipeline.answer.contract import About
     from pipeline.answer.words import ABOUT
 
@@ -142,13 +144,13 @@ def _all_determined(answer: Answer) -> bool:
 
 
 def _within(answer: Answer) -> bool:
-    """Whether a tolerance, where there is one, is certainly kept."""
+    """Whether the tolerance is certainly kept; also True if none is judged."""
     worst = None if answer.tolerance is None else answer.tolerance.worst
     return worst in (None, "pass")
 
 
 def shown(joint: Stiffness) -> str:
-    """A stiffness in the digits that its uncertainty allows: `80.0 ± 1.6 MN·m/rad`."""
+    """A stiffness rounded as its uncertainty allows: `80.0 ± 1.6 MN·m/rad`."""
     if joint.value is None:
         return "not determined"
     factor, letter = common_prefix([joint.value])
@@ -157,19 +159,19 @@ def shown(joint: Stiffness) -> str:
 
 
 def _mixed(one: Combination) -> str:
-    """`c_theta2 + 0.58 c_theta4   (8.50 ± 0.11) × 10⁻⁵ rad/(N·m)`, all that is known of them."""
+    """A determined combination: `c_theta2 + 0.58 c_theta4   (8.50 ± 0.11) × 10⁻⁵ rad/(N·m)`."""
     return f"{one.formula}   {bracketed(one.value, one.std)} {prefixed(one.unit, '')}"
 
 
 def named(root: Path, meant: Meant, work: Callable[[CampaignFolder], Outcome]) -> Outcome:
-    """What `work` makes of a campaign, or of the one that is meant by a name or a path."""
+    """Outcome of `work` on a campaign, which is given by itself, by name or by path."""
     if isinstance(meant, CampaignFolder):
         return guarded(meant.name, lambda: work(meant))
     return guarded(label(meant), lambda: work(find(root, meant)))
 
 
 def guarded(name: str, work: Callable[[], Outcome]) -> Outcome:
-    """What `work` makes of a campaign, or what went wrong in it."""
+    """Outcome of `work` on a campaign; an exception is turned into a failed outcome."""
     try:
         return work()
     except Exception as problem:  # one broken campaign must not stop the others
@@ -177,7 +179,7 @@ def guarded(name: str, work: Callable[[], Outcome]) -> Outcome:
 
 
 def failed(name: str, problem: Exception) -> Outcome:
-    """A campaign without a result, and why."""
+    """Outcome of a campaign without a result, with the reason."""
     if isinstance(problem, MemoryError):
         problem = Unfinished("needs more memory than it may have", _FRUGAL)
     if isinstance(problem, PipelineError):
@@ -202,7 +204,7 @@ _FRUGAL = "split its files, or raise memory_gib in pipeline.toml where a service
 
 
 def record_crash(problem: Exception) -> str:
-    """Keep what can be sent to anybody in a file and give the sentence for the screen."""
+    """Write a shareable report of an internal error, and return the sentence for the screen."""
     import tempfile
 
     text = shareable(problem).encode("utf-8", "backslashreplace")
@@ -220,13 +222,14 @@ def _brief(problem: Exception) -> str:
 
 
 _ALIKE = 3
-"""How many of the rows that differ in numbers only are told one by one."""
+"""Maximum number of rows listed of those whose reasons differ in numbers only."""
 _KINDS = 4
-"""So many kinds are told, those with most rows: the rest follows from them or fits no screen."""
+"""Maximum number of kinds of reasons listed, those with the most rows; the others usually follow
+from them, or would not fit on the screen."""
 
 
 def sentences(rejected: Iterable[Rejected]) -> list[str]:
-    """Rejected rows in words, those of a file that are alike counted; result.json has them all."""
+    """Rejected rows in words; similar ones of a file are counted. result.json lists all."""
     groups: dict[tuple[str, str], list[Rejected]] = {}
     for row in rejected:
         alike = re.sub(r"[0-9]+", "0", row.reason)

@@ -1,4 +1,4 @@
-"""How far it is: a bar on the terminal, with the time that remains."""
+"""Progress of a run: a bar on the terminal, with the remaining time."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from typing import Any
 from pipeline.base.shown import printable
 
 _SHARES = {"ingest": 0.01, "screen": 0.07, "fit": 0.14, "diagnose": 0.2, "render": 0.8}
-"""How much of a campaign's time has passed when a stage begins, about."""
+"""Approximate share of a campaign's run time that has passed when a stage begins [1]."""
 
 
 class Progress:
-    """A bar on stderr over campaigns, with the time that remains; on a terminal only."""
+    """A bar over campaigns on stderr, with the remaining time; on a terminal only."""
 
     def __init__(self, total: int) -> None:
-        """Make a bar for so many campaigns."""
+        """Make a bar for `total` campaigns."""
         from rich import progress
         from rich.console import Console
 
@@ -29,7 +29,7 @@ class Progress:
             progress.TimeRemainingColumn(),
             console=Console(stderr=True),
             transient=True,
-            redirect_stdout=False,  # else what is printed would go to stderr, the bar's console
+            redirect_stdout=False,  # otherwise output would go to stderr, the console of the bar
             redirect_stderr=False,
             disable=not sys.stderr.isatty(),
         )
@@ -37,38 +37,38 @@ class Progress:
         self._done, self._name = 0, ""
 
     def __enter__(self) -> Progress:
-        """Make it ready."""
+        """Return the bar; it appears with the first campaign."""
         return self
 
     def __exit__(self, *_: object) -> None:
-        """Take it away."""
+        """Remove the bar."""
         self._bar.stop()
 
     def now(self, name: str) -> None:
-        """Say which campaign is being computed."""
+        """Show which campaign is being computed."""
         self._name = printable(name, 40)
         self._bar.update(self._task, description=self._name)
         self._bar.start()
 
     def at(self, stage: str) -> None:
-        """Say which of its stages begins."""
+        """Show which stage of the campaign begins."""
         if stage in _SHARES:
             done = max(self._done + _SHARES[stage], self._bar.tasks[0].completed)
             self._bar.update(self._task, completed=done, description=f"{self._name}: {stage}")
 
     def done(self) -> None:
-        """One campaign further; the bar makes room for what is said about it."""
+        """Advance by one campaign; the bar is hidden, so that its result can be printed."""
         self._done += 1
         self._bar.update(self._task, completed=self._done)
         self._bar.stop()
 
 
 Tell = Callable[[str], object]
-"""Hears the name of every stage before it is carried out."""
+"""Function that is called with the name of every stage before it is executed."""
 
 
 def told(tell: Tell, stage: Callable[..., Any]) -> Callable[..., Any]:
-    """A stage that says its name before it begins."""
+    """Wrap a stage so that `tell` is called with its name before it begins."""
 
     def carried_out(*given: Any, **named: Any) -> Any:
         tell(stage.__name__)

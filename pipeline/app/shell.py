@@ -1,4 +1,4 @@
-"""What is done with campaigns, without a word about how it is typed or printed."""
+"""Operations on campaigns, independent of how they are typed and printed."""
 
 from __future__ import annotations
 
@@ -16,31 +16,34 @@ from pipeline.base.errors import InputError, UsageError
 from pipeline.store import campaign as campaigns
 from pipeline.store.campaign import CampaignFolder
 
-if TYPE_CHECKING:  # its types bring the numerical libraries, which take a second
+if TYPE_CHECKING:  # importing its types loads the numerical libraries, which takes a second
     from pipeline.answer.contract import Answer
 
 _PREFECT = "pipeline.service.engine:through_prefect"
-"""Brings a campaign up to date as a Prefect flow."""
+"""Door: brings a campaign up to date as a Prefect flow."""
 FETCH, PUBLISH = "pipeline.service.sync:fetch", "pipeline.service.sync:publish"
-"""Campaigns that live on object storage, to this machine and back."""
+"""Doors: copy campaigns from object storage to this machine and back."""
 
 
 def usual_engine() -> str:
-    """What carries out a run where nobody says: Prefect, where the service is there."""
+    """Default engine of a run: Prefect if the service is installed, otherwise local."""
     return "prefect" if is_there(_PREFECT) else "local"
 
 
 def run_all(
     root: Path, names: list[str], engine: str, force: bool, several: Several | None = None
 ) -> Iterator[Outcome]:
-    """Bring campaigns up to date; one that fails stops none of the others.
+    """Bring campaigns up to date; one that fails does not stop the others.
 
     Args:
-        root: The project's root.
-        names: Which, by name or path; all when none is named.
+        root: Root of the project.
+        names: Names or paths of the campaigns; all if empty.
         engine: `local` or `prefect`.
         force: Compute even if nothing has changed.
-        several: Computes several at a time; None: here, one after another.
+        several: Processes several campaigns at a time; None to compute them here one by one.
+
+    Raises:
+        InputError: There is no campaign.
     """
     storage = preferences.load(root).storage
     refused = list[Outcome]() if storage == preferences.Storage() else opened(FETCH)(root, storage)
@@ -77,7 +80,7 @@ def _one_by_one(
 
 
 def no_campaign(root: Path) -> InputError:
-    """What to say where there is nothing to do."""
+    """Error for a project without campaigns."""
     return InputError(
         f"there is no campaign under {(root / 'data' / 'raw').absolute()}",
         "go to the project's folder or name it with --root; a new campaign begins with "
@@ -111,7 +114,7 @@ def _status(campaign: CampaignFolder) -> Outcome:
 
 
 def _standing(campaign: CampaignFolder, state: str, verdict: str | None) -> Outcome:
-    """A campaign that was not rejected; the report of another input is said to be one."""
+    """State of a campaign that was not rejected; a report of an earlier input is marked."""
     content = {"campaign": campaign.name, "state": state, "verdict": verdict}
     report = campaign.reports / "index.html"
     shown = str(report) if report.is_file() else ""
@@ -123,16 +126,17 @@ def _standing(campaign: CampaignFolder, state: str, verdict: str | None) -> Outc
 
 
 def report(root: Path, name: str | None, form: str, language: str | None = None) -> Path:
-    """A report brought up to date: its page, PDF or numbers; without a name the page over all.
+    """Bring a report up to date, and return the path of its page, PDF or numbers.
 
     Args:
-        root: The project's root.
-        name: Of the campaign, or its path.
+        root: Root of the project.
+        name: Name or path of the campaign; None for the page over all campaigns.
         form: html, pdf or json.
-        language: Of a further certificate, beside the one that the project has.
+        language: Language of a further certificate, in addition to that of the project.
 
     Raises:
-        UsageError: There is no finished campaign, or only campaigns have this form.
+        UsageError: There is no finished campaign, or the page over all campaigns does not exist
+            in this form or language.
     """
     from pipeline.answer import archive
     from pipeline.run import run
@@ -156,7 +160,7 @@ def report(root: Path, name: str | None, form: str, language: str | None = None)
 
 
 def _beside(root: Path, campaign: CampaignFolder, name: str, language: str) -> Path:
-    """The report in another language, in a folder of that name below its own."""
+    """Write the report with its certificate in another language, in a folder below its own."""
     from pipeline.answer import archive
     from pipeline.base.look import looks
     from pipeline.report.render import render

@@ -101,7 +101,8 @@ def diagnose(
     whole = catalogue(cell.robot, data.pulls) if effects is None else effects
     known = twins(cell.robot)
     case, spread = case_of(cell, data, estimate, whole, known, noise)
-    stood = standing(as_stiff(cell, estimate), data, case.certain_noise, whole)
+    wander = shape.wander.between_poses if shape is not None and shape.wanders else 0.0
+    stood = standing(as_stiff(cell, estimate), data, case.certain_noise, whole, wander)
     if stood.corrects:
         cell, data = corrected(cell, data, stood)
         case, spread = case_of(cell, data, estimate, whole, known, noise)

@@ -77,7 +77,9 @@ class _Suspect(Suspect):
     tries: int = 1
 
 
-def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]) -> UnloadedFacts:
+def standing(
+    cell: Cell, data: Measured, scale: float, effects: Sequence[Effect], wander_m: float = 0.0
+) -> UnloadedFacts:
     """Estimate the table from the unloaded positions, and find the parameters that are far off.
 
     Args:
@@ -85,6 +87,7 @@ def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]
         data: The measurements; `unloaded` may be NaN, then nothing is found.
         scale: Scatter of the tracker over its stated standard uncertainty.
         effects: The catalogue.
+        wander_m: Slow error of the instrument common to all targets, which moves whole poses [m].
     """
     zeros = unloaded(cell.robot, cell.tool, _sag(effects), data, scale)
     if zeros is None:
@@ -94,7 +97,7 @@ def standing(cell: Cell, data: Measured, scale: float, effects: Sequence[Effect]
     rows = zeros.about(x)
     sums = products(rows)
     table_only = straight(zeros, sums)
-    search = _Search(zeros, asked, x, rows, cells(zeros, sums))
+    search = _Search(zeros, asked, x, rows, cells(zeros, sums), wander_m)
     if not _fits(zeros, rows, table_only):
         search = search.with_changes(effects).done().with_changes(effects).done()
     found, zeros = search.found, search.zeros
@@ -168,6 +171,7 @@ class _Search:
         x: Linearisation point.
         rows: The readings linearised there.
         found: Estimates with the causes free.
+        wander_m: Slow error of the instrument common to all targets [m].
     """
 
     zeros: Unloaded
@@ -175,6 +179,7 @@ class _Search:
     x: Array
     rows: PoseRows
     found: Cells
+    wander_m: float
 
     def done(self) -> _Search:
         """Add causes one by one while each of them is far beyond the rest."""
@@ -197,7 +202,8 @@ class _Search:
         x = np.append(self.x[: where.start], np.zeros(zeros.columns.count - where.start))
         asked, rows = tuple(_suspects(zeros, effects)), zeros.about(x)
         free = tuple(one for one in asked if one.label in {old.label for old in self.free})
-        return _Search(zeros, asked, x, rows, cells(zeros, products(rows), free))
+        found = cells(zeros, products(rows), free)
+        return _Search(zeros, asked, x, rows, found, self.wander_m)
 
     @property
     def free(self) -> tuple[_Suspect, ...]:
@@ -218,11 +224,14 @@ class _Search:
             if np.max(np.abs(x - before)[self.zeros.columns.table], initial=0.0) < _STILL:
                 break
         found = cells(self.zeros, products(rows), free)
-        return _Search(self.zeros, self.asked, x, rows, found)
+        return replace(self, x=x, rows=rows, found=found)
 
     def far(self, one: _Suspect) -> bool:
-        """Whether a cause is significant and far beyond the deviations of the rest of the table."""
-        return self.p_value(one) < alarms.GEOMETRY and _size(self.found, one) > BEYOND
+        """Whether a cause is significant and far beyond the rest of the table and the wander."""
+        if self.p_value(one) >= alarms.GEOMETRY or _size(self.found, one) <= BEYOND:
+            return False
+        moves = _moves(self.found, one) @ self.found.mean[list(one.columns)]
+        return rms(moves) > BEYOND * self.wander_m
 
     def p_value(self, one: _Suspect) -> float:
         """P-value of a cause, corrected for the number of suspects and their alternatives."""

@@ -19,6 +19,7 @@ from pipeline.faults import (
     gross_reading,
     joint_row,
     labels,
+    named_twice,
     placement,
     pose_moved,
     pull,
@@ -32,10 +33,13 @@ from pipeline.faults.fault import Fault
 
 FAULTS: tuple[Fault, ...] = (
     stale_reading.FAULT,
+    named_twice.FAULT,
     unit_since.FAULT,
     base_names.FAULT,
     base_rounds.FAULT,
+    base_rounds.CARRIED,
     exchanged.FAULT,
+    labels.CHAIN,
     dead_sensor.FAULT,
     exchanged_pulls.FAULT,
     exchanged_ladders.FAULT,

@@ -1,7 +1,8 @@
-"""Rounds of base reflectors read from two stations, with exchanged readings.
+"""Rounds of base reflectors that do not show from which station the poses were read.
 
-Each round fits [base_frame] by itself, so that no reflector contradicts another one; but readings
-after it are then transformed from the wrong station, which the robot's table reveals.
+Two rounds have each other's readings, or the tracker was carried poses before the round that shows
+it. Each round fits [base_frame] by itself, so that no reflector contradicts another one; but poses
+are then transformed from the wrong station, which the robot's table reveals.
 """
 
 from __future__ import annotations
@@ -11,14 +12,17 @@ from functools import partial
 from itertools import combinations
 
 import numpy as np
+import pandas as pd
 
+from pipeline.base.arrays import Array
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import anchored, pairs, unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, length, lines_of
 from pipeline.readers.known import BETTER
 from pipeline.reduction.case import Case
-from pipeline.reduction.stations import with_rounds_exchanged
+from pipeline.reduction.register import seconds
+from pipeline.reduction.stations import moved_by, with_rounds_exchanged
 
 _MOST = 30
 """Maximum number of rounds of which all pairs are tried; nobody moves a tracker so often."""
@@ -37,6 +41,84 @@ def base_rounds(case: Case) -> list[Mistake]:
     if BETTER * away[best] > min(before, rival):
         return []
     return [_finding(case, best, before, away[best])]
+
+
+def carried(case: Case) -> list[Mistake]:
+    """Stations that hold from an earlier pose on than the round of base reflectors that shows them.
+
+    Between two rounds all poses before are nearer to their places by the table as read from the
+    station before, and all later ones as read from the next one, `BETTER` times each.
+    """
+    where = anchored(case) if case.stations and case.settings.base_frame else None
+    found = (_since(case, k, *where) for k in range(len(case.stations))) if where else ()
+    return [one for one in found if one is not None]
+
+
+def _since(case: Case, k: int, R: Array, t: Array) -> Mistake | None:
+    """The mistake that station `k` holds from some pose before its round on."""
+    rows, since = unloaded(case), pd.Series(seconds(case.readings), case.readings.index)
+    begun = case.stations[k - 1].begun if k else -np.inf
+    rows = rows[(since[rows.index] >= begun) & (since[rows.index] < case.stations[k].begun)]
+    if not len(rows):
+        return None
+    seen, expected, _ = pairs(case, rows)
+    places = pd.DataFrame(
+        {
+            "given": np.linalg.norm(seen @ R.T + t - expected, axis=1),
+            "later": np.linalg.norm(_as_from(case, k, seen) @ R.T + t - expected, axis=1),
+        }
+    )
+    order = since[rows.index].to_numpy()
+    away = places.groupby(rows["pose"].to_numpy(int)).median()
+    away = away.loc[pd.Series(order).groupby(rows["pose"].to_numpy(int)).min().sort_values().index]
+    moved = (BETTER * away["later"] < away["given"]).to_numpy()
+    first = int(np.argmax(moved))
+    if not moved[first:].all() or (BETTER * away["given"] >= away["later"]).iloc[:first].any():
+        return None
+    late = case.readings["pose"].isin(away.index[first:])
+    return _of_station(case, k, away, first, float(since[late[late].index].min()))
+
+
+def _as_from(case: Case, k: int, points: Array) -> Array:
+    """Readings before the round of station `k` as if they were read from it, shape (m, 3) [m]."""
+    if k:
+        before = case.stations[k - 1].back
+        points = points @ before.turn.T + before.shift
+    return np.asarray(points @ case.stations[k].turn.T + case.stations[k].shift)
+
+
+def _of_station(case: Case, k: int, away: pd.DataFrame, first: int, start: float) -> Mistake:
+    station, pose = case.stations[k], int(away.index[first])
+    before, after = (float(away[name].iloc[first:].median()) for name in ("given", "later"))
+    where = f"before pose {pose}" if first == 0 else f"after pose {int(away.index[first - 1])}"
+    rows = case.readings
+    base = rows[rows["group"].astype(str) == station.group]
+    at = lines_of(base[base["pose"].isna()])
+    return Mistake(
+        name="tracker_moved",
+        where=where,
+        evidence=f"the tracker was carried {length(station.moved_m)} {where}, and its base was "
+        f"read from there only in {station.group} ({lines(at)}): as from the station before, the "
+        f"effector is {length(before)} from where the robot's table has it since pose {pose}, and "
+        f"{length(after)} as from the one of {station.group}",
+        correction=f"recomputed with the readings since pose {pose} as from the later station",
+        before=1e3 * before,
+        after=1e3 * after,
+        unit="mm",
+        size=station.moved_m,
+        size_unit="m",
+        correct=partial(_with_begin, k=k, start=start),
+        at=at,
+    )
+
+
+def _with_begin(case: Case, k: int, start: float) -> Case:
+    """The campaign with station `k` begun at another time."""
+    stations = tuple(
+        one._replace(begun=start) if i == k else one for i, one in enumerate(case.stations)
+    )
+    shot = moved_by(case.readings, [one.back for one in case.stations])
+    return replace(case, readings=moved_by(shot, stations), stations=stations)
 
 
 def _rounds(case: Case) -> list[str]:
@@ -81,3 +163,5 @@ def _finding(case: Case, pair: tuple[str, str], before: float, after: float) -> 
 
 
 FAULT = Fault("exchanged", lambda asked: base_rounds(asked.case), True)
+
+CARRIED = Fault("tracker_moved", lambda asked: carried(asked.case), True)

@@ -333,6 +333,8 @@ def regrouped(case: Case, true: dict[str, str], out: frozenset[str], chain: bool
     of = first.set_index(first["group"].astype(str))
     new = [true.get(name, name) if moves else name for name, moves in zip(named, free, strict=True)]
     stands = of.loc[new, _STAND].set_axis(rows.index)
+    own = (rows["state"] == "unloaded") & (stands["state"] == "unloaded")  # rounds may share a name
+    stands = stands.assign(repeat=stands["repeat"].mask(own, rows["repeat"]))
     moved = rows.assign(group=new, **{name: stands[name] for name in _STAND})
     lost = free & named.isin(out).to_numpy()
     return replace(case, readings=moved[~lost].astype(rows.dtypes.drop("group").to_dict()))

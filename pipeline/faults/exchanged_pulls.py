@@ -98,7 +98,7 @@ class PullMoves(Locked):
             y.reshape(m, -1)[which],
             response.reshape(m, -1, k)[which],
             size[which],
-            np.hypot(data.reading_std, 0.0)[which],
+            data.reading_std[which],
             displacement_std(data),
         )
 
@@ -193,6 +193,17 @@ def _straight(moved: PullMoves, x: Array, due: Array) -> Bools:
     square, whole = (np.mean(each**2, axis=1) for each in (off, moved.y))
     part = max(float(np.median(square / np.maximum(whole, moved.noise**2))), _MODEL**2)
     return np.asarray(square <= _APART**2 * (moved.noise**2 + part * whole))
+
+
+def misfit(case: Case) -> float:
+    """Mean misfit of the pulls as a fraction of their force, each at most 1; NaN if unknown."""
+    asked = Screening(case, case.cell, case.robot.nominal_compliance)
+    if asked.case.settings.displacements is not None or asked.reduced.data.poses:
+        return np.nan
+    moved = PullMoves.of(asked)
+    if not FEWEST <= len(moved.force) <= MOST:
+        return np.nan
+    return ordered(moved, np.arange(len(moved.force))).left
 
 
 def odd_forces(asked: Screening) -> dict[tuple[int, int], bool]:

@@ -198,7 +198,7 @@ def _knocked(case: Case, read: _TableStand, wrong: Sequence[int]) -> bool:
 
     Only if they are the last ones that were read.
     """
-    if case.settings.base_frame is None or not wrong:
+    if not case.settings.base_frame or not wrong:
         return False
     placed = register(case.settings, case.readings)
     if placed.chi2 is None or chi2_beyond(placed.chi2, placed.dof) > alarms.READING:

@@ -10,7 +10,7 @@ import numpy as np
 import pandas as pd
 
 from pipeline.base.arrays import Array, Bools
-from pipeline.faults.conventions import FEWEST_POSES, pairs, robust, unloaded
+from pipeline.faults.conventions import aligned, pairs, unloaded
 from pipeline.faults.fault import Fault
 from pipeline.faults.mistake import Mistake, of_group
 from pipeline.machine.robot import configure
@@ -27,19 +27,27 @@ seven standard deviations."""
 
 
 def labels(case: Case) -> list[Mistake]:
-    """States in which two names are exchanged.
+    """States in which two measured reflectors bear each other's name.
 
-    A measured reflector is misnamed if it is centimetres from its position by the robot's table and
-    another reading of the state is there; the ends of the chain are misnamed if the first is
-    farther from the load point than the second, unlike in the rest of the campaign.
+    One is misnamed if it is centimetres from its position by the robot's table and another reading
+    of the state is there.
     """
-    zeros = unloaded(case)
-    if zeros["pose"].nunique() < FEWEST_POSES:
+    at = aligned(case)
+    return [] if at is None else list(_measured(case, *at))
+
+
+def chain_labels(case: Case) -> list[Mistake]:
+    """States in which the ends of the chain bear each other's name.
+
+    The first is farther from the load point than the second, unlike in the rest of the campaign:
+    their distance alone tells it, and such a pull's force has the opposite direction.
+    """
+    at = aligned(case)
+    if at is None:
         return []
-    seen, expected, _ = pairs(case, zeros)
-    R, t = robust(expected, seen)
-    usual = float(np.median(np.linalg.norm(seen - expected @ R.T - t, axis=1)))
-    return [*_measured(case, R, t), *_chain(case, R, t, max(GROSS_M, 3 * usual))]
+    seen, expected, _ = pairs(case, unloaded(case))
+    usual = float(np.median(np.linalg.norm(seen - expected @ at[0].T - at[1], axis=1)))
+    return list(_chain(case, *at, max(GROSS_M, 3 * usual)))
 
 
 def _measured(case: Case, R: Array, t: Array) -> Iterator[Mistake]:
@@ -234,3 +242,5 @@ def _hung_alike(table: pd.DataFrame, reversed_: Bools) -> Bools:
 
 
 FAULT = Fault("label_swap", lambda asked: labels(asked.case), in_files=True)
+
+CHAIN = Fault("label_swap", lambda asked: chain_labels(asked.case), in_files=True)

@@ -9,7 +9,7 @@ import pandas as pd
 
 from pipeline.base.quantities import plain
 from pipeline.faults.mistake import Mistake, length, outlying
-from pipeline.faults.position_rows import PositionSheet, Rows, in_order, laid
+from pipeline.faults.position_rows import PositionSheet, Rows, in_order, laid, since
 from pipeline.geometry.mistaken import TableMistake
 from pipeline.geometry.study import BadReading, Study
 
@@ -35,6 +35,30 @@ def exchanged_beside(sheet: PositionSheet, found: Study) -> tuple[list[Mistake],
     seen = laid(every.readings, found.final.mechanism, every.weights)
     mistakes = list(in_order(sheet, seen))
     return mistakes, sheet.without(mistakes)
+
+
+def dated_beside(
+    sheet: PositionSheet, wrong: list[Mistake], found: Study
+) -> tuple[list[Mistake], PositionSheet] | None:
+    """The first row in another unit by the identified robot; None where it is as was found before.
+
+    Args:
+        sheet: The table of positions as given.
+        wrong: Its mistakes beside the robot as delivered.
+        found: Result of the study without them.
+
+    Returns:
+        The mistakes, and the table without them.
+    """
+    others = [one for one in wrong if one.since is None]
+    if len(others) == len(wrong) or not found.bad:
+        return None
+    again = list(since(sheet.without(others), found.final.mechanism))
+    known = {(one.where, one.at) for one in wrong if one.since}
+    if not again or {(one.where, one.at) for one in again} == known:
+        return None
+    new = [*others, *again]
+    return new, sheet.without(new)
 
 
 def outliers(found: Study, rows: Rows) -> list[Mistake]:

@@ -202,7 +202,7 @@ def position_rows(sheet: PositionSheet) -> tuple[list[Mistake], PositionSheet]:
     None if the targets are where the robot predicts them. What no single mistake explains is left.
     """
     found: list[Mistake] = []
-    for look in (_units, _order, _names, _since):
+    for look in (_units, _order, _names, since):
         new = list(look(sheet))
         sheet = sheet.without(new)
         found += new
@@ -525,9 +525,14 @@ def _called_right(rows: Rows, true: dict[int, str]) -> Rows:
 # --- from some row on -----------------------------------------------------------------------------
 
 
-def _since(sheet: PositionSheet) -> Iterator[Mistake]:
-    """A unit that is wrong in some rows: from one on, or in single ones."""
-    mechanism = sheet.begun()
+def since(sheet: PositionSheet, known: Mechanism | None = None) -> Iterator[Mistake]:
+    """A unit that is wrong in some rows: from one on, or in single ones.
+
+    Args:
+        sheet: The table.
+        known: The robot that predicts them; by default the one as delivered.
+    """
+    mechanism = known or sheet.begun()
     seen = sheet.laid(mechanism)
     away = seen.away
     if seen.miss >= GROSS_M or not away.any():
@@ -537,16 +542,41 @@ def _since(sheet: PositionSheet) -> Iterator[Mistake]:
         other = sheet.of(guess.correct).laid(mechanism)
         right = away & (other.own < seen.limit)
         if right.sum() > most:
-            best, most, after = (guess, right), int(right.sum()), other.own[right].max()
+            best, most = (guess, other.own), int(right.sum())
     if best is None:
         return
-    guess, right = best
-    only = right[sheet.unit]
+    guess, corrected = best
+    wrong, tail = _wrong_units(seen, corrected)
+    only = wrong[sheet.unit]
     some = replace(guess, correct=partial(_some, correct=guess.correct, only=only))
-    before = float(np.sqrt(seen.own[right].max()))
-    one = _of_column(some, before, float(np.sqrt(after)), sheet.at(np.flatnonzero(right)))
-    tail = bool(right[np.flatnonzero(right)[0] :].all())
+    before, after = (float(np.sqrt(own[wrong].max())) for own in (seen.own, corrected))
+    one = _of_column(some, before, after, sheet.at(np.flatnonzero(wrong)))
     yield replace(one, since=one.since if tail else None)
+
+
+def _wrong_units(seen: Laid, corrected: Array) -> tuple[Bools, bool]:
+    """Which units a correction applies to, and whether these are all from some one on.
+
+    All from one on, or all up to one, with which the sum of squares, of each unit at most
+    `Laid.limit`, is least, where that is no more than with those only that are elsewhere: a value
+    may be wrong by so little that its unit is not.
+
+    Args:
+        seen: The units as given.
+        corrected: Mean squared distance of each unit with the correction [m^2], shape (u,).
+    """
+    given, right = (np.minimum(own, seen.limit) for own in (seen.own, corrected))
+    single = seen.away & (corrected < seen.limit)
+    gain = np.append(0.0, np.cumsum(given - right))  # of all units before each
+    first, last = int(np.argmin(gain)), int(np.argmax(gain))
+    every, place = float((given - right)[single].sum()), np.arange(len(given))
+    if gain[-1] - gain[first] >= max((1 - _EQUAL) * every, gain[last]):
+        return place >= first, True
+    return (place < last, False) if gain[last] >= (1 - _EQUAL) * every else (single, False)
+
+
+_EQUAL = 1e-9
+"""Relative difference of sums that are equal but for rounding [1]."""
 
 
 def _some(rows: Rows, correct: Correct, only: Bools) -> Rows:

@@ -207,8 +207,9 @@ def _by_pose(data: Measured, righted: _Righted) -> bool:
             continue
         r, f, w = read[righted.pulls[mine]], righted.fits[mine], righted.normal[mine]
         k = float((w * r) @ f / ((w * r) @ r))
-        if chi2_beyond(float(w @ (f - k * r) ** 2), int(mine.sum()) - 1) > _ALIKE:
-            return 1 / _SOFT < k < _SOFT
+        alike = chi2_beyond(float(w @ (f - k * r) ** 2), int(mine.sum()) - 1) > _ALIKE
+        if alike and 1 / _SOFT < k < _SOFT:
+            return True
     return False
 
 

@@ -4,13 +4,18 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from itertools import chain
+
+import numpy as np
 
 from pipeline.base.arrays import Array
 from pipeline.faults import FAULTS
+from pipeline.faults.exchanged_pulls import misfit
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake
 from pipeline.faults.reading import lock_lost
 from pipeline.machine.cell import Cell
+from pipeline.readers.known import BETTER
 from pipeline.reduction.bring import Reduced, bring
 from pipeline.reduction.case import Case
 from pipeline.system.family import Family
@@ -68,17 +73,32 @@ class ScreeningBase:
 def files_of(case: Case, reduced: Reduced) -> Screened:
     """Mistakes that affect whole files, corrected one after the other.
 
+    Each is found beside those that are known by then; at last those are dropped without which the
+    others bring the pulls nearer to one robot.
+
     Args:
         case: The campaign as given.
         reduced: Its measurements.
     """
-    findings: list[Mistake] = []
+    findings, given = list[list[Mistake]](), case
     for fault in _asked(case, in_files=True):
         known = None if findings else reduced
         found = fault.find(Screening(case, case.cell, case.robot.nominal_compliance, known))
         found, case = _righted(case, found)
-        findings += found
-    return Screened(tuple(findings), case)
+        findings += [found] if found else []
+    return _without_spoiling(given, Screened(tuple(chain.from_iterable(findings)), case), findings)
+
+
+def _without_spoiling(case: Case, all_right: Screened, found: list[list[Mistake]]) -> Screened:
+    """The campaign without the faults whose correction raises the pulls' misfit `BETTER` times."""
+    best = misfit(all_right.case) if found else np.nan
+    for one in list(found):
+        others = [other for other in found if other is not one]
+        kept = tuple(chain.from_iterable(others))
+        right = put_right(case, kept)
+        if (without := misfit(right)) * BETTER < best:
+            found, best, all_right = others, without, Screened(kept, right)
+    return all_right
 
 
 def screen(case: Case, reduced: Reduced, beside: ScreeningBase | None = None) -> Screened:

@@ -9,7 +9,7 @@ its unit is rejected when it is read.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from functools import partial
 
 import numpy as np
@@ -20,7 +20,7 @@ from pipeline.base.arrays import Array, Bools, Ints
 from pipeline.faults.assignment import lines
 from pipeline.faults.conventions import LOGGED
 from pipeline.faults.exchanged import misplaced
-from pipeline.faults.exchanged_pulls import FEWEST, MOST, SPREAD, PullMoves, rows_of
+from pipeline.faults.exchanged_pulls import FEWEST, MOST, SPREAD, PullMoves, ordered, rows_of
 from pipeline.faults.fault import Fault, Screening
 from pipeline.faults.mistake import Mistake, lines_of
 from pipeline.machine.effect import PULLED
@@ -57,13 +57,34 @@ def _forces(asked: Screening) -> list[Mistake]:
     found = _split(moved, at)
     if found is None:
         return []
-    first, unit, sign = found
-    rows = asked.case.loads.iloc[row[at[first:]]]
-    return [_of_forces(asked.case, rows, unit, sign)]
+    wrong = slice(found.first, None) if found.later else slice(None, found.first)
+    return [_of_forces(asked.case, asked.case.loads.iloc[row[at[wrong]]], found)]
 
 
-def _split(moved: PullMoves, at: Ints) -> tuple[int, str, int] | None:
-    """First pull in another unit, that unit, and 1 where its numbers were read as N, else -1."""
+@dataclass(frozen=True)
+class _Change:
+    """Where the scale's unit changes.
+
+    Attributes:
+        first: Index of the first pull of the second part, in the order of the file.
+        unit: The other unit.
+        sign: 1 where the wrong numbers are in it and were read as N, else -1.
+        later: Whether the second part is wrong, not the first one.
+    """
+
+    first: int
+    unit: str
+    sign: int
+    later: bool
+
+    @property
+    def factor(self) -> float:
+        """Factor on the wrong numbers."""
+        return float(FORCE[self.unit] ** self.sign)
+
+
+def _split(moved: PullMoves, at: Ints) -> _Change | None:
+    """The change of unit that fits, and in which of the two parts."""
     N, b, square = _normal(moved, at)
     whole = np.sqrt(_left(N.sum(axis=0), b.sum(axis=0), square))
     tried = {}
@@ -76,9 +97,8 @@ def _split(moved: PullMoves, at: Ints) -> tuple[int, str, int] | None:
                 left = _left(both, b[head].sum(axis=0) + c * b[tail].sum(axis=0), square)
                 tried[first, unit, sign] = np.sqrt(left)
     best = min(tried, key=lambda one: tried[one])
-    if tried[best] > SPREAD or tried[best] * BETTER > whole:
-        return None
-    return _likelier(moved, at, best)
+    found = _likelier(moved, at, *best)
+    return None if tried[best] * BETTER > whole else found
 
 
 def _normal(moved: PullMoves, at: Ints) -> tuple[Array, Array, float]:
@@ -96,32 +116,41 @@ def _left(N: Array, b: Array, square: float) -> float:
     return max(1 - float(x @ (b / size)) / square, 0.0)
 
 
-def _likelier(
-    moved: PullMoves, at: Ints, best: tuple[int, str, int]
-) -> tuple[int, str, int] | None:
-    """The result as given; both outcomes of the comparison with typical stiffnesses return it."""
-    first, unit, sign = best
+def _likelier(moved: PullMoves, at: Ints, first: int, unit: str, sign: int) -> _Change | None:
+    """Whether the later forces are too small by a factor, or the earlier ones too large by it.
+
+    Both fit alike; the compliances, in typical ones, are nearer to one with one of them. None where
+    the pulls do not agree either way.
+    """
+    later = _Change(first, unit, sign, later=True)
     factor = np.ones(len(at))
-    factor[at[first:]] = FORCE[unit] ** sign
-    x = moved.solved(moved.force * factor)
-    off = float(np.abs(np.log(np.median(x[x > 0])))) if (x > 0).any() else np.inf
-    other = float(np.abs(np.log(np.median(x[x > 0]) * FORCE[unit] ** sign)))
-    return best if off <= other or sign == -1 else (first, unit, sign)
+    factor[at[first:]] = later.factor
+    fit = ordered(replace(moved, force=moved.force * factor), np.arange(len(at)))
+    if fit.model > SPREAD:
+        return None
+    usual = float(np.median(fit.x[fit.x > 0])) if (fit.x > 0).any() else 1.0
+    if abs(np.log(usual)) <= abs(np.log(usual * later.factor)):
+        return later
+    return _Change(first, unit, -sign, later=False)
 
 
-def _of_forces(case: Case, rows: pd.DataFrame, unit: str, sign: int) -> Mistake:
-    factor = float(FORCE[unit] ** sign)
-    at = lines_of(rows)
+def _of_forces(case: Case, rows: pd.DataFrame, change: _Change) -> Mistake:
+    unit, factor, at = change.unit, change.factor, lines_of(rows)
     keys = frozenset(zip(rows["pose"].tolist(), rows["repeat"].tolist(), strict=True))
-    said = f"are {unit} and were read as N" if sign == 1 else f"are N and were read as {unit}"
-    return _finding(
-        where=unit if sign == 1 else "n",
-        says=f"from {at[0]} on the numbers of the scale {said}",
+    said = (
+        f"are {unit} and were read as N" if change.sign == 1 else f"are N and were read as {unit}"
+    )
+    found = _finding(
+        where=unit if change.sign == 1 else "n",
+        says=f"from {at[0]} on the numbers of the scale {said}"
+        if change.later
+        else f"up to {at[-1]} the numbers of the scale {said}",
         why=f"these pulls moved the robot {factor:.4g} times as far as the others for their force",
         at=at,
         factor=factor,
         correct=partial(_times, keys=keys, factor=factor),
     )
+    return found if change.later else replace(found, since=None)
 
 
 def _times(case: Case, keys: frozenset[tuple[int, int]], factor: float) -> Case:

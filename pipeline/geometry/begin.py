@@ -16,7 +16,7 @@ _ROUNDS = 30
 """Number of reweighting iterations, enough for the weights of outliers to become negligible."""
 
 _FAR = 3.0
-"""Multiple of the median residual above which residuals are down-weighted [1] (Huber)."""
+"""Multiple of the median residual above which residuals are down-weighted [1]."""
 
 _ENOUGH = 400
 """Maximum number of poses of a series used for the initial estimate."""
@@ -77,9 +77,17 @@ def _placed(
     for _ in range(_ROUNDS):
         R, t = _rigid(base[seen], at[seen], weight)
         off = np.linalg.norm(at[seen] - base[seen] @ R.T - t, axis=1)
-        limit = _FAR * max(float(np.median(off)), 1e-9)
-        weight = np.minimum(1.0, limit / np.maximum(off, 1e-12)) ** 2
+        weight = _weights(off)
     return R, t, points
+
+
+def _weights(off: Array) -> Array:
+    """Weights w = min(1, k / r)^2 of residuals r, with k `_FAR` medians of them, shape (m,).
+
+    Squared, unlike those of Huber: the pull w r of a reading falls with its distance.
+    """
+    limit = _FAR * max(float(np.median(off)), 1e-9)
+    return np.asarray(np.minimum(1.0, limit / np.maximum(off, 1e-12)) ** 2)
 
 
 def _rigid(a: Array, b: Array, weight: Array) -> tuple[Array, Array]:
@@ -113,7 +121,7 @@ def _point(here: Configuration, mine: Ints, at: Array) -> Array:
         base = (at - t) @ R - o  # F l of each pose, in F_b
         new = np.einsum("mij,mi,m->j", F, base, weight) / weight.sum()
         off = np.linalg.norm(base - F @ new, axis=1)
-        weight = np.minimum(1.0, _FAR * max(float(np.median(off)), 1e-9) / np.maximum(off, 1e-12))
+        weight = _weights(off)
         if np.linalg.norm(new - point) < 1e-9:
             break
         point = new

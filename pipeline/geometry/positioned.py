@@ -162,6 +162,7 @@ def by_pose(rows: pd.DataFrame, robot: Robot, settings: Settings) -> PositionRea
     """Readings pose by pose; of a target that was read twice in a pose the last row counts."""
     said, payloads = settings.positions, list(settings.payload)
     assert said is not None
+    rows = rows.drop_duplicates(["series", "pose", "target"], keep="last")
     number = rows.groupby(["series", "pose"], sort=False).ngroup().to_numpy()
     first = np.unique(number, return_index=True)[1]
     head = rows.iloc[first]

@@ -163,7 +163,7 @@ def _loads(states: _States, dropped: Bools, why: dict[int, str], loads: Log) -> 
     pose, repeat = loads.number["pose"], loads.number["repeat"]
     for k in np.flatnonzero(~kept).tolist():
         unread = (
-            f"pose {pose[k]:.0f} repeat {repeat[k]:.0f} has no loaded tracker reading; "
+            f"pose {pose[k]:.0f} repeat {repeat[k]:.0f} has no usable loaded tracker reading; "
             "measure it or remove the row"
         )
         reason.setdefault(k, unread)

@@ -154,6 +154,33 @@ def unused(everything: Shots, used: Shots) -> tuple[str, ...]:
     return tuple(there.filter(pc.invert(pc.is_in(there, left))).to_pylist())
 
 
+@dataclass(frozen=True)
+class Lost:
+    """Readings of known targets that are not used.
+
+    Attributes:
+        readings: Their number.
+        of: Number of all.
+        poses: Poses of which no pull is left.
+    """
+
+    readings: int = 0
+    of: int = 0
+    poses: tuple[int, ...] = ()
+
+
+NONE_LOST = Lost()
+
+
+def lost(given: Shots, used: Shots) -> Lost:
+    """What is lost between two stages."""
+    there, left = (
+        {*one.pose[slots[one.loaded[slots]]].tolist()}
+        for one, slots in ((each, each.slot[each.slot >= 0]) for each in (given, used))
+    )
+    return Lost(len(given) - len(used), len(given), tuple(sorted(there - left)))
+
+
 def unread(exports: Mapping[str, Export]) -> tuple[Rejection, ...]:
     """Rows of all files that could not be read."""
     return tuple((file, line, why) for file, e in exports.items() for line, why in e.rejected)
@@ -347,24 +374,27 @@ def in_rounds(shots: Shots, width: int) -> Shots:
     """Split unloaded readings before and after the pulls of a pose into states of their own.
 
     They may share one name. Another round begins where a target is read again after a reading of
-    another state of the pose, in order of time, or of rows where a reading of the pose has no time.
-    An exact repetition of a reading is a copy, not another round.
+    another state, of whatever pose, in order of time, or of rows where a reading of the pose has no
+    time. An exact repetition of a reading is a copy, not another round.
 
     Args:
         shots: Readings of known reflectors.
         width: Number of roles.
     """
     slot, pose, repeat = shots.slot.copy(), [*shots.pose], [*shots.repeat]
-    for zero in np.flatnonzero((shots.counted(width) > 1).any(axis=1) & ~shots.loaded).tolist():
-        rows = _in_order(shots, np.flatnonzero(np.isin(slot, np.flatnonzero(
-            shots.pose == shots.pose[zero]))))  # fmt: skip
-        mine = shots.slot[rows] == zero
-        block = np.cumsum(np.diff(mine, prepend=False) & mine)[mine] - 1
-        rows = rows[mine]
-        if block.max(initial=0) == 0 or _copied(shots, rows):
+    zeros = np.flatnonzero((shots.counted(width) > 1).any(axis=1) & ~shots.loaded).tolist()
+    by_time, by_row = _sittings(shots) if zeros else (slot, slot)
+    for zero in zeros:
+        in_pose = np.isin(shots.slot, np.flatnonzero(shots.pose == shots.pose[zero]))
+        all_timed = (by_time[in_pose] >= 0).all()
+        sitting = by_time if all_timed else by_row
+        rows = np.flatnonzero(shots.slot == zero)
+        rows = rows[np.argsort(sitting[rows], kind="stable")]
+        round_ = _rounds(sitting[rows], shots.role[rows])
+        if round_.max(initial=0) == 0 or _copied(shots, rows):
             continue
-        for number in range(1, int(block.max()) + 1):
-            slot[rows[block == number]] = len(pose)
+        for number in range(1, int(round_.max()) + 1):
+            slot[rows[round_ == number]] = len(pose)
             repeat.append(1 + max(r for r, p in zip(repeat, pose, strict=True) if p == pose[zero]))
             pose.append(pose[zero])
     more = len(pose) - len(shots.pose)
@@ -377,12 +407,26 @@ def in_rounds(shots: Shots, width: int) -> Shots:
     )
 
 
-def _in_order(shots: Shots, rows: Ints) -> Ints:
-    """Rows in reading order: by their times where all have one, else as in the file."""
-    time = shots.time.take(pa.array(rows))
-    if time.null_count:
-        return rows
-    return np.asarray(rows[np.argsort(time.cast(pa.int64()).to_numpy(), kind="stable")])
+def _sittings(shots: Shots) -> tuple[Ints, Ints]:
+    """Run of readings of one state that each is in, by time (-1 without) and by row, (n,) each."""
+    begins = np.diff(shots.slot, prepend=-2) != 0
+    timed = np.flatnonzero(np.asarray(shots.time.is_valid()))
+    order = timed[np.argsort(shots.time.take(pa.array(timed)).cast(pa.int64()), kind="stable")]
+    by_time = np.full(len(shots), -1)
+    by_time[order] = np.cumsum(np.diff(shots.slot[order], prepend=-2) != 0)
+    return by_time, np.cumsum(begins)
+
+
+def _rounds(sitting: Ints, role: Ints) -> Ints:
+    """Round of each reading of a state: another one begins with a sitting that reads one again."""
+    out, read, number = np.zeros(len(role), dtype=np.int64), set[int](), 0
+    for one in np.unique(sitting):
+        mine = sitting == one
+        if not read.isdisjoint(role[mine].tolist()):
+            number, read = number + 1, set()
+        read |= {*role[mine].tolist()}
+        out[mine] = number
+    return out
 
 
 def _copied(shots: Shots, rows: Ints) -> bool:
@@ -400,10 +444,7 @@ def once(shots: Shots, width: int) -> Shots:
         width: Number of roles.
     """
     why: dict[int, str] = {}
-    same: dict[tuple[object, ...], list[int]] = {}
-    for k in np.flatnonzero(_repeated(shots, width)).tolist():
-        same.setdefault(_identity(shots, k), []).append(k)
-    for rows in same.values():
+    for rows in _same(shots, width):
         first, *more = rows
         equal = all((shots.position[k] == shots.position[first]).all() for k in more)
         for k in more if equal else rows if more else ():
@@ -414,6 +455,46 @@ def once(shots: Shots, width: int) -> Shots:
                 else f"contradicts {other}, the same target in the same state; keep the right one"
             )
     return shots.without(why)
+
+
+def _same(shots: Shots, width: int) -> list[list[int]]:
+    """Readings of one target in one state, of all that may occur more than once."""
+    same: dict[tuple[object, ...], list[int]] = {}
+    for k in np.flatnonzero(_repeated(shots, width)).tolist():
+        same.setdefault(_identity(shots, k), []).append(k)
+    return list(same.values())
+
+
+@dataclass(frozen=True)
+class Contradiction:
+    """Readings of one target in one state that differ, so that none of them is used.
+
+    Attributes:
+        pose: Its pose.
+        group: Its group.
+        target: Its target.
+        at: Where they stand, `file:line`.
+        apart_m: How far apart the farthest of them are from the first [m].
+    """
+
+    pose: int
+    group: str
+    target: str
+    at: tuple[str, ...]
+    apart_m: float
+
+
+def contradictions(shots: Shots, width: int) -> tuple[Contradiction, ...]:
+    """All of them that `once` leaves out."""
+    found = []
+    for first, *more in _same(shots, width):
+        apart = np.linalg.norm(shots.position[more] - shots.position[first], axis=1)
+        if shots.slot[first] >= 0 and apart.any():
+            pose = int(shots.pose[shots.slot[first]])
+            group, target = str(shots.group[first].as_py()), str(shots.target[first].as_py())
+            at = tuple(shots.place(k) for k in (first, *more))
+            found.append(Contradiction(pose, group, target, at, float(apart.max())))
+    return tuple(found)
 
 
 @dataclass(frozen=True)

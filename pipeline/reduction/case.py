@@ -15,7 +15,7 @@ from pipeline.machine.cell import Cell, Tool, paper_cell
 from pipeline.machine.robot import Robot
 from pipeline.machine.stance import Stance
 from pipeline.readers import Faces
-from pipeline.reduction._shots import Stale
+from pipeline.reduction._shots import NONE_LOST, Contradiction, Lost, Stale
 from pipeline.reduction.effector import tool
 from pipeline.reduction.settings import Settings
 from pipeline.reduction.stations import Station
@@ -53,6 +53,8 @@ class Case:
         displacements: Table DISPLACEMENTS of a campaign that arrives reduced.
         forces: Table FORCES of a campaign that arrives reduced.
         stale: Readings that repeat another one of their state, whether or not they are left out.
+        contradictions: Readings of one target in one state that differ, left out.
+        lost: Readings of known targets that are not used.
         unused: Groups of the exports none of whose readings is used.
         treated: Exports that were not used unchanged.
         torques: Torques of the joints as logged, see `ingest._Ingested`; None where there are none.
@@ -69,6 +71,8 @@ class Case:
     displacements: pa.Table | None = None
     forces: pa.Table | None = None
     stale: tuple[Stale, ...] = ()
+    contradictions: tuple[Contradiction, ...] = ()
+    lost: Lost = NONE_LOST
     unused: tuple[str, ...] = ()
     treated: tuple[Treated, ...] = ()
     torques: pd.DataFrame | None = None

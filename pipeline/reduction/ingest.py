@@ -30,7 +30,7 @@ from pipeline.readers import Export, logs
 from pipeline.readers.known import ReflectorSet
 from pipeline.reduction import _pulls, _shots, _size, limits
 from pipeline.reduction._index import numbered, pull_number
-from pipeline.reduction._shots import Rejection, Shots, Stale
+from pipeline.reduction._shots import NONE_LOST, Contradiction, Lost, Rejection, Shots, Stale
 from pipeline.reduction.case import Treated
 from pipeline.reduction.digits import rounding
 from pipeline.reduction.register import read_apart
@@ -62,6 +62,8 @@ class _Ingested:
             None where it has none.
         doubt: Why the values are implausible, where this was not to be an error.
         stale: Readings that repeat another one of their state, whether or not they are left out.
+        contradictions: Readings of one target in one state that differ, left out.
+        lost: Readings of known targets that are not used.
         unused: Groups of the exports none of whose readings is used.
         treated: Exports that were not used unchanged.
     """
@@ -75,6 +77,8 @@ class _Ingested:
     torques: pd.DataFrame | None = None
     doubt: InputError | None = None
     stale: tuple[Stale, ...] = ()
+    contradictions: tuple[Contradiction, ...] = ()
+    lost: Lost = NONE_LOST
     unused: tuple[str, ...] = ()
     treated: tuple[Treated, ...] = ()
 
@@ -169,7 +173,8 @@ def _raw(
         _shots.pulled_at_rest(shots, settings.naming.chain, loads.states, file)
     doubt = _doubt(lambda: _size.check_units(shots, settings), plausible) or doubt
     width = len(settings.measured) + 2
-    once = _shots.once(_shots.in_rounds(shots, width), width)
+    rounds = _shots.in_rounds(shots, width)
+    once = _shots.once(rounds, width)
     noisy = settings.reading_noise is not None or tracker.sigma_m is not None
     weighed = _shots.weighed(once, noisy)
     _three_base_reflectors(weighed, settings)
@@ -189,6 +194,8 @@ def _raw(
         rejected=_rejected([*whole.rejected, *loads.rejected, *joints.rejected]),
         doubt=doubt,
         stale=_shots.stale(weighed),
+        contradictions=_shots.contradictions(rounds, width),
+        lost=_shots.lost(shots, whole),
         unused=_shots.unused(everything, whole),
         treated=tuple(
             Treated(name, one.faces, one.untimed, one.settled)

@@ -85,7 +85,7 @@ def one_station(
         moved_m, begun = float(np.linalg.norm(t - before)), rounds[0].begun
         told.append(Station(rounds[0].group, moved_m, begun, R1.T @ R, R1.T @ (t - t1)))
         before = t
-    return _moved(readings, told), tuple(told)
+    return moved_by(readings, told), tuple(told)
 
 
 def with_rounds_exchanged(
@@ -99,7 +99,7 @@ def with_rounds_exchanged(
         stations: Later stations of the tracker.
         pair: Groups of the two rounds.
     """
-    shot = _moved(readings, [one.back for one in stations])
+    shot = moved_by(readings, [one.back for one in stations])
     one, other = (shot.index[shot["group"] == group] for group in pair)
     of = shot["target"].astype(str)
     source = dict(zip(of[other], other, strict=True)) if of[other].is_unique else {}
@@ -113,7 +113,7 @@ def with_rounds_exchanged(
     return one_station(settings, shot)
 
 
-def _moved(readings: pd.DataFrame, stations: Sequence[Station]) -> pd.DataFrame:
+def moved_by(readings: pd.DataFrame, stations: Sequence[Station]) -> pd.DataFrame:
     """Table READINGS with the readings of each station transformed as it says."""
     since, out, columns = seconds(readings), readings.copy(), covariance.columns()
     ends = [one.begun for one in stations[1:]]

@@ -1,1 +1,1 @@
-"""What is said about a campaign, as a page and as a PDF."""
+"""The report on a campaign, as a web page and as a PDF."""

@@ -1,4 +1,4 @@
-"""The first page: verdict, what to do, the robot, its stiffnesses, what the answer is filed by."""
+"""The first page (certificate): verdict, what to do, robot, stiffnesses, data for filing."""
 
 from __future__ import annotations
 
@@ -34,20 +34,27 @@ from pipeline.report.summaries import Tables, interval
 from pipeline.store.campaign import dump
 
 _MOST_FOUND = 24
-"""So many words of an error in the data are told here; all of them stand on the page below."""
+"""Maximum number of words about an error in the data here; the page below has the full text."""
 
 _MOST_CAUSES = 2
-"""So many causes are named here."""
+"""Maximum number of causes listed."""
 
 _MOST_NEXT = 30
-"""So many words of what to measure next; the page below has the pose, too."""
+"""Maximum number of words on what to measure next; the page below also gives the pose."""
 
 _DIGEST = 16
-"""Digits of the digest that are printed."""
+"""Number of hexadecimal digits of the digest that are printed."""
 
 
 def certificate(answer: Answer, tables: Tables, say: Say = str, look: Look = PLAIN) -> Certificate:
-    """What an engineer files of a campaign, in a language, with what the house adds."""
+    """Certificate of a campaign, which an engineer files.
+
+    Args:
+        answer: The answer to the campaign.
+        tables: Tables of the report by name.
+        say: Translates a text into the language of the certificate.
+        look: Logo and further lines of the house.
+    """
     say = words.by_axis(answer, say)
     pictures = {one.name: said(one, say) for one in figures(_PICTURES, answer, tables)}
     bars, nominal = _bars(answer)
@@ -77,7 +84,7 @@ _PICTURES = ("certificate", "gauge")
 
 
 def digest(answer: Answer) -> str:
-    """The first digits of what `sha256sum result.json` prints."""
+    """First digits of what `sha256sum result.json` prints."""
     return sha256(dump(answer.as_json()))[:_DIGEST]
 
 
@@ -85,7 +92,7 @@ def digest(answer: Answer) -> str:
 
 
 def found(answer: Answer, say: Say = str) -> str:
-    """What is wrong, in a sentence."""
+    """One sentence on what is wrong: a mistake in the data, else the causes, else the verdict."""
     mistakes = [one.evidence.sentence for one in answer.diagnosis.causes if one.evidence]
     if mistakes:
         more = say(f" (and {len(mistakes) - 1} more)") if len(mistakes) > 1 else ""
@@ -103,19 +110,19 @@ _NOTHING = {
 
 
 _LINES = re.compile(r" \(([^\s(),]+:\d+)(?:,| and) [^()]*\)")
-"""More than one line of a file, in brackets..."""
+"""Several lines of a file in brackets..."""
 
 _FIRST = r" (\1 ...)"
-"""... of which the first is told."""
+"""... are replaced by the first of them."""
 
 
 def _begun(text: str) -> str:
-    """With a capital, but for the name of a file or a group."""
+    """Capitalise a text unless it begins with the name of a file or a group."""
     return text if re.search(r"[\d._/]", text.split(" ")[0].rstrip(".,:;")) else capital(text)
 
 
 def _cut(text: str) -> str:
-    """The first clauses of a long sentence."""
+    """Cut a sentence of more than `_MOST_FOUND` words after its last clause that fits."""
     told = text.split()
     if len(told) <= _MOST_FOUND:
         return text
@@ -125,14 +132,14 @@ def _cut(text: str) -> str:
 
 
 def _listed(causes: Sequence[Cause]) -> str:
-    """The first causes, and how many more there are."""
+    """The first `_MOST_CAUSES` causes, and the number of further ones."""
     more = len(causes) - _MOST_CAUSES
     rest = [f"{more} more"] if more > 0 else []
     return "; ".join([*map(_cause, causes[:_MOST_CAUSES]), *rest])
 
 
 def _cause(one: Cause) -> str:
-    """A cause with its size, or with what else it may be."""
+    """A cause with its likeliest rival or, without rivals, with its size if that is one number."""
     if one.rivals:
         return f"{words.placed(one)} or {_rival(one, one.rivals[0])}"
     size = f", {amount(one.parameters[0])}" if len(one.parameters) == 1 else ""
@@ -140,14 +147,17 @@ def _cause(one: Cause) -> str:
 
 
 def _rival(one: Cause, other: Placed) -> str:
-    """What it may be instead; of the same kind the place alone."""
+    """A rival in words; only its place if it is the same effect in another joint."""
     if other.name == one.name and isinstance(other.where, int):
         return in_place(other.where, other.name, other.axis).removeprefix(" in ")
     return words.placed(other)
 
 
 def _gain(answer: Answer) -> str:
-    """By how much poses held out are predicted better than by joint springs alone."""
+    """Error at held-out poses without and with the causes; empty if it does not decrease.
+
+    Without causes means joint springs alone; for positions, nominal geometry.
+    """
     without, beside = "joint springs", "the cause"
     both = (answer.joint_springs.validation, answer.validation)
     before, after = (one.held_out_rms_mm if one else None for one in both)
@@ -165,7 +175,7 @@ def _gain(answer: Answer) -> str:
 
 
 def to_do(answer: Answer) -> str:
-    """What to do with the values; those of positions are more than a controller takes."""
+    """What to do with the values; for positions the sentence of the first screen, if it has one."""
     reason, corrected = answer.recommended.reason, answer.recommended.data is Data.CORRECTED
     said = _OPEN.get(reason, DO[reason])
     if answer.of_positions:
@@ -180,13 +190,13 @@ _OPEN = {
     Reason.RIVALS: "Until the cause is known, predict with averaged values.",
     Reason.CAUSE_DOUBTFUL: "Until the cause is certain, predict with the likeliest one.",
 }
-"""What to do where a cause is open, in fewer words than below."""
+"""What to do while a cause is undecided, in fewer words than on the page below."""
 
 _NO_VALUE = "enter none of these values into a controller."
 
 
 def unjudged(answer: Answer) -> str:
-    """Why nothing is said of a tolerance; empty where it is."""
+    """Why no tolerance is judged; empty if one is."""
     if answer.tolerance is not None:
         return ""
     if answer.of_positions:
@@ -195,7 +205,7 @@ def unjudged(answer: Answer) -> str:
 
 
 def measure(answer: Answer, say: Say = str) -> str:
-    """What to measure next: the first sentences of what the page below says of it."""
+    """What to measure next: the first sentences of that line of the first screen."""
     line = next((one.text for one in answer.first_screen if one.about == About.NEXT), "")
     every = say(" ".join(one for one in _ENDS.split(line) if "standard uncertainty" not in one))
     told: list[str] = []
@@ -211,17 +221,17 @@ def measure(answer: Answer, say: Say = str) -> str:
 
 
 _ENDS = re.compile(r"(?<=\.) (?=[A-ZÀÉÜ])")
-"""Where a sentence ends."""
+"""The space between two sentences."""
 
 
 def _to_controller(answer: Answer) -> Iterator[str]:
-    """What of the model no controller takes."""
+    """Instruction to enter effective values, if a controller cannot represent the model."""
     if _substituted(answer):
         yield "Enter the whole last column."
 
 
 def _by_tolerance(answer: Answer) -> Iterator[str]:
-    """What a tolerance that is not kept asks for."""
+    """What to do if the tolerance is not kept or undecided."""
     worst = answer.tolerance.worst if answer.tolerance else None
     if worst is Decision.FAIL:
         yield "For the tolerance: reduce the force or compensate the path."
@@ -233,7 +243,10 @@ def _by_tolerance(answer: Answer) -> Iterator[str]:
 
 
 def _bars(answer: Answer) -> tuple[tuple[Bar, ...], float | None]:
-    """One for each joint, and where the nominal value stands along them; none without a number."""
+    """One bar per joint and the nominal value's place along them, 0 to 1 (None without nominals).
+
+    There are no bars if no stiffness has a value.
+    """
     joints, units = answer.stiffness, _units(answer)
     enter = _entered(answer, units)
     if not any(one.value is not None for one in (*joints, *_taken(answer))):
@@ -255,7 +268,7 @@ def _bars(answer: Answer) -> tuple[tuple[Bar, ...], float | None]:
 
 
 def _name(joint: Stiffness) -> str:
-    """As the controller calls the axis; a long name behind that of the drawing."""
+    """The controller's name of the axis, or the joint's; a long one follows that of the drawing."""
     name, drawn = joint.axis or joint.joint_name, drawn_as(joint)
     return name if name == drawn else f"{drawn} {name}"
 
@@ -264,7 +277,10 @@ _Tracks = dict[str, tuple[float, float, float]]
 
 
 def _beside_nominal(joints: Sequence[Stiffness]) -> _Tracks:
-    """Limits and value of each as a share of the width, nominal under the empty name."""
+    """Lower limit, value and upper limit of each joint along the bar, 0 to 1.
+
+    The entry with the empty name is the nominal value.
+    """
     nominal = np.array([one.nominal for one in joints], dtype=float)
     share, low, high = interval(joints, nominal / 100)
     left, right = (
@@ -278,7 +294,7 @@ def _beside_nominal(joints: Sequence[Stiffness]) -> _Tracks:
 
 
 def _rough(joints: Sequence[Stiffness]) -> _Tracks:
-    """Bars about the middle, as long as each is uncertain."""
+    """Bars centred on the middle, with lengths proportional to the relative uncertainty."""
     size = {one.name: min(one.relative_std or 0.0, 1.0) for one in joints if one.value is not None}
     most = max(size.values(), default=0.0) or 1.0
     return {name: (0.5 - 0.5 * s / most, 0.5, 0.5 + 0.5 * s / most) for name, s in size.items()}
@@ -288,7 +304,10 @@ _Units = dict[str, tuple[float, str]]
 
 
 def _units(answer: Answer) -> _Units:
-    """One prefix for all joints of a kind, by unit, so that none is read as a thousand times it."""
+    """Factor and letter of the SI prefix by unit.
+
+    All joints of a unit share a prefix, so that no value is misread by a factor of a thousand.
+    """
     every = (*answer.stiffness, *_taken(answer))
     return {
         unit: common_prefix([one.value for one in every if one.unit == unit])
@@ -297,7 +316,7 @@ def _units(answer: Answer) -> _Units:
 
 
 def _value(joint: Stiffness, units: _Units) -> str:
-    """`3.797 ± 0.018 MN·m/rad`, ± the expanded uncertainty, or why there is none."""
+    """`3.797 ± 0.018 MN·m/rad` with ± U; a lower bound if the joint may be rigid."""
     if joint.value is None:
         return "not determined"
     (factor, letter), (least, most) = units[joint.unit], joint.ci95
@@ -313,11 +332,12 @@ _SUBSTITUTES = (
     Reason.CAUSE_DOUBTFUL,
     Reason.RIVALS,
 )
-"""Reasons for which a controller takes the joint springs alone, which make up for the cause."""
+"""Reasons of a recommendation for which a controller is given the values of joint springs alone:
+effective stiffnesses, which absorb part of the cause."""
 
 
 def _substituted(answer: Answer) -> bool:
-    """Whether a controller takes others in place of the values; pulls alone give such."""
+    """Whether effective stiffnesses replace the values in a controller; only for pulls."""
     said = answer.recommended
     beside = said.reason in _SUBSTITUTES and said.model is not Which.JOINT_SPRINGS
     return beside and not answer.of_positions
@@ -330,20 +350,20 @@ def enterable(answer: Answer) -> bool:
 
 
 def _taken(answer: Answer) -> Sequence[Stiffness]:
-    """The stiffnesses that a controller takes."""
+    """Stiffnesses to enter into a controller; none if no value may be used."""
     if not enterable(answer):
         return ()
     return (answer.joint_springs if _substituted(answer) else answer).stiffness
 
 
 def _entered(answer: Answer, units: _Units) -> dict[str, str]:
-    """What a controller takes, by name of the stiffness."""
+    """Entry for the controller, by name of the stiffness."""
     none = {one.name: "do not enter" for one in answer.stiffness}
     return none | {one.name: _rounded(one, units) for one in _taken(answer)}
 
 
 def _rounded(joint: Stiffness, units: _Units) -> str:
-    """A value in the digits that its uncertainty allows; none for one that may be rigid."""
+    """A value rounded as its uncertainty allows; `no value` for a joint that may be rigid."""
     if joint.value is None:
         return "leave as it is"
     if joint.ci95[1] is None:
@@ -355,7 +375,7 @@ def _rounded(joint: Stiffness, units: _Units) -> str:
 
 
 def _note(answer: Answer, compared: bool) -> str:
-    """What ± and the bars are, and what a controller takes."""
+    """What ± and the bars mean, and what to enter into a controller."""
     bar = "Bars: 95 % interval, as a share of nominal (line)."
     if not compared:
         widest = max((one.relative_std or 0.0 for one in answer.stiffness), default=0.0)
@@ -372,4 +392,4 @@ _EFFECTIVE = (
     "Where programs are corrected for the deflection, enter none.",
 )
 _NO_TABLE = "No stiffness is determined: enter none into the controller."
-"""What stands in place of a table."""
+"""Text in place of the table of stiffnesses."""

@@ -1,4 +1,4 @@
-"""Tables from records: what stands in each column, then one row per record."""
+"""Tables from records: the columns with their contents, then one row per record."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from pipeline.report.record import Column, ReportTable, TableEntry, entry, text_
 _Thing = TypeVar("_Thing")
 
 Cells = tuple[Column, Callable[[_Thing], TableEntry]]
-"""A column with what stands in it for one thing."""
+"""A column, and the function that gives its cell for one record."""
 
 
 def said(title: str, words: Callable[[_Thing], object], code: bool = False) -> Cells[_Thing]:
@@ -34,7 +34,7 @@ def measured(
 
 
 def roughly(value: float | None) -> str:
-    """A number to two digits."""
+    """A number to two significant digits."""
     return plain(value, 2)
 
 
@@ -45,7 +45,7 @@ def table_of(
     things: Iterable[_Thing],
     note: str = "",
 ) -> ReportTable | None:
-    """A table with one row per thing; None without any."""
+    """A table with one row per record; None without records."""
     rows = tuple(tuple(cell(thing) for _, cell in columns) for thing in things)
     return (
         ReportTable(name, title, tuple(column for column, _ in columns), rows, note)

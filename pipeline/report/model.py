@@ -1,6 +1,6 @@
-"""What the report says, in order, independent of how it is shown.
+"""Content of the report, in order, independent of its presentation.
 
-Page and PDF both walk through the same record, so neither can say what the other does not.
+Page and PDF are both made from the same record, so that they cannot contradict each other.
 """
 
 from __future__ import annotations
@@ -25,7 +25,7 @@ from pipeline.report.sections.stiffness import stiffness
 from pipeline.report.summaries import Tables
 
 _ANNEX = "pipeline.annex.sections:SECTIONS"
-"""Parts behind the first page."""
+"""Door of the annex: sections after the first page."""
 
 
 def compose(
@@ -37,17 +37,18 @@ def compose(
     wear: str | None = None,
     look: Look = PLAIN,
 ) -> Report:
-    """Everything the report says about a campaign.
+    """Compose the report of a campaign.
 
     Args:
         answer: The answer to the campaign.
-        tables: REGISTRATION, RELIABILITY, RESIDUALS, REJECTED, VALIDATION, FORCES and DISPLACEMENTS
-            by the lower-case name of their promise, SI; what is missing is left out.
-        run_time_s: How long the run took [s].
-        previous: The answer to the robot's previous campaign, to say what has changed.
-        beside: Names of the files that lie in the page's folder, to lead there.
-        wear: What all campaigns of the robot say together; None where they are too few to.
-        look: Language of the certificate, and what the house adds to it; the rest is in English.
+        tables: REGISTRATION, RELIABILITY, RESIDUALS, REJECTED, VALIDATION, FORCES, DISPLACEMENTS
+            and others by their lower-case names, in SI units; the report omits what needs a table
+            that is missing.
+        run_time_s: Run time [s].
+        previous: The answer to the robot's previous campaign, to report changes since then.
+        beside: Names of the files in the folder of the page, for links to them.
+        wear: Result of all campaigns of the robot together; None if there are too few.
+        look: Language of the certificate and what the house adds to it; the rest is in English.
     """
     say = spoken(look.language)
     title, tone = _verdict(answer)
@@ -76,7 +77,7 @@ def compose(
 
 
 def _first(answer: Answer) -> tuple[Item, ...]:
-    """The first screen line by line, with a tolerance in front."""
+    """The lines of the first screen, or the sentences of the verdict if it has none."""
     lines = answer.first_screen
     if not lines:
         return unlabelled(*answer.verdict_sentence)
@@ -84,7 +85,7 @@ def _first(answer: Answer) -> tuple[Item, ...]:
 
 
 def _verdict(answer: Answer) -> tuple[str, str]:
-    """The verdict and its tone; of wrong data, whether anything may be used."""
+    """The verdict and its tone; for wrong data, whether any values may be used."""
     title, tone = words.VERDICTS[answer.diagnosis.verdict]
     if answer.diagnosis.verdict == Verdict.BAD_DATA:
         title = words.CORRECTED if enterable(answer) else words.UNUSABLE
@@ -92,7 +93,7 @@ def _verdict(answer: Answer) -> tuple[str, str]:
 
 
 def _judged(answer: Answer) -> Headline | None:
-    """Whether the robot may machine, which is asked before what its model is worth."""
+    """Whether the deflection is within tolerance; None if no tolerance is judged."""
     worst = None if answer.tolerance is None else answer.tolerance.worst
     if answer.tolerance is None or worst is None:
         return None
@@ -102,19 +103,19 @@ def _judged(answer: Answer) -> Headline | None:
 
 
 def _place(one: Section, look: Look) -> int:
-    """How early an annex comes by the house's order."""
+    """Rank of a section in the order of the house; sections that it does not list come last."""
     return look.order.index(one.key) if one.key in look.order else len(look.order)
 
 
 def _title(answer: Answer) -> str:
-    """The whole of it in a line."""
+    """Title of the report."""
     if answer.of_positions:
         return f"Geometry and joint stiffness of {answer.robot}: {answer.campaign}"
     return f"Joint stiffness of {answer.robot}: {answer.campaign}"
 
 
 def _about(answer: Answer) -> str:
-    """What a page is about, without and with absolute positions."""
+    """Subject of the page: joint stiffness, absolute positions, or both."""
     if answer.of_positions:
         return "Where the robot stands"
     return f"Joint stiffness{' and where the robot stands' if answer.position_steps else ''}"
@@ -123,7 +124,7 @@ def _about(answer: Answer) -> str:
 def _of_pulls(
     answer: Answer, tables: Tables, previous: Answer | None, wear: str | None
 ) -> list[Section | None]:
-    """What there is to say of a campaign of pulls."""
+    """Sections of a campaign of pulls."""
     of_both = ("geometry", "laws") if answer.position_steps else ()
     return [
         validation(answer, tables),
@@ -140,7 +141,7 @@ def _of_pulls(
 def _of_positions(
     answer: Answer, tables: Tables, previous: Answer | None, wear: str | None
 ) -> list[Section | None]:
-    """What there is to say of absolute positions, which are held against no other campaign."""
+    """Sections of a campaign of absolute positions, which are not compared with another one."""
     return [
         *_more(answer, tables, "geometry", "laws", "cell"),
         stiffness(answer, None),
@@ -150,6 +151,6 @@ def _of_positions(
 
 
 def _more(answer: Answer, tables: Tables, *names: str) -> list[Section | None]:
-    """What stands behind the first page, where this installation has it."""
+    """Sections of the annex, as far as they are installed."""
     there = doors.found(_ANNEX) or {}
     return [there[name](answer, tables) for name in names if name in there]

@@ -1,4 +1,4 @@
-"""What of a report is printed: what is decided from; the page holds all of it."""
+"""Printed part of a report: what decisions need; the page has everything."""
 
 from __future__ import annotations
 
@@ -42,14 +42,14 @@ ON_THE_PAGE = frozenset(
         "workspace-joint-springs",
     }
 )
-"""Tables and figures that only a statistician asks for."""
+"""Tables and figures that only a statistician needs; they are on the page only."""
 
 MOST_ROWS = 30
-"""Rows of a table that are printed."""
+"""Maximum number of rows of a table that are printed."""
 
 
 def printed(report: Report) -> Report:
-    """The report of a campaign as it stands on paper; others are printed as they are."""
+    """The printed version of a campaign's report; other reports are printed as they are."""
     if report.certificate is None:
         return report
     kept = tuple(filter(None, map(_section, report.sections)))
@@ -63,7 +63,7 @@ def printed(report: Report) -> Report:
 
 
 def _section(one: Section) -> Section | None:
-    """A part without what stays on the page; None where only words about that would be left."""
+    """A section without blocks for the page only; None if only paragraphs would remain."""
     kept = [block for block in one.blocks if not _stays(block)]
     if len(kept) < len(one.blocks) and all(isinstance(block, Paragraph) for block in kept):
         return None
@@ -75,7 +75,7 @@ def _stays(block: Block) -> bool:
 
 
 def _shortened(block: Block) -> Block:
-    """A long table by its first rows."""
+    """Cut a long table to its first `MOST_ROWS` rows."""
     if not isinstance(block, ReportTable) or len(block.rows) <= MOST_ROWS:
         return block
     more = f"{len(block.rows) - MOST_ROWS} more rows are in index.html."
@@ -83,7 +83,7 @@ def _shortened(block: Block) -> Block:
 
 
 def _left_out(report: Report) -> Iterator[str]:
-    """Titles of what stays on the page."""
+    """Titles of the blocks that are on the page only."""
     for section in report.sections:
         for block in section.blocks:
             if not isinstance(block, Paragraph) and _stays(block):

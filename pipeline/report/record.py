@@ -1,4 +1,4 @@
-"""The frozen records a report is made of; all text in them is plain, never markup."""
+"""The frozen records of which a report consists; all their texts are plain, without markup."""
 
 from __future__ import annotations
 
@@ -16,9 +16,9 @@ class TableEntry:
     """One cell of a table.
 
     Attributes:
-        text: What is shown.
-        sort: What it is sorted by: a number where it shows one.
-        link: Address relative to the page, where it leads somewhere.
+        text: Text shown.
+        sort: Key for sorting; a number if the cell shows one.
+        link: Address of a link relative to the page; empty for none.
     """
 
     text: str
@@ -31,7 +31,7 @@ class Column:
     """One column of a table.
 
     Attributes:
-        title: Heading, with its unit where all cells share one.
+        title: Heading, with the unit if all cells share one.
         numeric: Aligned to the right and sorted as numbers.
         code: File names and hashes, set in a fixed width.
     """
@@ -41,21 +41,22 @@ class Column:
     code: bool = False
 
     def prose(self, cell: TableEntry) -> bool:
-        """Whether a cell is so long that its lines are broken."""
+        """Whether a cell holds a text long enough to be wrapped."""
         return not (self.numeric or self.code) and len(cell.text) > _LINE
 
 
 _LINE = 24
-"""Characters of a cell that stay on one line."""
+"""Maximum number of characters of a cell without line breaks."""
 
 _PROSE_REM, _LETTER_REM, _EDGES_REM = 13.0, 0.55, 1.6
-"""Least width of a cell of prose, width of a letter, space at both sides, as in page.css."""
+"""Minimum width of a cell of prose, width of a letter, and padding of both sides together, as in
+page.css [rem]."""
 
 _HALF_REM = 34.0
-"""Least width of half a page in page.css."""
+"""Minimum width of half a page in page.css [rem]."""
 
 _FEW = 4
-"""A table of more columns is read more easily across the page."""
+"""Maximum number of columns of a table on half a page; more are easier to read across it."""
 
 
 @dataclass(frozen=True)
@@ -71,12 +72,12 @@ class ReportTable:
 
     @property
     def wide(self) -> bool:
-        """Whether it takes the whole width of the page: half would cut off its last column."""
+        """Whether it takes the whole width of the page, as half would be too narrow for it."""
         least = sum(map(self._least_rem, range(len(self.columns))))
         return len(self.columns) > _FEW or least > _HALF_REM
 
     def _least_rem(self, place: int) -> float:
-        """Least width of a column [rem]; words of a heading break."""
+        """Minimum width of a column [rem]; headings may be broken between words."""
         column, cells = self.columns[place], [row[place] for row in self.rows]
         if any(map(column.prose, cells)):
             return _PROSE_REM
@@ -99,14 +100,14 @@ class Paragraph:
 
 @dataclass(frozen=True)
 class Figure:
-    """A picture that is drawn under this name.
+    """The texts of a figure, whose drawing is found by its name.
 
     Attributes:
         name: File name without ending.
         title: What it shows.
         caption: What to see in it.
-        alt: What it shows and says, for who cannot see it.
-        held: It stays where its text is, also on paper.
+        alt: Alternative text for readers who cannot see it.
+        held: Whether it stays at its place in the text on paper, too.
     """
 
     kind: str = field(default="figure", init=False)
@@ -126,7 +127,7 @@ Block = ReportTable | Paragraph | Figure
 
 @dataclass(frozen=True)
 class Section:
-    """A heading and what stands below it."""
+    """A heading and the blocks below it."""
 
     key: str
     title: str
@@ -134,19 +135,19 @@ class Section:
 
 
 def present(parts: Iterable[_Part | None]) -> tuple[_Part, ...]:
-    """Those that are there."""
+    """Drop the parts that are None."""
     return tuple(part for part in parts if part is not None)
 
 
 def section_of(key: str, title: str, blocks: Iterable[Block | None]) -> Section | None:
-    """A part with the blocks that are there, None when none is."""
+    """A section of the blocks that are not None; None if all are."""
     kept: tuple[Block, ...] = present(blocks)
     return Section(key, title, kept) if kept else None
 
 
 @dataclass(frozen=True)
 class Item:
-    """One line of the first screen: what it is about, if that is said, and what it says."""
+    """One line of the first screen: its label, which may be empty, and its text."""
 
     label: str
     text: str
@@ -157,7 +158,7 @@ class Item:
 
 
 def unlabelled(*texts: str) -> tuple[Item, ...]:
-    """Lines that need no label."""
+    """Lines without labels."""
     return tuple(Item("", text) for text in texts)
 
 
@@ -167,11 +168,11 @@ class Bar:
 
     Attributes:
         name: Axis and joint.
-        value: With its standard uncertainty.
-        beside: Share of the nominal value, or the relative uncertainty where none is stated.
-        enter: What a controller takes.
-        track: Where lower limit, value and upper limit stand between the ends of the bar, 0 to 1;
-            None where there is nothing to draw.
+        value: Value with its expanded uncertainty.
+        beside: Ratio to nominal, or the relative expanded uncertainty if no nominal is stated.
+        enter: Entry for the controller.
+        track: Places of lower limit, value and upper limit between the ends of the bar, 0 to 1;
+            None if nothing is drawn.
     """
 
     name: str
@@ -188,23 +189,23 @@ class Bar:
 
 @dataclass(frozen=True)
 class Certificate:
-    """The first page: what is decided and found, and what it is filed by.
+    """The first page: decisions, findings, and the data for filing.
 
     Attributes:
         found: What is wrong.
         to_do: What to do.
         measure: What to measure next.
-        tolerance: Why none is judged; empty where one is.
+        tolerance: Why no tolerance is judged; empty if one is.
         picture: The robot.
-        gauge: The deflection beside its tolerance; None where nothing is asked.
+        gauge: The deflection and its tolerance; None without a deflection.
         bars: The stiffnesses.
-        nominal: Where the nominal value stands along the bars, 0 to 1; None without one.
-        beside: Heading of what stands beside the bars.
-        note: What has to be known of them.
-        filed: What is stated of campaign, machine and instruments.
-        logo: Of the house, as SVG; empty for none.
-        sign: Who has to sign.
-        digest: Of result.json, by which this answer is found again.
+        nominal: Place of the nominal value along the bars, 0 to 1; None without one.
+        beside: Heading of the column beside the bars.
+        note: Explanation of the bars and of what to enter.
+        filed: Statements on campaign, machine and instruments.
+        logo: Logo of the house as SVG; empty for none.
+        sign: Lines for signatures.
+        digest: First digits of the digest of result.json, which identifies this answer.
     """
 
     found: str
@@ -229,15 +230,15 @@ class Certificate:
 
 
 TONES = ("good", "neutral", "attention", "bad")
-"""From the best to the worst."""
+"""Tones of a headline from best to worst."""
 
 
 @dataclass(frozen=True)
 class Headline:
-    """What is decided.
+    """A decision.
 
     Attributes:
-        word: In a few words.
+        word: The decision in a few words.
         tone: One of `TONES`.
     """
 
@@ -247,7 +248,7 @@ class Headline:
 
 @dataclass(frozen=True)
 class Frame:
-    """The few words of page and paper that are no part of what is said, and their language."""
+    """Fixed texts of page and paper around the content of the report, and their language."""
 
     language: str = "en"
     skip: str = "Skip to the report"
@@ -273,21 +274,21 @@ class Frame:
 
 @dataclass(frozen=True)
 class Report:
-    """Everything that is said on one page.
+    """Complete content of one page.
 
     Attributes:
-        kicker: What the page is about, above its heading.
-        heading: Its heading, a campaign's name.
+        kicker: Subject of the page, above its heading.
+        heading: Heading, the name of a campaign.
         title: Title of page and PDF, complete in itself.
         verdict: The verdict in a few words.
-        tone: Of the verdict, one of `TONES`.
+        tone: Tone of the verdict, one of `TONES`.
         first: The answer in words, line by line.
-        sections: The rest, in order of use.
-        elsewhere: Where else to find what stands here.
-        run_time: How long the run took, or None.
-        judged: What a tolerance decides, told before the verdict; None without one.
-        certificate: The first page; None of a report that is none of a campaign.
-        frame: Words of page and paper.
+        sections: The remaining sections, in order of use.
+        elsewhere: Other files with the same content.
+        run_time: Run time, or None.
+        judged: The decision on the tolerance, shown before the verdict; None without one.
+        certificate: The first page; None if the report is not about a campaign.
+        frame: Fixed texts of page and paper.
     """
 
     kicker: str
@@ -305,7 +306,7 @@ class Report:
 
     @property
     def worst(self) -> str:
-        """The worst tone of what the first screen begins with: no colour promises more."""
+        """The worse of the tones of verdict and tolerance, so that no colour is too optimistic."""
         tones = (self.tone, *([self.judged.tone] if self.judged else []))
         return max(tones, key=TONES.index)
 
@@ -318,11 +319,11 @@ class Report:
 
 
 def entry(text: str, sort: object = None) -> TableEntry:
-    """A cell sorted by a number, or by its text where there is none."""
+    """A cell that is sorted by a number, or by its text if there is none."""
     return TableEntry(text, float(sort) if known(sort) else None)
 
 
 def text_entry(value: object, sort: object = None) -> TableEntry:
-    """A cell of words; empty shows as such."""
+    """A cell of words; an empty one is marked as missing."""
     text = "" if value is None else str(value)
     return TableEntry(text or MISSING, float(sort) if known(sort) else text)

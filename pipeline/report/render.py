@@ -1,4 +1,4 @@
-"""From an answer and its tables to the bytes of page, PDF and figures; writes nothing."""
+"""From an answer and its tables to the bytes of page, PDF and figures; no file is written."""
 
 from __future__ import annotations
 
@@ -39,19 +39,20 @@ def render(
     wear: str | None = None,
     look: Look = PLAIN,
 ) -> dict[str, bytes]:
-    """Every file of a campaign's report.
+    """Render every file of a campaign's report.
 
     Args:
         answer: The answer to the campaign.
-        tables: Tables by the lower-case name of their promise, SI; what is missing is left out.
-        run_time_s: How long the run took [s]; the only thing here that may differ between two runs.
-        previous: The answer to the robot's previous campaign, to say what has changed.
-        beside: Names of further files that lie in its folder, for the page to lead there.
-        wear: What all campaigns of the robot say together, of `fleet.sentences.told`.
+        tables: Tables by their lower-case names, in SI units; the report omits what needs a table
+            that is missing.
+        run_time_s: Run time [s]; the only input that may differ between two runs.
+        previous: The answer to the robot's previous campaign, to report changes since then.
+        beside: Names of further files in the report's folder, for links to them.
+        wear: Result of all campaigns of the robot together, from `fleet.sentences.told`.
         look: Language of the certificate, and what the house adds; the annexes are in English.
 
     Returns:
-        Content by path below the report's folder: index.html, report.pdf, figures/*.svg.
+        Content by path relative to the report's folder: index.html, report.pdf, figures/*.svg.
     """
     with _uncollected():
         return _rendered(answer, tables, run_time_s, previous, beside, wear, look)
@@ -59,9 +60,10 @@ def render(
 
 @contextlib.contextmanager
 def _uncollected() -> Iterator[None]:
-    """Without the collector of cyclic garbage, which takes a tenth of the time of a report.
+    """Suspend the collection of cyclic garbage, which takes a tenth of the time of a report.
 
-    Pictures are made of cycles that all live until the report is done; it then finds them at once.
+    Figures consist of reference cycles that all live until the report is done; they are then
+    collected at once.
     """
     enabled = gc.isenabled()
     gc.disable()
@@ -81,7 +83,7 @@ def _rendered(
     wear: str | None,
     look: Look,
 ) -> dict[str, bytes]:
-    """The same; arguments as for `render`."""
+    """Render every file of a report; arguments and result as for `render`."""
     from pipeline.report.figures.catalogue import draw, live  # matplotlib imports for half a second
     from pipeline.report.model import compose
 
@@ -100,15 +102,15 @@ def _rendered(
 def page(
     report: Report, drawings: Mapping[str, str], turned: Mapping[str, Any] = MappingProxyType({})
 ) -> str:
-    """The report as one HTML page that needs no other file.
+    """The report as one self-contained HTML page.
+
+    The page allows only its own script, by hash, so that text from a file could not run as a script
+    even if it were not escaped.
 
     Args:
-        report: What it says.
-        drawings: Its figures by name.
-        turned: Numbers of those that the page draws anew as its reader turns them, by name.
-
-    The page forbids every script but its own by hash, so a name that got through the escaping
-    still could not run.
+        report: Content of the page.
+        drawings: Its figures as SVG, by name.
+        turned: Data of the figures that the page redraws while its reader turns them, by name.
     """
     script = _text("page.js") + (_text("scene.js") if any(turned.values()) else "")
     digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
@@ -126,7 +128,7 @@ def page(
 
 @cache
 def _template() -> jinja2.Template:
-    """The page with nothing in it: its compilation takes a third of the page."""
+    """The compiled template of the page; compiling takes a third of the time of a page."""
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -136,13 +138,18 @@ def _template() -> jinja2.Template:
 
 
 def _words(text: str) -> Markup:
-    """A sentence in HTML, what to type as code."""
+    """A sentence in HTML, with commands to type set as code."""
     code = Markup("<code>{}</code>")
     return Markup().join(code.format(one) if typed else one for one, typed in runs(text))
 
 
 def pdf(report: Report, drawings: Mapping[str, str]) -> bytes:
-    """What is printed of it, as tagged PDF (PDF/UA-1); words travel as data, not as markup."""
+    """The printed part of a report as tagged PDF (PDF/UA-1); texts are passed as data, not markup.
+
+    Args:
+        report: The report.
+        drawings: Its figures as SVG, by name.
+    """
     import typst
 
     from pipeline.report.svg import FONTS
@@ -161,7 +168,7 @@ def pdf(report: Report, drawings: Mapping[str, str]) -> bytes:
 
 
 def _typeset(report: Report) -> Report:
-    """The report with the cells of its tables as they are printed."""
+    """The report with numbers and units in its tables typeset for print."""
     parts = [
         replace(part, blocks=tuple(_block(block) for block in part.blocks))
         for part in report.sections

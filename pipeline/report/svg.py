@@ -1,4 +1,4 @@
-"""From a matplotlib figure to SVG: the same each time, values to hover, the page's colours."""
+"""From a matplotlib figure to reproducible SVG with hover texts and the colours of the page."""
 
 from __future__ import annotations
 
@@ -17,23 +17,23 @@ with elsewhere():  # the first import reads a matplotlibrc, which must not be a 
     from matplotlib.figure import Figure as Canvas
 
 FONTS = f"{matplotlib.get_data_path()}/fonts/ttf"
-"""The face that the figures are set in."""
+"""Folder of the typeface of the figures."""
 
 INK, MUTED, GRID, PAPER = "#1a1c21", "#5b6270", "#d4d8de", "#ffffff"
 BLUE, RED, GREEN, PURPLE = "#0072b2", "#c8500a", "#00785a", "#8a4f7e"
 BODY, EDGE = "#b9c3d1", "#4a5568"
-"""What a robot is drawn in: its links and their outline."""
+"""Colours of a robot's links and of their outlines."""
 
 SERIES = (BLUE, RED, GREEN, PURPLE)
-"""After Okabe and Ito, darkened so that each has a contrast of 3:1 on white."""
+"""Colours of data series, after Okabe and Ito, darkened to a contrast of at least 3:1 on white."""
 
 SHADES = tuple(
     "#00224e #123570 #3b496c #575d6d #707173 #8a8678 #a59c74 #c3b369 #e1cc55".split()  # noqa: SIM905
 )
-"""Nine steps of cividis: brightness alone tells them apart."""
+"""Nine steps of cividis, distinguishable by brightness alone."""
 
 APART_SHADES = ("#7a1f00", "#b5480f", "#dc8c55", "#eac8ab", "#f1e6dc")
-"""From strong to faint: what stands out is what to act on, on dark paper, too."""
+"""Five shades from strong to faint; the strongest marks what to act on, also on a dark page."""
 
 _VARIABLES = {
     **{shade: f"--shade-{step}" for step, shade in enumerate(SHADES)},
@@ -46,7 +46,7 @@ _VARIABLES = {
     EDGE: "--fig-edge",
     **{colour: f"--fig-{place}" for place, colour in enumerate(SERIES, 1)},
 }
-"""The page's own variable for each colour, so that it can be dark."""
+"""Style variable of the page for each colour, so that a dark page can redefine it."""
 
 STYLE: Any = {
     "svg.fonttype": "none",
@@ -76,18 +76,19 @@ STYLE: Any = {
 }
 
 _PLAIN: Any = {key: matplotlib.rcParamsDefault[key] for key in matplotlib.rcParamsDefault}
-_PLAIN.pop("backend")  # of windows, of which we open none
+_PLAIN.pop("backend")  # concerns windows, and none is opened
 _ON_THE_PAGE: Any = _PLAIN | STYLE | {"figure.facecolor": "none", "axes.facecolor": "none"}
-"""Every setting, so that pictures are the same whatever a matplotlibrc says."""
+"""All settings of matplotlib, so that figures do not depend on a matplotlibrc."""
 
 _SHAPES = {"use", "path"}
 
 
 _WHOLE_PX = 560
-"""A figure drawn by hand that is no wider shrinks with the page."""
+"""Maximum width of a hand-written SVG figure that shrinks with the page [px]; a wider one is
+scrolled."""
 
 _HALF_PX = 544
-"""Least width of half a page in page.css: 34 rem of 16 pixels."""
+"""Minimum width of half a page in page.css [px]: 34 rem of 16 pixels."""
 
 
 @dataclass(frozen=True)
@@ -95,7 +96,7 @@ class Drawing:
     """A finished figure.
 
     Attributes:
-        svg: The file, light colours, complete in itself.
+        svg: The self-contained file in light colours.
         inline: The same for use inside a page: colours as variables, `data-tip` on every value.
     """
 
@@ -104,11 +105,11 @@ class Drawing:
 
 
 def drawn(name: str, draw: Callable[[Canvas], Mapping[str, Sequence[str]]]) -> Drawing:
-    """Draw a figure, write it, and attach the words of its values.
+    """Draw a figure, write it as SVG, and attach hover texts to its marks.
 
     Args:
-        name: Its name, which makes its ids unique within a page.
-        draw: Draws on an empty figure and gives, by id of an artist, the words of each of its
+        name: Name of the figure, which makes its ids unique within a page.
+        draw: Draws on an empty figure and returns, by id of an artist, the text of each of its
             marks in drawing order.
     """
     text = io.StringIO()
@@ -119,19 +120,19 @@ def drawn(name: str, draw: Callable[[Canvas], Mapping[str, Sequence[str]]]) -> D
         if len(canvas.axes) == 1 and not canvas.legends:  # one pass over its labels is enough
             canvas.set_layout_engine("tight", pad=0.4)
         canvas.align_ylabels()  # of plots below each other
-        # Figure.savefig would draw everything once more for the layout.
+        # Figure.savefig would draw everything a second time for the layout.
         FigureCanvasSVG(canvas).print_svg(text, metadata=nothing)  # type: ignore[no-untyped-call]
     return Drawing(text.getvalue(), _inline(text.getvalue(), tips))
 
 
 def by_hand(svg: str) -> Drawing:
-    """A figure that is SVG already, its words within it; a wide one is scrolled."""
+    """A figure that is already SVG with its hover texts; one wider than `_WHOLE_PX` is scrolled."""
     width = float(ET.fromstring(svg).attrib["viewBox"].split()[2])
     return Drawing(svg, _inline(svg, {}, whole=width <= _WHOLE_PX))
 
 
 def _inline(svg: str, tips: Mapping[str, Sequence[str]], *, whole: bool = False) -> str:
-    """A figure within a page; a `whole` one shrinks with it, another one is scrolled."""
+    """SVG for use inside a page; a `whole` figure shrinks with the page, others are scrolled."""
     root = ET.fromstring(svg)
     for artist, words in tips.items():
         _attach(root, artist, words)
@@ -154,7 +155,7 @@ def _inline(svg: str, tips: Mapping[str, Sequence[str]], *, whole: bool = False)
 
 
 def _without_namespaces(root: ET.Element) -> None:
-    """Tags and attributes by their bare names, as a page has them."""
+    """Remove the namespaces of tags and attributes, as HTML requires."""
     for element in root.iter():
         element.tag = element.tag.rpartition("}")[2]
         for key in [one for one in element.attrib if one.startswith("{")]:
@@ -170,7 +171,7 @@ def _attach(root: ET.Element, artist: str, words: Sequence[str]) -> None:
 
 
 def _marks(element: ET.Element) -> list[ET.Element]:
-    """Drawn shapes below an element, without the shapes that are only defined."""
+    """Shapes drawn below an element, without those in `defs`."""
     found = []
     for child in element:
         kind = child.tag.rpartition("}")[2]

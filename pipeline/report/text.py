@@ -9,11 +9,11 @@ from pipeline.base.shown import quoted
 from pipeline.report.record import Figure, Paragraph, Report, ReportTable
 
 _WIDTH = 96
-"""Characters of a line."""
+"""Maximum length of a line [characters]."""
 
 
 def as_text(report: Report) -> str:
-    """The words and tables of a report; of figures, what they show."""
+    """The texts and tables of a report, with the alternative texts of its figures."""
     return quoted("\n".join(_lines(report)) + "\n")
 
 

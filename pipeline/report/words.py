@@ -1,4 +1,4 @@
-"""What each cause is called in front of a production engineer."""
+"""Names of causes, verdicts and models for a production engineer."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from pipeline.prediction.decision import Decision
 
 @cache
 def nouns() -> dict[str, str]:
-    """Each cause as a noun, so that it fits into any sentence."""
+    """Noun of each cause by its name, so that it fits into any sentence."""
     from pipeline.machine.effects import catalogue, payload, table, unlisted
     from pipeline.machine.robot import SHIPPED, load
 
@@ -30,6 +30,7 @@ _MISTAKES = {
     "exchanged": "exchanged groups or rows",
     "dead_sensor": "column that no sensor wrote",
     "tool_point": "wrong tool point",
+    "tracker_moved": "tracker that was moved",
     "sign_or_convention": "wrong sign or axis convention",
 }
 """Mistakes in the data as nouns, by their names in result.json."""
@@ -44,7 +45,7 @@ VERDICTS = {
 
 UNUSABLE = "Do not use: the data are wrong"
 CORRECTED = "The data are wrong: use corrected values only"
-"""What is said of wrong data from which nothing, and from which the values may be used."""
+"""Headlines for wrong data if no values may be used, and if the corrected ones may."""
 
 _OUT = ("Deflection out of tolerance", "bad")
 _OPEN = ("Conformity with the tolerance undecided", "attention")
@@ -58,14 +59,15 @@ JUDGED = {
     **{(Decision.UNDECIDED, doubtful): _OPEN for doubtful in (False, True)},
     **{(Decision.FAIL, doubtful): _OUT for doubtful in (False, True)},
 }
-"""What a tolerance decides, and its tone; second whether the verdict on data or model is bad."""
+"""Headline and tone by decision on the tolerance and by whether the verdict on data or model is
+bad."""
 
 MODELS = {
     "joint_springs": "joint springs",
     "extended": "with the identified causes",
     "averaged": "averaged over the possible causes",
 }
-"""Whose values the answer gives."""
+"""The models whose values the answer may give, in words."""
 
 
 def cause(name: str, where: int | str | None, axis: str | None = None) -> str:
@@ -74,12 +76,12 @@ def cause(name: str, where: int | str | None, axis: str | None = None) -> str:
 
 
 def placed(one: Placed) -> str:
-    """The same of a cause of the answer."""
+    """A cause of the answer in plain words with its place."""
     return cause(one.name, one.where, one.axis)
 
 
 def by_axis(answer: Answer, say: Say) -> Say:
-    """How a text is said with the controller's names alone: `axis A2` for `joint 3 (A2)`."""
+    """Extend `say` to use the controller's names alone: `axis A2` for `joint 3 (A2)`."""
     short = {
         long: name
         for one in answer.stiffness
@@ -104,7 +106,7 @@ def label(one: Placed) -> str:
 
 
 Axes = Mapping[int, str]
-"""Axis of the controller by number of the joint; empty where the robot file maps none."""
+"""Axis of the controller by number of the joint; empty if the robot file maps none."""
 
 
 def from_label(text: str, axes: Axes) -> str:
@@ -114,20 +116,20 @@ def from_label(text: str, axes: Axes) -> str:
 
 
 def at(name: str, where: int | str | None, axes: Axes) -> str:
-    """A cause in words with its place, which has the controller's name where there is one."""
+    """A cause in words with its place, under the controller's name of the axis if there is one."""
     return cause(name, where, axes.get(where) if isinstance(where, int) else None)
 
 
 def values_of(answer: Answer) -> str:
-    """Which model and data the answer's values are of."""
+    """Model and data from which the answer's values are taken."""
     said = answer.recommended
     return MODELS[said.model] + (", data corrected" if said.data == Data.CORRECTED else "")
 
 
 def beside(answer: Answer) -> tuple[str, Values] | None:
-    """What the joint springs on the data as given are called, and their values.
+    """Name and values of the joint springs estimated from the data as given.
 
-    None where the answer stands for them.
+    None if these are the answer's own values.
     """
     said = answer.recommended
     names = ["joint springs alone"] if said.model != Which.JOINT_SPRINGS else []

@@ -132,8 +132,14 @@ def _failed_lock(
 def _stale(
     notes: Notebook, where: str, size: Array, rng: np.random.Generator
 ) -> tuple[Notebook, str]:
-    """Write the previous reading once more."""
+    """Write the previous reading once more.
+
+    Raises:
+        UsageError: There is none before it.
+    """
     hit, name = _one(notes, where, rng)
+    if hit == 0:
+        raise UsageError(f'nothing was read before "{name}"; choose a later reading.')
     return _read(notes, hit, notes.readings.position[hit - 1]), name
 
 

@@ -77,6 +77,11 @@ class Wander(Locked):
         factor, process = np.zeros((len(data.pull), 3, 1)), np.zeros((2, len(TIMES_S)))
         return cls(factor, 0.0, 0.0, TIMES_S[0], 1.0, 0.0, process, _unit(data))
 
+    @property
+    def between_poses(self) -> float:
+        """Standard deviation of its shift over the campaign, at least `size` [m]."""
+        return max(self.size, float(np.sqrt(self.process[0].sum())))
+
     def of_readings(self, times: Array, levers: Array) -> Array:
         """F with F F' its covariance in single readings, shape (n, 3, k) [m].
 

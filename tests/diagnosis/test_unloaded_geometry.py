@@ -67,6 +67,14 @@ def test_a_wrong_zero_is_found_with_what_it_is_worth(causes, stood):
     assert stood.believed
 
 
+def test_what_the_instrument_wanders_by_is_no_cause(off, causes, stood):
+    """The zero moves targets by a millimetre: half of that, and it may be the instrument."""
+    moved = np.hypot(stood.miss_m, stood.left_m)
+
+    for wander, found in ((moved / 20, 1), (moved / 2, 0)):
+        assert len(standing(off.cell, off.reduced.data, 1.0, causes, wander).causes) == found
+
+
 def test_a_gain_that_is_none_is_not_believed(stood):
     """A cause that does not improve the prediction of left-out poses is not accepted."""
     gain = replace(stood.gain, reduction=-0.01)

@@ -8,7 +8,7 @@ import pytest
 from scipy.spatial.transform import Rotation
 from small_case import small
 
-from pipeline.faults.base_rounds import base_rounds
+from pipeline.faults.base_rounds import base_rounds, carried
 from pipeline.reduction.register import XYZ
 from pipeline.reduction.stations import one_station
 
@@ -73,3 +73,44 @@ def test_rounds_of_one_station_may_be_exchanged(shot):
     assert base_rounds(exchanged(shot, "base_again", "base_end")) == []
     assert base_rounds(brought(shot)) == []
     assert base_rounds(small(3)) == []
+
+
+def read_late(shot, rounds, times):
+    """As it was shot, but with rounds of the base read at other times."""
+    rows = shot.readings.copy()
+    for name, time in zip(rounds, times, strict=True):
+        here = rows["group"] == name
+        rows.loc[here, "time"] += time - rows.loc[here, "time"].min()
+    return brought(replace(shot, readings=rows))
+
+
+@pytest.mark.parametrize("pose", [5, 6])
+def test_a_station_is_dated_back_to_the_pose_that_was_read_from_it(shot, pose):
+    """Carried after pose 3, and its base read before a later pose only, or at the end."""
+    right, rows = brought(shot), shot.readings
+    end = rows["time"].max() + pd.Timedelta(minutes=9)
+    late = end if pose == 6 else rows["time"][rows["pose"] == pose].min() - pd.Timedelta(seconds=30)
+    spoilt = read_late(shot, ["base_again", "base_end"], [late, end + pd.Timedelta(minutes=5)])
+    assert not carried(right)
+
+    (found,) = carried(spoilt)
+
+    assert (found.name, found.where) == ("tracker_moved", "after pose 3")
+    assert found.size == pytest.approx(np.linalg.norm(CARRIED), abs=1e-3)
+    assert "since pose 4" in found.evidence
+    put = found.correct(spoilt).readings
+    np.testing.assert_allclose(put[XYZ], right.readings[XYZ], atol=1e-9)
+    np.testing.assert_allclose(put["cxx_m2"], right.readings["cxx_m2"], rtol=1e-9)
+    assert not carried(found.correct(spoilt))
+
+
+def test_a_robot_that_stands_elsewhere_dates_no_station_back(shot):
+    """Where the table has poses nearer to neither station, or to both in turn."""
+    right = brought(shot)
+    joints = right.joints.assign(r1_m=right.joints["r1_m"] + 3.0)
+    assert not carried(replace(right, joints=joints))
+    rows = right.readings.copy()
+    odd = rows["pose"].isin([2])
+    one = right.stations[0]
+    rows.loc[odd, XYZ] = rows.loc[odd, XYZ].to_numpy(float) @ one.turn.T + one.shift
+    assert not carried(replace(right, readings=rows))

@@ -7,12 +7,14 @@ import numpy as np
 import pytest
 from small_case import asked
 
+from pipeline.faults import screen
 from pipeline.faults.assignment import Ring, rings
 from pipeline.faults.base_names import base_names
 from pipeline.faults.conventions import conventions
 from pipeline.faults.exchanged import exchanged
-from pipeline.faults.exchanged_pulls import _happens, exchanged_pulls
-from pipeline.reduction.bring import conformed, plain
+from pipeline.faults.exchanged_pulls import _happens, exchanged_pulls, misfit
+from pipeline.faults.labels import CHAIN
+from pipeline.reduction.bring import bring, conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
 from pipeline.store.campaign import in_memory
@@ -453,3 +455,31 @@ def test_a_ring_of_few_rows_of_many_poses_is_no_exchange(members, most, happens)
     pose = np.repeat(np.arange(4), 4)
 
     assert _happens(Ring(members), pose, most) is happens
+
+
+def with_chain_turned(made, pose):
+    """The ends of the chain under each other's name in all pulls of a pose."""
+    head, rows = table(made, "tracker.csv")
+    ends = {"Pl1": "Pl2", "Pl2": "Pl1"}
+    here = f"pose{pose:02d}"
+    new = [[row[0], ends.get(row[1], row[1]) if row[0][:6] == here else row[1]] for row in rows]
+    return written(
+        made, "tracker.csv", head, [one + row[2:] for one, row in zip(new, rows, strict=True)]
+    )
+
+
+@pytest.mark.parametrize(("seed", "pose"), [(3, 1), (2, 4)])
+@pytest.mark.parametrize("late", [False, True], ids=["chain first", "chain last"])
+def test_a_chain_that_is_turned_in_a_pose_exchanges_no_states(seed, pose, late, monkeypatch):
+    """In whatever order it is asked: what spoils the pulls beside the others is dropped."""
+    faults = [one for one in screen.FAULTS if one is not CHAIN]
+    monkeypatch.setattr(screen, "FAULTS", [*faults, CHAIN] if late else [CHAIN, *faults])
+    bad = case(with_chain_turned(files(seed), pose))
+    got = screen.files_of(bad, bring(bad))
+    assert [one.where for one in got.findings] == [
+        f"pose{pose:02d}_rep{k}_loaded" for k in (1, 2, 3)
+    ]
+    assert {one.name for one in got.findings} == {"label_swap"}
+    right = case(files(seed)).readings
+    assert (got.case.readings["target"].astype(str) == right["target"].astype(str)).all()
+    assert misfit(got.case) == misfit(case(files(seed)))

@@ -67,3 +67,18 @@ def test_all_places_of_the_base_reflectors_are_off(layout, step):
     for row, place in zip(rows, places[step:] + places[:step], strict=True):
         text = text.replace(row, f"{row.split('=')[0]}={place}#", 1)
     assert verdict(made | {"campaign.toml": text.encode()}) == "bad_data"
+
+
+def test_a_registration_without_gross_readings_is_told_by_the_others_alone():
+    """Its sum of squares and degrees of freedom are those of a campaign that never had them."""
+    made = simulate(Plan(name="few", seed=4, poses={"count": 4})).files
+    given = case(made)
+    rows = given.readings
+    off = (rows["group"] == "base_end") & (rows["target"] == "B2")
+    spoilt = rows.assign(x_m=rows["x_m"] + 2.0 * off)
+    seen, agree = agreed(register(given.settings, spoilt))
+    alone = register(given.settings, rows[~off])
+    assert (~agree).sum() == off.sum() == 1
+    assert (seen.dof, seen.from_scatter) == (alone.dof, alone.from_scatter)
+    assert seen.chi2 == pytest.approx(alone.chi2, rel=1e-6)
+    np.testing.assert_allclose(seen.cov, alone.cov, rtol=1e-4, atol=1e-18)

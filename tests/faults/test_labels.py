@@ -6,9 +6,10 @@ from functools import cache
 
 import numpy as np
 import pytest
+from small_case import asked
 
 from pipeline.faults.conventions import aligned
-from pipeline.faults.labels import chain_distances, labels
+from pipeline.faults.labels import CHAIN, FAULT, chain_distances
 from pipeline.reduction.bring import conformed, plain
 from pipeline.run import ingested
 from pipeline.simulate import Plan, simulate
@@ -16,6 +17,11 @@ from pipeline.store.campaign import in_memory
 
 XYZ = ["x_m", "y_m", "z_m"]
 PLAN = Plan(name="good", seed=11, poses={"count": 5}, pulls={"steps_n": [1500.0, 3000.0]})
+
+
+def labels(case):
+    """What both tests of names find, of the effector's reflectors and of the chain's."""
+    return [*FAULT.find(asked(case)), *CHAIN.find(asked(case))]
 
 
 @cache

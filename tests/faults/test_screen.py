@@ -54,6 +54,7 @@ def tests(monkeypatch):
     calls = []
     monkeypatch.setattr(module, "lock_lost", lambda one, _: one)
     monkeypatch.setattr(module, "tells", lambda _: True)
+    monkeypatch.setattr(module, "misfit", lambda _: np.nan)
 
     def put(*letters, **more):
         def make(letter):

@@ -38,6 +38,27 @@ def test_forces_in_another_unit_from_some_row_on(seed, unit):
 
 @pytest.mark.sampled(2)
 @pytest.mark.parametrize("seed", range(10))
+@pytest.mark.parametrize("unit", ["kgf", "lbf", "kn"])
+def test_forces_in_another_unit_up_to_some_row(seed, unit):
+    """Fewer or more than half of them: those are wrong, not the others by the inverse."""
+    last = int(np.random.default_rng(seed).integers(3, PULLS - 3))
+    head, rows = table(files(seed), "loads.csv")
+    new = [
+        [*row[:2], repr(float(row[2]) / NEWTONS[unit]) if k < last else row[2], *row[3:]]
+        for k, row in enumerate(rows)
+    ]
+    made = written(files(seed), "loads.csv", head, new)
+
+    (found,) = unit_since(asked(case(made)))
+
+    assert (found.name, found.where, found.since) == ("unit_mixup", unit, None)
+    assert found.at == tuple(f"loads.csv:{k + 2}" for k in range(last))
+    assert f"up to loads.csv:{last + 1} the numbers of the scale are {unit}" in found.evidence
+    same(found.correct(case(made)), case(files(seed)))
+
+
+@pytest.mark.sampled(2)
+@pytest.mark.parametrize("seed", range(10))
 def test_joint_values_in_radians_from_some_row_on(seed):
     """Among degrees: the rows are named, and each pose has its own joint values again."""
     head, rows = table(files(seed), "joints.csv")

@@ -140,3 +140,20 @@ def test_stated_uncertainty_holds_the_days(truth):
 
 def _cell(raw):
     return ingested(raw, conformed, plain, plausible=False).cell
+
+
+def test_a_target_that_one_day_lacks_does_not_count(truth):
+    """Uncertain forces weigh by the targets that both days have: two of three as if always two."""
+    data, _ = truth
+    both = measured(data, 0.0, np.random.default_rng(5), count=2)
+    both = replace(both, reading_std=np.full(len(both.pulls), 30.0))
+    one_day = both.pulls.pose[both.pull] <= data.pulls.pose.max()
+    few, fewer = (
+        _only(both, ~((both.target == 0) & mine)) for mine in (~one_day, np.ones_like(one_day))
+    )
+    assert days(few).p_value == pytest.approx(days(fewer).p_value, rel=1e-9)
+
+
+def _only(data, rows):
+    arrays = ("pull", "zero", "delta", "target", "name", "loaded_cov", "zero_cov", "unloaded")
+    return replace(data, **{name: getattr(data, name)[rows] for name in arrays})

@@ -404,7 +404,7 @@ def test_a_load_without_reading_is_left_out():
     got = read(loads=LOADS + "2,7,500.0,up\n")
 
     assert [(f, n) for f, n, _ in reasons(got)] == [("loads.csv", 5)]
-    assert "pose 2 repeat 7 has no loaded tracker reading" in reasons(got)[0][2]
+    assert "pose 2 repeat 7 has no usable loaded tracker reading" in reasons(got)[0][2]
 
 
 def test_equal_copies_are_kept_once():

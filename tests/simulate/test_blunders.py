@@ -68,6 +68,12 @@ def test_a_reading_that_was_not_taken_is_written(small_campaign, wrong, blunder,
     assert now[hit] == pytest.approx(np.zeros(3) if blunder == "failed_lock" else was[hit - 1])
 
 
+def test_the_first_reading_repeats_none(wrong):
+    """Nothing was read before it."""
+    with pytest.raises(UsageError, match='nothing was read before "base_start/B1"'):
+        wrong("stale:base_start/B1")
+
+
 def test_a_label_swap_exchanges_two_names_of_one_group(small_campaign, wrong):
     """Coordinates stay; two targets of the named group have exchanged names."""
     campaign = wrong("label_swap")

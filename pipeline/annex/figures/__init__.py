@@ -1,4 +1,4 @@
-"""The figures: each module has words and picture of its own, from the same digest."""
+"""The figures: each module writes the texts of its figures and draws them, from the same data."""
 
 from __future__ import annotations
 
@@ -44,4 +44,4 @@ PLOTS: tuple[Plot, ...] = (
     geometry.POSITION_STEPS,
     geometry.CURVES,
 )
-"""One line each."""
+"""Every figure of the annex."""

@@ -1,4 +1,4 @@
-"""What speaks for each cause, and which causes look alike."""
+"""Figures of the evidence for each suspect, and of causes that cannot be distinguished."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from pipeline.report.svg import APART_SHADES, BLUE, MUTED, RED
 
 _APART_STEPS = (1.0, 2.0, APART, 10.0)
 _SIDE, _LETTER, _KEY = 15.0, 6.3, 150.0
-"""Side of a square with room for a line of words, width of a letter, and of the key [px]."""
+"""Side of a square, high enough for a line of text; width of a letter; width of the key [px]."""
 
 _AS_FOUND = ", magnitudes found"
 
@@ -32,11 +32,11 @@ _STANDING = {
     Verdict.BAD_DATA: "identified",
     Verdict.AMBIGUOUS: "likeliest",
 }
-"""What the causes with the largest evidence are called."""
+"""How causes named by the answer are marked, by verdict."""
 
 
 def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """Bars of the best suspects, the identified ones in another colour."""
+    """Draw bars for the suspects with the most evidence, those named by the answer in red."""
     best = suspects(tables["diagnosis"])
     canvas.set_size_inches(5.6, 0.9 + 0.24 * len(best))
     axes = canvas.subplots()
@@ -56,7 +56,7 @@ def _draw_evidence(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 
 def _draw_separability(answer: Answer, tables: Tables) -> str:
-    """A triangle of squares, dark where two causes are alike."""
+    """Draw a triangle of squares, dark where two causes cannot be distinguished."""
     apart = _compared(answer, tables)
     names, n = [words.from_label(label, answer.axes) for label in apart.index], len(apart)
     beside = _LETTER * max(map(len, names)) + 8
@@ -79,7 +79,7 @@ def _draw_separability(answer: Answer, tables: Tables) -> str:
 
 
 def _apart_key(sheet: PixelSheet, framed: bool) -> None:
-    """What the shades mean, in the empty corner."""
+    """Draw the key of the shades in the empty corner."""
     x = sheet.width - _KEY + 8
     ends = [*map(str, (0, *(f"{one:g}" for one in _APART_STEPS)))]
     told = [f"{low} to {high} σ" for low, high in pairwise(ends)] + [f"above {ends[-1]} σ"]
@@ -93,7 +93,7 @@ def _apart_key(sheet: PixelSheet, framed: bool) -> None:
 
 
 def _compared(answer: Answer, tables: Tables) -> pd.DataFrame:
-    """How far the causes are apart, those of the answer at the magnitudes found."""
+    """Distances between the causes [standard deviations], those of the answer as large as found."""
     named = [words.label(one).replace(" ", ":") for one in answer.diagnosis.causes]
     return separability(tables["separability"], named)
 
@@ -124,12 +124,12 @@ def _write_evidence(answer: Answer, tables: Tables) -> Figure | None:
 
 
 def _apart(sigmas: float) -> str:
-    """A distance; what is rounding is none."""
+    """A distance in standard deviations; below 0.01 it is rounding."""
     return plain(sigmas, 2) if sigmas >= 0.01 else "less than 0.01"
 
 
 def _magnitudes(apart: pd.DataFrame) -> str:
-    """At which magnitudes the causes are compared."""
+    """Sentence on the magnitudes at which the causes are compared."""
     if not apart.attrs["found"]:
         return "All are compared at their typical magnitudes."
     return (

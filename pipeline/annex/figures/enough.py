@@ -1,4 +1,4 @@
-"""Whether the poses are enough: uncertainty over their number, and what the estimates share."""
+"""Are the poses enough: uncertainty over their number, and correlation of the estimates."""
 
 from __future__ import annotations
 
@@ -17,11 +17,11 @@ from pipeline.report.summaries import Tables
 from pipeline.report.svg import BLUE, MUTED, RED, SERIES
 
 _ALIKE = 0.7
-"""Correlation from which two estimates are told as going together."""
+"""Absolute correlation above which pairs of estimates are counted in the caption [1]."""
 
 
 def _curves(answer: Answer, tables: Tables) -> pd.DataFrame:
-    """Relative standard uncertainty, a row per number of poses; parameters with a value only."""
+    """Relative standard uncertainty [1] by number of poses, of the parameters with a value."""
     wide = tables["enough"].pivot(index="poses", columns="parameter", values="relative_std")
     names = dict.fromkeys(tables["enough"]["parameter"])
     known = [name for name in names if np.isfinite(wide[name].to_numpy(float)).any()]
@@ -29,7 +29,7 @@ def _curves(answer: Answer, tables: Tables) -> pd.DataFrame:
 
 
 def _draw_enough(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """A falling curve for each stiffness; its last step, dashed, is every pose once more."""
+    """Draw a curve for each stiffness; its last step, dashed, has every pose twice."""
     curves = _curves(answer, tables)
     axes = canvas.subplots()
     counts = curves.index.to_numpy(float)
@@ -80,7 +80,7 @@ def _write_enough(answer: Answer, tables: Tables) -> Figure | None:
 
 
 def _row(curves: pd.DataFrame, share: float) -> int:
-    """Where the curves have about this share of the poses."""
+    """Row of the curves nearest to this share of the poses; the last row but one has all."""
     counts = curves.index.to_numpy(float)
     return int(np.abs(counts - share * counts[-2]).argmin())
 
@@ -90,7 +90,7 @@ def _known(share: float) -> str:
 
 
 def _correlation(answer: Answer, tables: Tables) -> tuple[list[str], Array]:
-    """Names of the parameters that are determined, and their correlation, (k, k)."""
+    """Names of the determined parameters, and their correlation matrix, shape (k, k)."""
     table = tables["covariance"]
     cov = table[list(table["parameter"])].to_numpy(float)
     std = np.sqrt(np.diag(cov))
@@ -100,7 +100,7 @@ def _correlation(answer: Answer, tables: Tables) -> tuple[list[str], Array]:
 
 
 def _draw_correlation(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """A square for each pair, as large as its correlation."""
+    """Draw a square for each pair, with an area proportional to the absolute correlation."""
     names, r = _correlation(answer, tables)
     n = len(names)
     canvas.set_size_inches(5.6, 1.3 + 0.28 * n)

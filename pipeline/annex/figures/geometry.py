@@ -1,4 +1,4 @@
-"""Campaigns of positions: what each part of the model is worth, and the laws of the joints."""
+"""Campaigns of positions: contribution of each part of the model, and laws of the joints."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ from pipeline.report.summaries import Tables, each_row, has
 from pipeline.report.svg import GRID, SERIES
 
 _BETWEEN = "every tenth pose"
-"""What is left out in the picture of the steps."""
+"""Name of the partition into held-out poses that is drawn."""
 
 
 def _models(tables: Tables) -> list[str]:
-    """Models in the order in which they were made."""
+    """Names of the models, in the order in which they were estimated."""
     return list(dict.fromkeys(tables["held_out"]["model"]))
 
 
@@ -33,7 +33,7 @@ def _distances(tables: Tables, model: str) -> Any:
 
 
 def _draw_steps(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """Share of the left-out targets nearer than a distance, one curve per model."""
+    """Draw the share of held-out targets within a distance of their prediction, per model."""
     axes = canvas.subplots()
     tips: Tips = {}
     for k, (model, colour) in enumerate(zip(_models(tables), SERIES, strict=False)):
@@ -64,7 +64,7 @@ def _write_steps(answer: Answer, tables: Tables) -> Figure:
 
 
 def _draw_curves(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """Each joint's error over its value, with two standard uncertainties."""
+    """Draw the transmission error of each joint over its value, with two standard uncertainties."""
     curves = tables["curves"]
     tips: Tips = {}
     joints = list(dict.fromkeys(curves["joint"]))
@@ -86,7 +86,14 @@ def _draw_curves(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 
 def _readings(axes: Axes, joint: int, tables: Tables, shown: float) -> Tips:
-    """What poses with neighbouring joint values say of a curve, with its standard uncertainty."""
+    """Draw means over poses with neighbouring joint values, with their standard uncertainties.
+
+    Args:
+        axes: The plot.
+        joint: Number of the joint.
+        tables: Tables of the report.
+        shown: Factor from the joint value in SI units to that of the axis.
+    """
     if not has(tables, "curve_readings"):
         return {}
     rows = tables["curve_readings"]
@@ -98,12 +105,12 @@ def _readings(axes: Axes, joint: int, tables: Tables, shown: float) -> Tips:
         f"joint {joint}, {r.poses} poses at {plain(at)}: {plain(mm)} ± {plain(std, 2)}"
         for r, at, mm, std in zip(each_row(rows), q, y, u, strict=True)
     ]
-    y = np.clip(y, *axes.get_ylim())  # a mark off the sheet is lost, and its tip with it
+    y = np.clip(y, *axes.get_ylim())  # a mark outside the plot would be lost with its hover text
     return dots(axes, f"curve-{joint}", q, y, said, s=7, color=SERIES[1], linewidths=0, zorder=3)
 
 
 def _grid(canvas: Canvas, count: int) -> list[Axes]:
-    """Plots, two in a row."""
+    """Plots, two per row."""
     canvas.set_size_inches(5.6, 0.3 + 1.3 * ((count + 1) // 2))
     every = list(canvas.subplots((count + 1) // 2, 2, squeeze=False).flat)
     for spare in every[count:]:

@@ -1,4 +1,4 @@
-"""How do you tell that it is good: the error of each model at poses that took no part in it."""
+"""Error of each model at held-out poses."""
 
 from __future__ import annotations
 
@@ -23,21 +23,22 @@ from pipeline.report.summaries import Tables, has
 from pipeline.report.svg import BLUE, GREEN, GRID, MUTED, RED
 
 _WIDE, _LEFT, _RIGHT, _ROW, _TOP = 560.0, 16.0, 500.0, 56.0, 34.0
-"""The sheet [px]."""
+"""Width of the sheet, left and right ends of the scale, height of a row, height above the first row
+[px]."""
 
 _LEAST_MM = 1e-4
-"""Errors are not drawn finer."""
+"""Smallest error on the scale [mm]."""
 
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """One model at poses that took no part in it.
+    """One model at held-out poses.
 
     Attributes:
-        name: What it is called.
-        poses: pose and mm, rms per coordinate of each.
-        mm: That of all; as the answer states it, where it does.
-        colour: What it is drawn in.
+        name: Name of the model.
+        poses: Columns pose and mm, the rms error per coordinate of each pose.
+        mm: Rms error of all poses [mm]; the value stated by the answer if there is one.
+        colour: Colour of the drawing.
     """
 
     name: str
@@ -47,7 +48,7 @@ class Judged:
 
 
 def judged(answer: Answer, tables: Tables) -> list[Judged]:
-    """The models in the order in which they know more."""
+    """The models in the order nominal, joint springs, recommended."""
     found: list[Judged | None] = []
     if has(tables, "models"):
         models = tables["models"].assign(off_m=lambda t: t["measured_m"] - t["nominal_m"])
@@ -75,7 +76,7 @@ def _judged(
 
 
 def _draw(answer: Answer, tables: Tables) -> str:
-    """A row of dots per model, one for each pose, and a bar at their rms."""
+    """Draw a row of dots per model, one for each pose, and a bar at their rms."""
     models, noise = judged(answer, tables), answer.diagnosis.noise_floor_mm
     foot = _TOP + _ROW * len(models)
     sheet = PixelSheet(_WIDE, foot + 44)
@@ -105,7 +106,7 @@ def _draw(answer: Answer, tables: Tables) -> str:
 
 
 def _row(sheet: PixelSheet, one: Judged, top: float, at: Callable[[float], float]) -> None:
-    """Dots, the bar and the name of one model."""
+    """Draw dots, bar and name of one model."""
     y = top + 38
     sheet.line((_LEFT, y), (_RIGHT, y), GRID, 1)
     for pose, mm in one.poses[["pose", "mm"]].itertuples(index=False):
@@ -132,7 +133,7 @@ def _write(answer: Answer, tables: Tables) -> Figure | None:
 
 
 def _better(models: Sequence[Judged]) -> str:
-    """How many poses the last model predicts better than the one before it."""
+    """Number of poses that the last model predicts better than the one before it."""
     if len(models) < 2:
         return ""
     before, after = models[-2:]
@@ -157,7 +158,7 @@ def decades(low: float, high: float) -> list[float]:
 
 
 def placed(values: Any, ends: tuple[float, float], pixels: tuple[float, float]) -> Array:
-    """Where values of a scale in decades stand [px], those beyond it at its ends."""
+    """Places of values on a logarithmic scale [px], clipped to its ends."""
     low, high = np.log10(ends)
     share = (np.log10(np.clip(np.asarray(values, float), *ends)) - low) / (high - low)
     return np.asarray(pixels[0] + share * (pixels[1] - pixels[0]))

@@ -21,7 +21,13 @@ _Points = Sequence[tuple[int, Answer, Stiffness]]
 
 
 def draw_history(canvas: Canvas, answers: Sequence[Answer], changed: Collection[str]) -> Tips:
-    """One row per joint: its stiffness in each campaign; those that changed in another colour."""
+    """Draw the stiffness in each campaign, one row per joint; those that changed in red.
+
+    Args:
+        canvas: An empty figure.
+        answers: Answers to the campaigns of one robot, in order.
+        changed: Names of the stiffnesses that have changed.
+    """
     found = list(dict.fromkeys(joint.name for one in answers for joint in one.stiffness))
     canvas.set_size_inches(5.6, 0.7 + 0.85 * len(found))
     views = canvas.subplots(len(found), 1, sharex=True, squeeze=False)[:, 0]
@@ -35,7 +41,7 @@ def draw_history(canvas: Canvas, answers: Sequence[Answer], changed: Collection[
 
 
 def _called(answers: Sequence[Answer], name: str) -> str:
-    """`A1 (k_theta2)`, as the last campaign that has the joint calls it."""
+    """Name of a stiffness, `A1 (k_theta2)`, in the last campaign that has the joint."""
     return [joint.called for one in answers for joint in one.stiffness if joint.name == name][-1]
 
 
@@ -49,7 +55,7 @@ def _points(answers: Sequence[Answer], name: str) -> _Points:
 
 
 def _draw_course(view: Axes, name: str, points: _Points, colour: str, key: str) -> list[str]:
-    """One joint over the campaigns, and what its marks say."""
+    """Draw one joint over the campaigns, and return the hover texts of its marks."""
     joints = [joint for _, _, joint in points]
     factor, letter = common_prefix(joint.value for joint in joints)
     at = np.array([number for number, _, _ in points])
@@ -71,7 +77,7 @@ def _draw_course(view: Axes, name: str, points: _Points, colour: str, key: str) 
 
 
 def _name_campaigns(view: Axes, answers: Sequence[Answer]) -> None:
-    """The campaigns along the axis, by day where each has its own; as many as fit."""
+    """Label as many campaigns along the axis as fit, by day if each has a day of its own."""
     step = max(1, -(-len(answers) // 8))
     days = [(one.measured or "")[:10] for one in answers]
     distinct = len(set(days)) == len(days) and all(days)

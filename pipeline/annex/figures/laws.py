@@ -1,4 +1,4 @@
-"""The law of each identified cause, beside what every pull says of it."""
+"""The law of each identified cause, with the estimate from every single pull or pose."""
 
 from __future__ import annotations
 
@@ -22,10 +22,10 @@ from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import BLUE, MUTED, RED
 
 _MOST_LAWS = 4
-"""Laws in one picture."""
+"""Maximum number of laws in the figure."""
 
 _BESIDE = 26
-"""Characters of a label that stand beside one plot."""
+"""Maximum length of a line of a plot's vertical label [characters]."""
 
 _NAMES = {"torque": "torque about its axis", "force": "force along it", "load": "size of the load"}
 _NAMES |= {"time": "time after the first reading", "turn": "turn", "shift": "shift"}
@@ -35,20 +35,20 @@ _NAMES |= {"order": "pose, in the order of measuring"}
 
 
 def _laws(tables: Tables) -> list[pd.DataFrame]:
-    """The pulls of each law, one table for each."""
+    """Estimates from single pulls or poses, one table per law; at most `_MOST_LAWS`."""
     of = tables["laws"].groupby(["cause", "part"], sort=False)
     return [rows.reset_index(drop=True) for _, rows in of][:_MOST_LAWS]
 
 
 def _explained(rows: pd.DataFrame) -> float:
-    """Part of the weighted sum of squares of what the pulls say that the law explains."""
+    """Share of the weighted sum of squares of the single estimates that the law explains [1]."""
     w = rows["y_std"].to_numpy(float) ** -2
     y, law = rows["y"].to_numpy(float), rows["law"].to_numpy(float)
     return max(float(1 - np.sum(w * (y - law) ** 2) / np.sum(w * y**2)), 0.0)
 
 
 def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """One plot for each law: what pulls say with its uncertainty, and the law itself."""
+    """Draw one plot per law: single estimates with their uncertainties, and the law itself."""
     told = _laws(tables)
     canvas.set_size_inches(5.6, 0.5 + 2.2 * len(told))
     views = canvas.subplots(len(told), 1, squeeze=False)[:, 0]
@@ -64,7 +64,7 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 
 def _marks(view: Axes, name: str, answer: Answer, rows: pd.DataFrame) -> Tips:
-    """What pulls say of one law, and the law, on an axis of what it changes."""
+    """Draw the single estimates of one law, and the law."""
     first = rows.iloc[0]
     factor, letter = common_prefix(rows["y"]) if first["y_unit"] else (1.0, "")
     unit = prefixed(first["y_unit"], letter)
@@ -86,7 +86,7 @@ def _marks(view: Axes, name: str, answer: Answer, rows: pd.DataFrame) -> Tips:
         view,
         f"{name}-pulls",
         x,
-        np.clip(y / factor, low, reach),  # a mark off the sheet is lost, and its tip with it
+        np.clip(y / factor, low, reach),  # a mark outside would be lost with its hover text
         said,
         s=12,
         color=BLUE,
@@ -117,7 +117,7 @@ def _marks(view: Axes, name: str, answer: Answer, rows: pd.DataFrame) -> Tips:
 
 
 def _quantity(answer: Answer, first: pd.Series[Any]) -> str:
-    """What a law changes, in words."""
+    """The dependent variable of a law, in words."""
     name = str(first["is"])
     causes = {words.label(one).replace(" ", ":"): one for one in answer.diagnosis.causes}
     cause = causes.get(first["cause"])
@@ -126,7 +126,7 @@ def _quantity(answer: Answer, first: pd.Series[Any]) -> str:
 
 
 def _called(answer: Answer, label: str, part: int) -> str:
-    """A cause; a law that nobody listed by what it is, with its amplitude."""
+    """A cause in words; a law outside the catalogue by its description."""
     name, _, where = label.partition(":")
     said = [
         cause.law.text
@@ -137,7 +137,7 @@ def _called(answer: Answer, label: str, part: int) -> str:
 
 
 def _reading(answer: Answer) -> str:
-    """What tells of a law by itself."""
+    """The unit of data from which a law is estimated singly: a pose or a pull."""
     return "pose" if answer.position_steps else "pull"
 
 

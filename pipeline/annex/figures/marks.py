@@ -1,4 +1,4 @@
-"""What the figures share: marks that can be told apart, legends, ticks at whole numbers."""
+"""Shared parts of figures: distinguishable marks, legends, ticks at integers, titles."""
 
 from __future__ import annotations
 
@@ -15,32 +15,41 @@ from pipeline.report.figures.plot import Tips
 from pipeline.report.svg import GRID
 
 _LONGEST = 100
-"""Characters of a name in a legend."""
+"""Maximum length of a name in a legend [characters]."""
 
 _ACROSS = 78
-"""Characters that a legend has beside each other."""
+"""Number of characters that fit across a legend."""
 
 _PER_INCH = 12.5
-"""Characters of a title in an inch of a plot and its margins: DejaVu Sans, 8.5 pt, of average width
-5.0 pt, and a tenth of the width for the labels of the axis."""
+"""Characters of a title per inch of a plot with its margins: DejaVu Sans of 8.5 pt has an average
+width of 5.0 pt, and the labels of the axis take a tenth of the width."""
 
 MARKERS = ("o", "s", "^", "D", "v", "P")
 
 
 def dots(axes: Axes, key: str, x: Any, y: Any, said: Iterable[str], **style: Any) -> Tips:
-    """Marks in a plot, and what each of them says."""
+    """Draw marks in a plot, and return their hover texts `said` under `key`."""
     axes.scatter(x, y, gid=key, **style)
     return {key: list(said)}
 
 
 _SHARES = np.linspace(0.0, 1.0, 41)
-"""Steps of a cumulative curve; every fourth has a mark."""
+"""Shares of a cumulative curve [1]; every fourth has a mark."""
 
 
 def cumulative(
     axes: Axes, key: str, values: Any, label: str, said: Callable[[float, float], str], **style: Any
 ) -> Tips:
-    """Share of the values below each value [%], with what marks of share and value say."""
+    """Draw the share of the values below each value [%], with marks and their hover texts.
+
+    Args:
+        axes: The plot.
+        key: Id of the marks.
+        values: The values, shape (n,).
+        label: Name in the legend.
+        said: Hover text of a mark from its share [%] and its value.
+        style: Style of the curve.
+    """
     at, shares = np.quantile(values, _SHARES), 100 * _SHARES
     axes.plot(at, shares, linewidth=1.6, label=label, **style)
     shown = slice(4, -1, 4)
@@ -52,7 +61,7 @@ def cumulative(
 
 
 def cumulative_axes(axes: Axes, below: str, share: str) -> None:
-    """Axes of cumulative curves: values from small to large in decades."""
+    """Set up logarithmic axes of cumulative curves with these labels, and a legend."""
     axes.set_xscale("log")
     axes.minorticks_off()
     axes.xaxis.set_major_formatter(lambda value, _: f"{value:g}")
@@ -62,7 +71,7 @@ def cumulative_axes(axes: Axes, below: str, share: str) -> None:
 
 
 def integer_ticks(axes: Axes, at: np.ndarray, names: Sequence[int]) -> None:
-    """Label whole numbers, as many as fit."""
+    """Label integers, as many as fit."""
     step = max(1, int(np.ceil(len(at) / 22)))
     axes.set_xticks(at[::step], [str(name) for name in names[::step]])
 
@@ -72,7 +81,7 @@ def _short(name: str) -> str:
 
 
 def legend_above(axes: Axes, columns: int) -> None:
-    """The legend on top of a plot, lines before marks."""
+    """Add a legend above a plot, lines before marks."""
     handles, labels = axes.get_legend_handles_labels()
     at = sorted(range(len(labels)), key=lambda i: isinstance(handles[i], PathCollection))
     said = [_short(labels[i]) for i in at]
@@ -92,13 +101,13 @@ def legend_above(axes: Axes, columns: int) -> None:
 
 
 def legend_below(canvas: Canvas) -> None:
-    """One legend for all plots of a figure, at its lower edge."""
+    """Add one legend for all plots of a figure, at its lower edge."""
     handles, labels = canvas.axes[0].get_legend_handles_labels()
     canvas.legend(handles, labels, loc="outside lower center", ncols=len(labels), handlelength=1.6)
 
 
 def title(axes: Axes, name: str) -> None:
-    """What a plot shows, on top of it at the left, in lines no wider than its part of the sheet."""
+    """Set the title of a plot above it at the left, wrapped to its part of the figure."""
     grid, canvas = axes.get_gridspec(), axes.get_figure(root=True)
     assert canvas is not None
     columns = 1 if grid is None else grid.ncols

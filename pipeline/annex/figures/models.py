@@ -1,4 +1,4 @@
-"""Displacements as three models give them: nominal, joint springs, recommended."""
+"""Displacements predicted by three models: nominal, joint springs, recommended."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from pipeline.report.svg import MUTED, SERIES
 
 
 def _columns(answer: Answer, models: pd.DataFrame) -> dict[str, str]:
-    """Which models there are: name in words by column."""
+    """Models with finite predictions: name in words by column."""
     named = {"nominal_m": "nominal", "joint_springs_m": "joint springs"}
     if answer.recommended.model != Which.JOINT_SPRINGS:
         named["recommended_m"] = words.MODELS[answer.recommended.model]
@@ -27,12 +27,12 @@ def _columns(answer: Answer, models: pd.DataFrame) -> dict[str, str]:
 
 
 def _miss(models: pd.DataFrame, column: str) -> float:
-    """Rms of measured minus predicted [mm]."""
+    """Rms of measured minus predicted coordinates [mm]."""
     return MM * rms((models["measured_m"] - models[column]).to_numpy(float))
 
 
 def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """One plot for each model: what it misses of each coordinate, over the displacement."""
+    """Draw measured minus predicted over measured coordinates, one plot per model."""
     models = tables["models"]
     names = _columns(answer, models)
     views = canvas.subplots(1, len(names), sharex=True, sharey=True, squeeze=False)[0]

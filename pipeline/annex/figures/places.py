@@ -1,4 +1,4 @@
-"""Vectors where they were measured: residuals at the poses, base reflectors in their order."""
+"""Residual vectors at the poses, and deviations of base reflectors in order of reading."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from pipeline.report.svg import INK, MUTED, RED, SERIES
 
 
 def _draw_arrows(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """Residual vectors at the poses, from above and from the side."""
+    """Draw residual vectors at the poses, from above and from the side."""
     vectors = arrows(tables)
     size = np.linalg.norm(vectors[_RESIDUAL].to_numpy(float), axis=1)
     usual = float(np.quantile(size, 0.8))  # one outlier must not make all others invisible
@@ -47,20 +47,24 @@ _RESIDUAL = ["rx", "ry", "rz"]
 
 
 def _views(canvas: Canvas, vectors: pd.DataFrame, scale: float) -> tuple[np.ndarray, bool]:
-    """Two plots: one above the other along a rail, else side by side; whether the former."""
+    """Two plots, one above the other along a rail and otherwise side by side.
+
+    Returns:
+        The plots, and whether one is above the other.
+    """
     at, along = vectors[list("xyz")].to_numpy(float), vectors[_RESIDUAL].to_numpy(float)
     if np.ptp(at[:, 1]) <= 2 * max(np.ptp(at[:, 0]), np.ptp(at[:, 2])):
         canvas.set_size_inches(5.6, 3.2)
         return canvas.subplots(1, 2), False
     spans = 1.1 * np.ptp(np.vstack([at, at + along / scale]), axis=0)
-    # as high as an equal scale for all directions makes it
+    # heights for an equal scale in all directions
     ratios = np.maximum(spans[[0, 2]] / spans[1], 0.15)
     canvas.set_size_inches(5.6, 1.2 + 4.9 * ratios.sum())
     return canvas.subplots(2, 1, sharex=True, height_ratios=ratios), True
 
 
 def _arrows(view: Axes, vectors: pd.DataFrame, up: str, scale: float, wide: bool) -> Quiver:
-    """The residuals in the plane of y and another axis."""
+    """Draw the residuals in the plane of y and another axis."""
     at, along = (vectors[columns].to_numpy(float).T for columns in (["y", up], ["ry", f"r{up}"]))
     style: dict[str, Any] = {"angles": "xy", "scale_units": "xy", "color": RED}
     quiver = view.quiver(*at, *along, scale=scale, width=0.0032 if wide else 0.006, **style)
@@ -69,25 +73,25 @@ def _arrows(view: Axes, vectors: pd.DataFrame, up: str, scale: float, wide: bool
     view.autoscale_view()
     view.set_aspect("equal", adjustable="datalim")
     view.set_ylabel(f"{up} [m]")
-    quiver.set_gid(f"view-{up}")  # not earlier: the key copies all arguments, this one too
+    quiver.set_gid(f"view-{up}")  # not as an argument, since the key copies all arguments
     return quiver
 
 
 def _key(canvas: Canvas, arrows: Quiver, length: float) -> None:
-    """How long an arrow of so many millimetres is."""
+    """Add a key with an arrow of this length [mm]."""
     height = canvas.get_size_inches()[1]
     style = {"labelpos": "E", "coordinates": "figure", "color": RED}
     canvas.axes[0].quiverkey(arrows, 0.86, 1 - 0.13 / height, length, f"{length:g} mm", **style)
 
 
 def _round_down(value: float) -> float:
-    """1, 2 or 5 times a power of ten, not above the value."""
+    """The largest of 1, 2 or 5 times a power of ten that does not exceed the value."""
     power = 10.0 ** np.floor(np.log10(max(value, 1e-300)))
     return float(max(step for step in (1, 2, 5) if step * power <= value * (1 + 1e-12)) * power)
 
 
 def _draw_registration(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """Deviation of each base reading from nominal, in order."""
+    """Draw the deviation of each base reading from nominal, in order of reading."""
     readings = tables["registration"].reset_index(drop=True).assign(at=lambda t: t.index + 1)
     size = np.linalg.norm(readings[AXES].to_numpy(float), axis=1)
     readings = thinned(readings, size, MOST // 5)
@@ -103,7 +107,7 @@ def _draw_registration(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
             pairs = zip(at[here], mm[here], strict=True)
             said = [f"reading {n}, {target}: d{axis} = {plain(v)} mm" for n, v in pairs]
             style = {"color": SERIES[index % len(SERIES)], "marker": MARKERS[index % len(MARKERS)]}
-            style |= {"label": f" {target}"}  # legends leave out what begins with an underscore
+            style |= {"label": f" {target}"}  # legends omit labels that begin with an underscore
             key = f"base-{axis}-{index}"
             tips |= dots(view, key, at[here], mm[here], said, s=14, linewidths=0, **style)
         view.margins(y=0.25)

@@ -1,4 +1,4 @@
-"""Displacements measured and predicted, and how far a predicted deflection can be off."""
+"""Measured and predicted displacements, and relative error of predicted deflections."""
 
 from __future__ import annotations
 
@@ -20,9 +20,10 @@ _KEY = ["pose", "repeat", "target"]
 
 
 def _rows(tables: Tables) -> pd.DataFrame:
-    """Coordinates that the other poses predict: pose, repeat, target, axis, and both values [mm].
+    """Coordinates predicted from the other poses: pose, repeat, target, axis, both values [mm].
 
-    Predicted is measured minus the residual of the pose when it is left out of the estimate.
+    The prediction is the measured value minus the residual of the pose when it is left out of the
+    estimate.
     """
     moved = tables["displacements"].melt(
         _KEY, ["dx_m", "dy_m", "dz_m"], var_name="axis", value_name="measured_m"
@@ -35,7 +36,7 @@ def _rows(tables: Tables) -> pd.DataFrame:
 
 
 def _draw_measured(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """One point per coordinate on the line of equality, axes of F_b apart."""
+    """Draw predicted over measured coordinates, with a colour for each axis of F_b."""
     every = _rows(tables)
     rows = thinned(every, (every["measured"] - every["predicted"]).to_numpy(float))
     axes = canvas.subplots()
@@ -79,12 +80,12 @@ def _write_measured(answer: Answer, tables: Tables) -> Figure | None:
 
 
 def _draw_prediction(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """Share of the validation poses below each relative error."""
+    """Draw the share of the validation poses below each relative error."""
     errors = prediction_error(tables["validation"])
     axes = canvas.subplots()
     tips: Tips = {}
     for index, ((where, draw_from), mu) in enumerate(errors.items()):
-        if np.quantile(mu, 0.1) <= 0:  # no stiffness had a value to draw about, and zero no log
+        if np.quantile(mu, 0.1) <= 0:  # no stiffness had a value; zero is not on a log axis
             continue
         name = f"{_SETS.get(where, where)}, {_DRAWS.get(draw_from, draw_from)}"
         tips |= cumulative(

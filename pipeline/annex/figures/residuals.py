@@ -1,4 +1,4 @@
-"""What the fit leaves: by pose, by pull, along what varies, in standard deviations."""
+"""Residuals by pose, over the pull, over rail position, torque and time, and whitened."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ from pipeline.report.svg import BLUE, MUTED, RED, SERIES
 
 
 def _draw_pose_rms(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """A bar for each pose, and a diamond for the pose left out."""
+    """Draw a bar for each pose, and a diamond for its error when it is left out."""
     poses = pose_rms(tables["residuals"])
     axes = canvas.subplots()
     at, number = np.arange(len(poses)), poses["pose"].astype(int).to_numpy()
@@ -50,7 +50,7 @@ def _draw_pose_rms(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 
 def _draw_residual_force(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """Every residual coordinate over the size of its pull."""
+    """Draw every residual coordinate over the force of its pull."""
     points = residual_force(tables)
     points = thinned(points, points["mm"].to_numpy(float))
     axes = canvas.subplots()
@@ -69,12 +69,12 @@ def _draw_residual_force(canvas: Canvas, answer: Answer, tables: Tables) -> Tips
 
 
 def _coordinate(row: Any) -> str:
-    """Which coordinate a row is of."""
+    """Pose, pull, target and axis of a row."""
     return f"pose {row.pose}, pull {row.repeat}, {row.target} {row.axis}"
 
 
 def _draw_residual_course(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """Every residual coordinate over rail position, torque and time."""
+    """Draw every residual coordinate over rail position, torque and time."""
     rows, told = courses(tables, answer.axes)
     canvas.set_size_inches(5.6, 0.5 + 1.5 * len(told))
     views = canvas.subplots(len(told), 1, sharey=True, squeeze=False)[:, 0]
@@ -100,7 +100,7 @@ def _draw_residual_course(canvas: Canvas, answer: Answer, tables: Tables) -> Tip
 
 
 def _draw_whitened(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """Histogram of weighted residuals beside the normal curve."""
+    """Draw a histogram of the whitened residuals with the normal curve."""
     values = whitened(tables["residuals"])
     reach = float(np.clip(np.abs(values).max(), 4, 12))
     edges = np.arange(-np.ceil(reach), np.ceil(reach) + 0.25, 0.5)

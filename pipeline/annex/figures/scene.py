@@ -1,6 +1,7 @@
-"""The cell in three dimensions: what stands in it, its poses, what the reflectors did.
+"""The cell in three dimensions: robot, instrument, reflectors, poses, deflections and residuals.
 
-A still picture for paper and for a page without scripts; the page turns the same numbers itself.
+A still picture serves paper and pages without scripts; from the same data the page draws a picture
+that its reader can turn.
 """
 
 from __future__ import annotations
@@ -25,31 +26,34 @@ from pipeline.report.summaries import Tables, each_row
 from pipeline.report.svg import BLUE, BODY, EDGE, GRID, INK, RED
 
 _ASIDE = np.deg2rad(-28.0)
-"""From where the still is seen, and the page at first: aside of what is long."""
+"""Angle between the view and the normal of the longer horizontal side [rad], in the still and at
+first on the page."""
 
 _REACH = 0.12
-"""How long the usual deflection vector is drawn, over the height of the arm's space."""
+"""Length of the median vector as drawn, over the height of the space that the arm takes [1]."""
 
 _SOLID = ("base", "carriage", "arm", "tool")
 
 _BESIDE = 1.6
-"""What stands within so many sizes of the robot's space is in the still."""
+"""Distance from the middle up to which instrument and reflectors are in the still, over the size of
+the view [1]."""
 
 _WIDE_IN = 5.6
-"""Width of the still."""
+"""Width of the still [in]."""
 
 _SLIM = 0.55
-"""Links are drawn thinner than they are, so that poses beside each other can be told apart."""
+"""Radius of links as drawn over their true one [1]; thinner, so that adjacent poses can be
+distinguished."""
 
 _LEAST_M = 0.006
-"""Nothing is drawn thinner."""
+"""Minimum radius of a body as drawn [m]."""
 
 _AT, _MOVED, _LEFT = ([f"{name}{a}_m" for a in "xyz"] for name in ("", "moved_", "left_"))
 _COV = [f"c{pair}_m2" for pair in ("xx", "xy", "xz", "yy", "yz", "zz")]
 
 
 def _view(tables: Tables) -> View:
-    """About the robot at all its poses; what stands far off does not make it small."""
+    """View centred on the robot at all its poses; distant instruments do not reduce its size."""
     rows = tables["scene"]
     seen = rows[rows["part"].isin(_SOLID)]
     ends = np.concatenate([seen[FROM].to_numpy(float), seen[TO].to_numpy(float)])
@@ -60,7 +64,7 @@ def _view(tables: Tables) -> View:
 
 
 def magnified(tables: Tables) -> tuple[float, float]:
-    """By how much deflections and residuals are magnified, 1, 2 or 5 times a power of ten each."""
+    """Magnifications of deflections and residuals [1], each 1, 2 or 5 times a power of ten."""
     vectors = tables["vectors"]
     arm = tables["scene"][tables["scene"]["part"] == "arm"]
     height = np.ptp(arm[[FROM[2], TO[2]]].to_numpy(float)) or 1.0
@@ -83,7 +87,7 @@ def _size(vectors: pd.DataFrame, columns: Sequence[str]) -> Array:
 
 
 def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """The cell in perspective, what is nearer over what is behind."""
+    """Draw the cell in perspective, nearer bodies over those behind them."""
     view, rows = _view(tables), tables["scene"]
     axes = canvas.subplots()
     axes.set_axis_off()
@@ -109,7 +113,7 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 
 def _height(axes: Any) -> float:
-    """Height of the still without empty margins [in], its legend included."""
+    """Height of the still without empty margins, including its legend [in]."""
     (left, right), (low, high) = axes.get_xlim(), axes.get_ylim()
     return float(np.clip(0.45 + _WIDE_IN * (high - low) / (right - left), 1.8, 4.2))
 
@@ -120,7 +124,7 @@ def _legend(answer: Answer, moved: float, left: float) -> tuple[str, str]:
 
 
 def _names(answer: Answer) -> tuple[str, str]:
-    """What the two vectors are."""
+    """Names of the two kinds of vectors."""
     return ("off the nominal robot" if answer.of_positions else "measured deflection", "residual")
 
 
@@ -131,7 +135,7 @@ def _slim(rows: pd.DataFrame) -> Array:
 
 
 def _points(axes: Any, view: View, rows: pd.DataFrame) -> None:
-    """Base reflectors as dots and the instrument as a triangle with its name, those near by."""
+    """Draw nearby base reflectors as dots, and nearby instruments as triangles with names."""
     at = rows[FROM].to_numpy(float)
     near = rows[np.linalg.norm(at - view.middle, axis=1) < _BESIDE * view.size]
     x, y, _ = view(near[near["part"] == "reflector"][FROM].to_numpy(float))
@@ -154,11 +158,11 @@ def _arrows(
     axes.scatter(*lines[1].T, s=3, color=colour, linewidths=0, zorder=3)
 
 
-# --- what the page turns --------------------------------------------------------------------------
+# --- data of the picture that can be turned -------------------------------------------------------
 
 
 def _live(answer: Answer, tables: Tables) -> dict[str, Any]:
-    """The numbers of the picture as JSON: metres and radians, vectors not magnified."""
+    """Data of the picture for JSON, in metres and radians, with vectors not magnified."""
     rows, view, (moved, left) = tables["scene"], _view(tables), magnified(tables)
     by_pose = dict(list(rows.groupby("pose")))
     vectors = dict(list(tables["vectors"].groupby("pose")))
@@ -187,38 +191,38 @@ def _live(answer: Answer, tables: Tables) -> dict[str, Any]:
 
 
 def _parts(rows: pd.DataFrame) -> list[list[Any]]:
-    """Part, name, both ends and radius of each capsule, 0 for points."""
+    """Part, name, both ends [m] and radius [m] of each capsule; the radius of points is 0."""
     numbers = rows.assign(slim=_slim(rows))[[*FROM, *TO, "slim"]].to_numpy(float)
     words = rows[["part", "name"]].to_numpy(object)
     return [[*said, *_numbers(row)] for said, row in zip(words, numbers, strict=True)]
 
 
 def _reflectors(vectors: pd.DataFrame) -> list[list[Any]]:
-    """Name, place, displacement, residual and covariance of each reflector."""
+    """Name, position, displacement, residual [m] and covariance [m²] of each reflector, in F_b."""
     numbers = vectors[[*_AT, *_MOVED, *_LEFT, *_COV]].to_numpy(float)
     names = vectors["target"].to_numpy(object)
     return [[str(name), *_numbers(row)] for name, row in zip(names, numbers, strict=True)]
 
 
 def _numbers(values: Array) -> list[float | None]:
-    """Five digits: a tenth of a millimetre of what is drawn, a thousandth of a vector."""
+    """Values rounded to five significant digits; None for those that are not finite."""
     return [float(f"{v:.5g}") if np.isfinite(v) else None for v in values]
 
 
 def told(pose: Any, vectors: pd.DataFrame, answer: Answer) -> str:
-    """A pose in a line: its files, its pulls, what its reflectors did."""
+    """A pose in one line: its files, its pulls, its largest deflection and residual."""
     known_of_it = "; ".join(part for part in (source(pose), _pulls(pose)) if part)
     return typeset(f"{pose.label}: {known_of_it}. {_did(vectors, answer)}")
 
 
 def source(pose: Any) -> str:
-    """Where a pose's readings and joint values stand."""
+    """Files and lines of a pose's readings and joint values."""
     places = dict.fromkeys((readings_of(pose), joints_of(pose)))
     return ", ".join(place for place in places if place)
 
 
 def readings_of(pose: Any) -> str:
-    """File and lines of the readings; nothing where only displacements are known."""
+    """File and lines of the readings; empty if only displacements are known."""
     return f"{pose.file} {_lines(pose.first_line, pose.last_line)}".strip() if pose.file else ""
 
 
@@ -255,20 +259,20 @@ def _did(vectors: pd.DataFrame, answer: Answer) -> str:
 
 
 def _largest(vectors: pd.DataFrame, columns: Sequence[str]) -> tuple[str, float]:
-    """At which reflector, and how much [mm]."""
+    """Reflector with the largest vector, and its length [mm]."""
     size = _size(vectors, columns)
     return str(vectors["target"].iloc[int(size.argmax())]), MM * float(size.max())
 
 
 def largest(tables: Tables) -> dict[int, tuple[float, float]]:
-    """Largest deflection and residual of each pose [mm], by its number."""
+    """Largest deflection and largest residual of each pose [mm], by number of the pose."""
     vectors = tables["vectors"]
     sizes = {k: MM * _size(vectors, columns) for k, columns in enumerate((_MOVED, _LEFT))}
     most = pd.DataFrame(sizes).groupby(vectors["pose"].to_numpy()).max()
     return {int(pose): (moved, left) for pose, moved, left in most.itertuples()}
 
 
-# --- what is said ---------------------------------------------------------------------------------
+# --- texts ----------------------------------------------------------------------------------------
 
 
 def _write(answer: Answer, tables: Tables) -> Figure:
@@ -294,13 +298,13 @@ def _write(answer: Answer, tables: Tables) -> Figure:
 
 
 def _along(answer: Answer) -> str:
-    """What else residuals may do that noise does not, of a robot on a rail."""
+    """A further pattern of residuals that noise does not have, for a robot on a rail."""
     rail = any(joint.joint_type is JointType.PRISMATIC for joint in answer.stiffness)
     return ", or turn along the rail," if rail else ""
 
 
 def _of_all(poses: pd.DataFrame) -> str:
-    """How the poses were chosen, where not all are drawn."""
+    """How the poses were selected, if not all are drawn."""
     return "" if len(poses) < MOST else ", those with the largest residuals and an even selection"
 
 

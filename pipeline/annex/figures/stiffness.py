@@ -1,4 +1,4 @@
-"""The stiffness of every joint beside its nominal value, and over the campaigns of a robot."""
+"""The stiffness of every joint relative to its nominal value."""
 
 from __future__ import annotations
 
@@ -21,26 +21,30 @@ from pipeline.report.svg import BLUE, MUTED
 
 
 def _comparable(answer: Answer) -> list[Stiffness]:
-    """The joints that have a value and a nominal one."""
+    """The joints with both an estimated and a nominal stiffness."""
     return [joint for joint in answer.stiffness if joint.value is not None and joint.nominal]
 
 
 def _beside(answer: Answer, joints: Sequence[Stiffness]) -> Array:
-    """What joint springs alone say of these joints, NaN where nothing else, or nothing."""
+    """Stiffnesses from joint springs on the data as given, shape (n,).
+
+    NaN where they have no value, or where these are the answer's own values.
+    """
     other = words.beside(answer)
     values = {joint.name: joint.value for joint in other[1].stiffness} if other else {}
     return np.array([values.get(joint.name) for joint in joints], dtype=float)
 
 
 _SQUEEZED = 1 / 3
-"""Share of the width [1] below which the others are too short to be compared beside a wide one."""
+"""Share of the plot's width [1] below which all other intervals together are too short to be
+compared beside a wide one."""
 
 
 def _frame(low: Array, high: Array) -> tuple[float, float]:
-    """Left and right end of the plot [% of nominal]; the widest intervals may reach beyond.
+    """Left and right end of the plot [% of nominal]; the widest intervals may extend beyond.
 
-    An interval is cut off, the widest first, while the others take less than a third of the width
-    that they take with it. One without an upper limit counts from its lower one.
+    The widest interval is cut off as long as the others take less than a third of the width needed
+    with it. An interval without an upper limit counts by its lower limit only.
     """
     top = np.where(np.isfinite(high), high, low)
     kept = np.argsort(high - low, kind="stable").tolist()
@@ -54,7 +58,7 @@ def _frame(low: Array, high: Array) -> tuple[float, float]:
 
 
 def _ends(low: Array, high: Array, rows: list[int]) -> tuple[float, float]:
-    """Left and right end of some intervals and of the nominal value."""
+    """Left and right end of a selection of intervals together with the nominal value."""
     return min([100.0, *low[rows]]), max([100.0, *high[rows]])
 
 
@@ -66,13 +70,13 @@ def _limits(low: float, high: float) -> str:
 
 
 def _cut_off(axes: Axes, at: Array, told: Array, ends: tuple[float, float]) -> None:
-    """Arrows where intervals leave the plot, with the numbers of those that are wider than it.
+    """Draw arrows where intervals leave the plot, with numbers unless only an infinite limit does.
 
     Args:
         axes: The plot.
-        at: Height of each joint, shape (n,).
-        told: Values and 95 % limits [% of nominal], shape (3, n).
-        ends: Left and right end of the plot.
+        at: Vertical place of each joint, shape (n,).
+        told: Values, lower and upper 95 % limits [% of nominal], shape (3, n).
+        ends: Left and right end of the plot [% of nominal].
     """
     (share, low, high), (left, right) = told, ends
     for end, leaves, marker in ((left, low < left, "<"), (right, high > right, ">")):
@@ -85,12 +89,14 @@ def _cut_off(axes: Axes, at: Array, told: Array, ends: tuple[float, float]) -> N
 
 
 def _inside(other: Array, ends: tuple[float, float], *, whole: bool) -> Array:
-    """Which circles are drawn: beside a cut interval, none that would widen the plot again.
+    """Which circles are drawn, shape (n,); if an interval is cut, only those inside the plot.
+
+    Otherwise they may widen the plot by half its width to each side.
 
     Args:
-        other: Where they are [% of nominal], NaN for none.
-        ends: Left and right end of the plot.
-        whole: No interval is cut.
+        other: Places of the circles [% of nominal], NaN for none, shape (n,).
+        ends: Left and right end of the plot [% of nominal].
+        whole: Whether no interval is cut.
     """
     left, right = ends
     beyond = (right - left) / 2 if whole else 0.0
@@ -98,7 +104,7 @@ def _inside(other: Array, ends: tuple[float, float], *, whole: bool) -> Array:
 
 
 def _draw_stiffness(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """Every joint with its 95 % interval, in percent of nominal."""
+    """Draw every joint with its 95 % interval, in percent of nominal."""
     joints = _comparable(answer)
     canvas.set_size_inches(5.6, 0.9 + 0.28 * len(joints))
     axes = canvas.subplots()
@@ -131,7 +137,7 @@ def _draw_stiffness(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 
 def _circles(answer: Answer) -> str:
-    """What the open circles of the interval plot are."""
+    """Sentence on the open circles of the interval plot."""
     other = words.beside(answer)
     there = other and any(joint.value for joint in other[1].stiffness)
     return f" Open circles, where they lie within the plot: {other[0]}." if other and there else ""
@@ -142,7 +148,10 @@ def _of_nominal(value: float | None, joint: Stiffness) -> float:
 
 
 def _extremes(joints: Sequence[Stiffness]) -> str:
-    """Who is furthest from nominal, and who is known least, those without a limit apart."""
+    """Sentence on the softest, the stiffest and the least certain joint relative to nominal.
+
+    Joints without an upper limit are listed separately.
+    """
     off = {joint.called: _of_nominal(joint.value, joint) for joint in joints}
     std = {joint.called: _of_nominal(joint.std, joint) for joint in joints}
     endless = [joint.called for joint in joints if joint.ci95[1] is None]
@@ -172,5 +181,3 @@ def _write_stiffness(answer: Answer, tables: Tables) -> Figure | None:
 
 
 STIFFNESS = Plot("stiffness", (), _write_stiffness, _draw_stiffness)
-
-# --- over the campaigns --------------------------------------------------------------------

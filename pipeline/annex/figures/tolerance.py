@@ -1,4 +1,4 @@
-"""The machining path of [tolerance]: what is decided of it, where, and by how much."""
+"""The machining path of [tolerance]: conformity and deflection at each of its points."""
 
 from __future__ import annotations
 
@@ -27,7 +27,7 @@ _STYLE = {
 
 
 def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
-    """The path from above and from the side, and the deflection along it."""
+    """Draw the path from above and from the side, and the deflection along it."""
     rows = thinned(tables["path"], tables["path"]["deflection_m"].to_numpy(float))
     rows = rows.assign(mm=MM * rows["deflection_m"], u_mm=2 * MM * rows["std_m"])
     canvas.set_size_inches(5.6, 5.0)
@@ -42,7 +42,7 @@ def _draw(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
 
 
 def _view(axes: Axes, rows: pd.DataFrame, up: str) -> Tips:
-    """The load point's path in the plane of y and another axis."""
+    """Draw the path of the load point in the plane of y and another axis of F_b."""
     tips: Tips = {}
     axes.plot(rows["y_m"], rows[f"{up}_m"], color=MUTED, linewidth=0.8, zorder=1)
     for decision, (colour, marker) in _STYLE.items():
@@ -56,7 +56,7 @@ def _view(axes: Axes, rows: pd.DataFrame, up: str) -> Tips:
 
 
 def _course(axes: Axes, rows: pd.DataFrame, answer: Answer) -> Tips:
-    """Deflection of each point with its expanded uncertainty, and the tolerance."""
+    """Draw the deflection of each point with its expanded uncertainty, and the tolerance."""
     at, tips = rows["point"].to_numpy(float), Tips()
     low, high = rows["mm"] - rows["u_mm"], rows["mm"] + rows["u_mm"]
     known = np.isfinite(high.to_numpy(float))
@@ -78,7 +78,7 @@ def _course(axes: Axes, rows: pd.DataFrame, answer: Answer) -> Tips:
 
 
 def _said(rows: pd.DataFrame) -> list[str]:
-    """What the points say."""
+    """Hover texts of the points."""
     return [
         f"pose {r.pose}, {DECIDED[r.decision]}: {plain(r.mm)} mm, U = {plain(r.u_mm, 2)} mm"
         for r in each_row(rows)

@@ -1,4 +1,4 @@
-"""How soft the robot is over the plane of its arm."""
+"""Compliance of the robot over the plane of its arm."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ from pipeline.report.svg import BODY, EDGE, GRID, INK, RED, SHADES
 
 
 def _levels_of(tables: Tables) -> Array:
-    """The steps of both maps, so that equal shades mean equal deflection [µm/N]."""
+    """Levels common to both maps [µm/N], so that equal shades mean equal deflection."""
     names = [name for name in ("workspace", "workspace_joint_springs") if has(tables, name)]
     size = np.concatenate([1e6 * tables[n]["worst_m_per_n"].to_numpy(float) for n in names])
     ticks = MaxNLocator(len(SHADES), steps=[1, 2, 2.5, 5, 10])
@@ -57,7 +57,7 @@ def _map(canvas: Canvas, soft: pd.DataFrame, levels: Array, arm: pd.DataFrame | 
 
 
 def _draw_arm(axes: Axes, arm: pd.DataFrame) -> None:
-    """Outline of the arm at the test pose: a wide line for each part, a narrower one on it."""
+    """Draw the arm at the test pose: a wide line for each part, and a narrower one on it."""
     ends = arm[["from_reach_m", "from_height_m", "to_reach_m", "to_height_m"]].to_numpy(float)
     lines = list(ends.reshape(-1, 2, 2))
     width = 4 + 5 * arm["radius_m"].to_numpy(float) / max(arm["radius_m"].max(), 1e-9)
@@ -72,7 +72,7 @@ def _softness(row: Any) -> str:
 
 
 def _triangles(swept: pd.DataFrame) -> Array:
-    """Two triangles for every mesh of the joint grid whose four corners are there, (k, 3)."""
+    """Two triangles for every cell of the joint grid whose four corners exist, shape (k, 3)."""
     row, column = swept[["row", "column"]].to_numpy(int).T
     at = np.full((row.max() + 2, column.max() + 2), -1)
     at[row, column] = np.arange(len(swept))
@@ -114,7 +114,7 @@ def _springs_beside(answer: Answer) -> str | None:
 
 
 def _plot(name: str, model: Callable[[Answer], str | None]) -> Plot:
-    """The map of one model's values, which are called so; None where there is no such model."""
+    """Map of one model, whose name `model` gives; there is no figure if the name is None."""
     table = name.replace("-", "_")
     return Plot(
         name,

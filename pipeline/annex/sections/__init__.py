@@ -1,4 +1,4 @@
-"""Parts of a report behind its first page, each from an answer and its tables."""
+"""Sections of a report after its first page, each made from an answer and its tables."""
 
 from __future__ import annotations
 
@@ -24,4 +24,4 @@ SECTIONS: dict[str, Callable[[Answer, Tables], Section | None]] = {
     "letters": letters,
     "method": method,
 }
-"""By the names under which the report asks for them."""
+"""Sections by the names under which the report requests them."""

@@ -1,4 +1,4 @@
-"""What stood where: the cell in three dimensions, and its poses one by one."""
+"""Section on the cell: its picture in three dimensions, and a table of its poses."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pipeline.report.summaries import Tables, each_row, has
 
 
 def cell(answer: Answer, tables: Tables) -> Section | None:
-    """The scene and the same in a table, for who cannot see it."""
+    """The scene, and a table with the same content for readers who cannot see it."""
     drawn = figures(("scene",), answer, tables)
     return section_of("cell", "The cell", [*drawn, _poses(answer, tables) if drawn else None])
 

@@ -1,4 +1,4 @@
-"""Campaigns of positions: steps of the model, laws of the joints, and the robot's table."""
+"""Sections on campaigns of positions: steps of the model, laws of the joints, DH parameters."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _NAMES = {
 
 
 def geometry(answer: Answer, tables: Tables) -> Section | None:
-    """What each part of the model contributes."""
+    """Accuracy at held-out poses with each further part of the model."""
     blocks = [
         _steps(answer),
         *figures(("position_steps",), answer, tables),
@@ -37,7 +37,7 @@ _LEFT_OUT = (
 
 
 def laws(answer: Answer, tables: Tables) -> Section | None:
-    """Laws that nobody listed."""
+    """Laws of the joints that are outside the catalogue."""
     return section_of(
         "laws",
         "Laws of the joints",
@@ -46,7 +46,7 @@ def laws(answer: Answer, tables: Tables) -> Section | None:
 
 
 def letters(answer: Answer, tables: Tables) -> Section | None:
-    """The robot's table as delivered and as found."""
+    """The DH parameters, nominal and identified."""
     return section_of(
         "table", "Geometric parameters of the robot", [_letters(answer), _together(answer)]
     )

@@ -1,4 +1,4 @@
-"""How it was done: method, assumptions, inputs, versions."""
+"""Section on method, assumptions, inputs and versions."""
 
 from __future__ import annotations
 
@@ -35,7 +35,7 @@ OF_POSITIONS = (
     "The prior standard deviations of its lengths and of its angles are estimated from all of "
     "them together."
 )
-"""How absolute positions are explained."""
+"""Model and estimator of absolute positions, as a paragraph."""
 
 _PULLED = {
     "load": "the force reading that moves all coordinates of a pull together, the direction of "
@@ -52,7 +52,7 @@ _BOTH = {key: f"{one} {_WEIGHED[key]}" for key, one in _PULLED.items()} | {
 
 
 def method(answer: Answer, tables: Tables) -> Section | None:
-    """How the stiffnesses were made, and from what."""
+    """How the results were computed, and from which data."""
     blocks = [Paragraph(_told(answer)), _assumptions(answer), _inputs(answer), _versions(answer)]
     return section_of("method", "Method, assumptions, versions, inputs", blocks)
 
@@ -81,7 +81,7 @@ def _told(answer: Answer) -> str:
 
 
 def _loads(answer: Answer) -> dict[str, str]:
-    """What the force is, by the sources of error that its readings have."""
+    """Phrases on the load, chosen by the sources of error in the budget: pulls, weights or both."""
     sources = {row["source"] for row in answer.budget}
     pulled = any(one.startswith(("direction", "force")) for one in map(str, sources))
     weighed = bool(answer.payloads or "payload mass" in sources)

@@ -1,4 +1,4 @@
-"""What the data look like: residuals, budget, whether the poses are enough, registration."""
+"""Sections on residuals, uncertainty budget, number of poses, registration and reliability."""
 
 from __future__ import annotations
 
@@ -35,19 +35,19 @@ from pipeline.report.summaries import Tables, each_row, has
 
 
 def residuals(answer: Answer, tables: Tables) -> Section | None:
-    """Pictures of what the fit leaves."""
+    """Figures of the residuals."""
     names = ("pose-rms", "residual-force", "residual-course", "whitened", "arrows")
     return section_of("residuals", "Residuals", figures(names, answer, tables))
 
 
 def enough(answer: Answer, tables: Tables) -> Section | None:
-    """Whether more poses would pay: uncertainty over the number of poses, and correlation."""
+    """Whether more poses would help: uncertainty over the number of poses, and correlation."""
     names = ("enough", "correlation")
     return section_of("enough", "Are the poses enough?", figures(names, answer, tables))
 
 
 def budget(answer: Answer, tables: Tables) -> Section | None:
-    """Which error makes each stiffness uncertain, and the noise found beside the stated."""
+    """Budget of the deflection at the test pose and of each stiffness, and estimated noise."""
     return section_of(
         "budget",
         "Uncertainty budget",
@@ -66,11 +66,11 @@ _BEYOND = (
 )
 
 _Line = tuple[str, float, float | None]
-"""What a line of the budget is about, its size [mm], its share of the variance [%]."""
+"""A line of the budget: source, standard uncertainty [mm], share of the variance [%]."""
 
 
 def _pose_table(pose: TestPose | None) -> ReportTable | None:
-    """The budget of the deflection at the test pose, whose lines add up in quadrature."""
+    """Budget of the deflection at the test pose; its lines add in quadrature."""
     if pose is None or not pose.budget or pose.std_mm is None:
         return None
     u = pose.std_mm
@@ -79,7 +79,7 @@ def _pose_table(pose: TestPose | None) -> ReportTable | None:
     ]
     lines += [("combined standard uncertainty u", u, None)]
     lines += [("expanded uncertainty U (k = 2)", 2 * u, None)]
-    digits = max(0, 3 - math.floor(math.log10(u)))  # four of u, so that the squares add up
+    digits = max(0, 3 - math.floor(math.log10(u)))  # four digits of u, so that the squares add up
     columns: list[Cells[_Line]] = [
         said("Source", lambda line: line[0]),
         number("Standard uncertainty [mm]", lambda line: line[1], partial(_fixed, digits)),
@@ -94,7 +94,7 @@ def _pose_table(pose: TestPose | None) -> ReportTable | None:
 
 
 def _fixed(digits: int, value: float | None) -> str:
-    """A number with so many decimals; what is less than one unit of the last is said to be."""
+    """A number with this many decimals, or `below 0.01` if it is less than one unit of the last."""
     least = 10.0**-digits
     small = value is None or value < least
     return f"below {least:.{digits}f}" if small else f"{value:.{digits}f}"
@@ -124,7 +124,7 @@ def _percent(share: float | None) -> str:
 
 
 def _calibrations(answer: Answer) -> Paragraph | None:
-    """What the budget holds of calibrations and of days; None without a budget."""
+    """Whether the budget includes calibrations and day-to-day scatter; None without a budget."""
     sources = {part.source for joint in answer.stiffness for part in joint.budget}
     if not sources:
         return None
@@ -154,7 +154,8 @@ _CALIBRATED = (
         "not stated; give length_sigma_rel in [instrument] of campaign.toml",
     ),
 )
-"""Sources of error that a certificate states, and what to do where none does."""
+"""Sources of error that calibration certificates state: name in the budget, name in words, and what
+to do if none is stated."""
 
 
 def _noise_table(found: Sequence[NoiseComponent]) -> ReportTable | None:
@@ -172,7 +173,7 @@ def _noise_table(found: Sequence[NoiseComponent]) -> ReportTable | None:
 
 
 def registration(answer: Answer, tables: Tables) -> Section | None:
-    """How well the base reflectors fit."""
+    """Residuals of the base reflectors after registration."""
     given = answer.registration
     return section_of(
         "registration",
@@ -212,7 +213,7 @@ def _registration_text(given: BaseResiduals) -> Paragraph:
 
 
 def _growth_text(grown: Growth | None) -> str:
-    """How long a metre of the base frame is, where that is not a metre."""
+    """Sentence on the thermal growth of the base frame; empty if none was found."""
     if grown is None:
         return ""
     from_what = (
@@ -223,7 +224,7 @@ def _growth_text(grown: Growth | None) -> str:
 
 
 def reliability(answer: Answer, tables: Tables) -> Section | None:
-    """Which readings the others control least, and the harm that one of them may do unnoticed."""
+    """Readings with the lowest redundancy, and the effect of an undetected error in one of them."""
     if not has(tables, "reliability"):
         return None
     single = tables["reliability"].dropna(subset=["reading"])
@@ -233,7 +234,7 @@ def reliability(answer: Answer, tables: Tables) -> Section | None:
 
 
 def _harm(single: pd.DataFrame) -> Paragraph | None:
-    """What the reading moves that does most harm by an error that nobody notices."""
+    """The reading whose undetected error shifts a parameter most, in standard uncertainties."""
     if single.empty:
         return None
     row = next(each_row(single.nlargest(1, "moves_sigmas")))

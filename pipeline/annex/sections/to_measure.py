@@ -1,4 +1,4 @@
-"""What to measure next: the poses, what each would tell apart or determine, and their axes."""
+"""What to measure next: poses, what each would distinguish or determine, and axis values."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ _Placed = tuple[int, ToMeasure]
 
 
 def to_measure(answer: Answer) -> tuple[ReportTable | None, ...]:
-    """Everything that is proposed."""
+    """Tables of all proposed poses."""
     found = answer.diagnosis
     poses: Sequence[ToMeasure] = found.next_poses or present([found.best_pose])
     return (
@@ -45,7 +45,7 @@ def to_measure(answer: Answer) -> tuple[ReportTable | None, ...]:
 def next_poses(
     poses: Sequence[NextPose], cell: CellLimits | None, axes: words.Axes
 ) -> ReportTable | None:
-    """The proposed poses and what each of them would tell apart; None without any."""
+    """The proposed poses, and the causes that each would distinguish; None without any."""
     columns: list[Cells[_Numbered]] = [
         number("Pose", lambda one: one[0], str),
         said("Distinguishes", lambda one: _pair(one[1], axes)),
@@ -67,7 +67,7 @@ def _pair(pose: NextPose, axes: words.Axes) -> str:
 
 
 def _settles(poses: Sequence[NextPose]) -> str:
-    """That the poses will not settle it, where they will not."""
+    """Warning if the proposed poses will not distinguish the causes; else empty."""
     most = max((one.sigmas_after or 0.0 for one in poses), default=0.0)
     return (
         "" if most >= APART else f"These poses will not be enough: they reach {roughly(most)} σ. "
@@ -75,7 +75,7 @@ def _settles(poses: Sequence[NextPose]) -> str:
 
 
 def _fits(cell: CellLimits | None) -> str:
-    """What the poses were checked for, and what they were not."""
+    """Limits of the cell that the poses respect, and those that were not checked."""
     if cell is None:
         return "Lines of sight and collisions are not checked: campaign.toml has no [cell]."
     kept = f"They keep {', '.join(cell.kept)}." if cell.kept else ""
@@ -91,7 +91,7 @@ def _how(pose: ToMeasure) -> str:
 def best_pose(
     pose: BestPose | None, cell: CellLimits | None, joints: Sequence[Stiffness]
 ) -> ReportTable | None:
-    """The pose that would determine the joint that is known worst; None without one."""
+    """The pose that would determine the least certain joint; None without one."""
     called = {joint.name: joint for joint in joints}
     columns: list[Cells[_Best]] = [
         number("Pose", lambda one: one[0], str),
@@ -113,7 +113,7 @@ def _known(pose: BestPose, joint: Stiffness) -> str:
 
 
 def _worth(pose: BestPose | None, called: Mapping[str, Stiffness]) -> str:
-    """What the percentages are of, and whether one pose is enough."""
+    """Reference of the percentages for a joint without a value, and whether one pose is enough."""
     if pose is None or called[pose.name].value is not None:
         return ""
     alone = "" if pose.determines else "This pose alone does not determine it. "
@@ -123,7 +123,7 @@ def _worth(pose: BestPose | None, called: Mapping[str, Stiffness]) -> str:
 def next_joint_values(
     poses: Sequence[ToMeasure], joints: Sequence[Stiffness]
 ) -> ReportTable | None:
-    """Where axes or joints stand in them [m] and [deg]; None without any."""
+    """Axis or joint values of the proposed poses [m, deg]; None without poses."""
     first = poses[0].axes if poses else ()
     places = range(len(first or joints))
     columns: list[Cells[_Placed]] = [

@@ -1,4 +1,4 @@
-"""The commands, each found when it is called: parse, call, print."""
+"""Table of the commands; each is imported when it is called, and only parses, calls and prints."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ from typing import NamedTuple
 
 
 class Command(NamedTuple):
-    """A word of the command line: the door to its function, and one line of `--help`."""
+    """A command: the door of its function, and its line in `--help`."""
 
     door: str
     line: str
@@ -98,4 +98,5 @@ COMMANDS = {
         "Check this machine: what is missing, and how to install it.",
     ),
 }
-"""In the order of `--help`; of an outbuilding that is not there, the command is not either."""
+"""The commands in the order of `--help`; those of outbuildings that are not installed are not
+offered."""

@@ -1,4 +1,4 @@
-"""What the commands share: the application, common options, how an answer is shown."""
+"""Shared by the commands: the application, common options, and the output of results."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ if TYPE_CHECKING:
 
 
 class _Doors(TyperGroup):
-    """Commands of which each is imported when it is called."""
+    """Group of commands, each of which is imported when it is called."""
 
     def list_commands(self, ctx: Any) -> list[str]:
-        """Those that this installation has, in the order of the table."""
+        """Commands of this installation, in the order of `COMMANDS`."""
         return [name for name, one in COMMANDS.items() if is_there(one.door)]
 
     def get_command(self, ctx: Any, cmd_name: str) -> Any:
-        """A command by its name; a shell that completes names gets its line alone."""
+        """A command by its name; for completion in a shell only its line of help."""
         if cmd_name in COMMANDS and cmd_name not in self.commands:
             if ctx.resilient_parsing:
                 return TyperCommand(cmd_name, short_help=COMMANDS[cmd_name].line)
@@ -51,12 +51,12 @@ class _Doors(TyperGroup):
         )
 
     def format_commands(self, ctx: Any, formatter: Any) -> None:
-        """One line of help for each, without an import."""
+        """Write one line of help per command, without importing it."""
         with formatter.section("Commands"):
             formatter.write_dl([(name, COMMANDS[name].line) for name in self.list_commands(ctx)])
 
     def resolve_command(self, ctx: Any, args: list[str]) -> Any:
-        """The command that is meant; of a misspelt one, those like it are named."""
+        """The command meant; the error about a misspelt one suggests similar names."""
         wanted = [args[0]] if args[0] in COMMANDS else self.list_commands(ctx)
         for name in wanted:
             if name not in self.commands:
@@ -106,7 +106,7 @@ On = Annotated[
 
 
 def several(jobs: int | None, on: str | None) -> Several | None:
-    """What works on many campaigns, as these options say; None where they say nothing."""
+    """Function that computes many campaigns at a time; None if neither option is given."""
     if jobs and on:
         raise UsageError("--jobs is for this machine and --on for a cluster: give one of them")
     if not jobs and not on:
@@ -121,21 +121,21 @@ Steps = Annotated[
 
 
 def show(outcome: Outcome, as_json: bool) -> None:
-    """The answer to stdout, complaints to stderr."""
+    """Print the result on stdout and complaints on stderr."""
     typer.echo(outcome.as_json() if as_json else fitted(outcome.text, sys.stdout))
     for line in outcome.complaints:
         typer.secho(fitted(line, sys.stderr), err=True, fg="red")
 
 
 def fitted(text: str, stream: TextIO) -> str:
-    """What can be shown, with long lines broken between words on a terminal only."""
+    """Printable text; on a terminal, long lines are wrapped between words."""
     text = quoted(lines(text))
     if not stream.isatty():
         return text
     width = max(40, shutil.get_terminal_size().columns)
     return "\n".join(
         line
-        if "  " in line.strip()  # columns, which words must not leave
+        if "  " in line.strip()  # aligned columns, which wrapping would break
         else textwrap.fill(
             line,
             width,
@@ -154,7 +154,7 @@ def at_work(words: str) -> None:
 
 
 def open_it(path: Path) -> None:
-    """In the browser, or whatever program opens such files here."""
+    """Open a file in the browser or in the program for such files."""
     import webbrowser
 
     if not webbrowser.open(path.resolve().as_uri()):

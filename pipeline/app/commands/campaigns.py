@@ -1,4 +1,4 @@
-"""Commands about measured campaigns."""
+"""Commands for measured campaigns: `run`, `status` and `report`."""
 
 from __future__ import annotations
 

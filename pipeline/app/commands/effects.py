@@ -1,4 +1,4 @@
-"""`pipeline effects`: what may deflect in a robot."""
+"""`pipeline effects`: the causes of misfit that the diagnosis knows."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Every figure of the report, one line each: its own, and those of the annex."""
+"""Every figure of the report: its own and those of the annex."""
 
 from __future__ import annotations
 
@@ -15,20 +15,20 @@ from pipeline.report.summaries import Tables, has
 from pipeline.report.svg import Drawing, by_hand, drawn
 
 _ANNEX = "pipeline.annex.figures:PLOTS"
-"""Figures behind the first page."""
+"""Door of the annex: figures after the first page."""
 _OWN = (certificate.CERTIFICATE, certificate.GAUGE, certificate.MOTION)
 CATALOGUE: tuple[Plot, ...] = (*_OWN, *(doors.found(_ANNEX) or ()))
 _PLOTS = {plot.name: plot for plot in CATALOGUE}
 
 
 def figures(names: Sequence[str], answer: Answer, tables: Tables) -> list[Figure]:
-    """The figures of these names that somebody draws, and that this campaign has data for."""
+    """The named figures that are installed and for which the campaign has data."""
     plots = [_PLOTS[name] for name in names if name in _PLOTS]
     return list(present(one.write(answer, tables) for one in plots if has(tables, *one.needs)))
 
 
 def draw(name: str, answer: Answer, tables: Tables, say: Say = str) -> Drawing:
-    """Draw one of the figures of the report, the words of the certificate's in a language."""
+    """Draw one figure of the report; `say` translates the texts of those on the certificate."""
     plot = _PLOTS[name]
     if plot.spoken:
         return by_hand(plot.spoken(answer, tables, say))
@@ -38,6 +38,6 @@ def draw(name: str, answer: Answer, tables: Tables, say: Say = str) -> Drawing:
 
 
 def live(name: str, answer: Answer, tables: Tables) -> dict[str, Any] | None:
-    """The numbers of a figure that the page itself draws; None for a still."""
+    """Data of a figure that the page itself draws; None for a still picture."""
     of = _PLOTS[name].live
     return of and of(answer, tables)

@@ -1,4 +1,4 @@
-"""The robot at the test pose: how stiff its joints are, where causes sit, how far it deflects."""
+"""Figures of the robot at the test pose: joint stiffnesses, places of causes, deflection."""
 
 from __future__ import annotations
 
@@ -28,39 +28,40 @@ from pipeline.report.svg import BLUE, BODY, EDGE, GREEN, GRID, INK, MUTED, PAPER
 _FROM, _TO = ([f"{end}_{a}_m" for a in "xyz"] for end in ("from", "to"))
 
 _WIDE, _HIGH, _TOP, _FOOT = 560.0, 420.0, 64.0, 66.0
-"""The sheet, and what its labels and its key take of it [px]."""
+"""Width and height of the sheet, and heights of its labels (above) and its key (below) [px]."""
 
 _AROUND = 0.36
-"""So much of the rail to each side of the robot is drawn, over the size of the arm."""
+"""Length of the rail drawn to each side of the robot, over the size of the arm [1]."""
 
 _REACH = 0.16
-"""How long what moves most is drawn, over the size of the arm."""
+"""Length of the largest displacement as drawn, over the size of the arm [1]."""
 
 _NAME = 8
-"""Letters of a name that stand above the drawing; a longer one is told by its number."""
+"""Maximum length of a joint's name above the drawing [letters]; a longer one is replaced by its
+number."""
 
 _APART = 6.0
-"""Marks nearer than this [px] would cover each other."""
+"""Minimum distance of two marks, so that neither covers the other [px]."""
 
 _ASIDE = np.deg2rad(28.0)
-"""The arm is seen from so far before its side."""
+"""Angle of the view from the side of the arm towards its front [rad]."""
 
 _NEAR, _TELLS, _KNOWN = 0.05, 0.25, 0.02
-"""Deviation from nominal that counts for none, half an interval that is too wide to tell one, and
-relative uncertainty of a joint that is well known where no nominal is stated [1]: steps of the key,
-and of nothing else."""
+"""Thresholds of the key, used for nothing else [1]: deviation from nominal that counts as nominal,
+U over nominal above which the comparison is too uncertain, and relative standard uncertainty up to
+which a joint without nominal stiffness counts as well known."""
 
 
 @dataclass(frozen=True, eq=False)
 class Arm:
-    """The robot as it lies on the sheet.
+    """The robot as placed on the sheet.
 
     Attributes:
-        rows: Table POSTURE, the rail cut to what is near.
-        view: From where it is seen.
+        rows: Table POSTURE, with the rail cut to the part near the robot.
+        view: The projection.
         scale: Pixels per metre.
-        origin: Where the middle of the view lies [px], shape (2,).
-        size: Of the arm [m].
+        origin: The middle of the view on the sheet [px], shape (2,).
+        size: Size of the arm [m].
     """
 
     rows: pd.DataFrame
@@ -70,12 +71,12 @@ class Arm:
     size: float
 
     def __call__(self, points: Array) -> Array:
-        """Points in F_b [m], (..., 3), on the sheet [px], (..., 2)."""
+        """Project points in F_b [m], shape (..., 3), onto the sheet [px], shape (..., 2)."""
         right, up, _ = self.view(points)
         return np.stack([self.origin[0] + self.scale * right, self.origin[1] - self.scale * up], -1)
 
     def bodies(self, sheet: PixelSheet, rows: pd.DataFrame, **style: Any) -> None:
-        """Draw capsules, what is nearer over what is behind."""
+        """Draw capsules, the nearer ones over those behind them."""
         near, shapes = outlines(self.view, rows, 0.75 * rows["radius_m"].to_numpy(float))
         for k in np.argsort(near, kind="stable"):
             fill = GRID if rows["part"].iloc[k] == "base" else BODY
@@ -85,7 +86,7 @@ class Arm:
 
     @cached_property
     def solid(self) -> pd.DataFrame:
-        """Its bodies, points apart."""
+        """Rows of the bodies, without points (of radius zero)."""
         return self.rows[self.rows["radius_m"] > 0]
 
     @cached_property
@@ -95,7 +96,11 @@ class Arm:
 
     @cached_property
     def joints(self) -> dict[int, Array]:
-        """Where each joint is [px]; of several in one place the next ones on their own links."""
+        """Mark of each joint [px], shape (2,), by number.
+
+        A joint with a carriage is marked in its middle; one whose place is taken by another joint,
+        in the middle of its own link.
+        """
         found: dict[int, Array] = {}
         parts, numbers = self.rows["part"].to_numpy(str), self.rows["joint"].to_numpy()
         at, amid = self(self.ends[:, 0]), self(self.ends.mean(axis=1))
@@ -108,7 +113,7 @@ class Arm:
         return found
 
     def place(self, cause: Placed, location: str | None) -> Array | None:
-        """Where a cause sits [px]; None where it is not in the robot."""
+        """Place of a cause [px], shape (2,); None if it is not in the robot."""
         joints, rows = self.joints, self.rows
         if isinstance(cause.where, int):
             return joints.get(cause.where)
@@ -123,12 +128,19 @@ class Arm:
 
     @property
     def tip(self) -> pd.DataFrame:
-        """The rod to the load point, one row."""
+        """The row of the rod to the load point."""
         return self.rows[(self.rows["part"] == "tool") & (self.rows["name"] == "load_point")]
 
 
 def arm_of(tables: Tables, high: float, top: float, wide: float = _WIDE) -> Arm:
-    """The robot, as large as the sheet allows between these heights [px]."""
+    """The robot, as large as fits the width of the sheet and between two heights [px].
+
+    Args:
+        tables: Tables of the report, of which POSTURE is used.
+        high: Lower end of the picture.
+        top: Upper end of the picture.
+        wide: Width of the sheet.
+    """
     rows = tables["posture"]
     moving = rows[rows["part"].isin(("carriage", "arm", "tool"))]
     ends = np.concatenate([moving[_FROM].to_numpy(float), moving[_TO].to_numpy(float)])
@@ -148,7 +160,7 @@ def arm_of(tables: Tables, high: float, top: float, wide: float = _WIDE) -> Arm:
 
 
 def _cut(rows: pd.DataFrame, foot: Array, reach: float) -> pd.DataFrame:
-    """The rail no further than so far from the robot's foot."""
+    """Cut the rail at `reach` [m] to each side of the robot's foot (F_b, [m])."""
     still = (rows["part"] == "base").to_numpy()[:, None]
     a, b = rows[_FROM].to_numpy(float), rows[_TO].to_numpy(float)
     length = np.maximum(np.linalg.norm(b - a, axis=1, keepdims=True), 1e-9)
@@ -159,12 +171,12 @@ def _cut(rows: pd.DataFrame, foot: Array, reach: float) -> pd.DataFrame:
     return rows.assign(**dict(zip([*_FROM, *_TO], cut.T, strict=True)))
 
 
-# --- what is told of the joints -------------------------------------------------------------------
+# --- what is stated of the joints -----------------------------------------------------------------
 
 
 @dataclass(frozen=True)
 class Stand:
-    """How a joint stands: a word of the key, its colour, and what is written beside its name."""
+    """Class of a joint: its word in the key, its colour, and the text below its name."""
 
     word: str
     colour: str
@@ -181,11 +193,11 @@ _RULES = {
     _ALIKE: f"as nominal (within {100 * _NEAR:.0f} % or U)",
     _WIDE_OPEN: f"too uncertain to tell (U above {100 * _TELLS:.0f} %)",
 }
-"""Words of the key that say when they hold."""
+"""Words of the key that are printed with their condition."""
 
 
 def stand(joint: Stiffness) -> Stand:
-    """Beside its nominal stiffness; by its relative uncertainty where none is stated."""
+    """Classify a joint by its ratio to nominal or, if none is stated, by relative uncertainty."""
     if joint.value is None:
         return Stand(_LOST, PAPER, "?")
     if not joint.nominal:
@@ -199,7 +211,7 @@ def stand(joint: Stiffness) -> Stand:
 
 
 def _by_uncertainty(rough: float | None) -> Stand:
-    """How well a joint is known of which no nominal stiffness is stated."""
+    """Classify a joint without nominal stiffness by its relative standard uncertainty."""
     word = _SURE if rough is not None and rough <= _KNOWN else _ROUGH
     return Stand(word, _COLOURS[word], f"± {percent(None if rough is None else 2 * rough)}")
 
@@ -208,7 +220,7 @@ def _by_uncertainty(rough: float | None) -> Stand:
 
 
 def _draw(answer: Answer, tables: Tables, say: Say = str) -> str:
-    """The robot with its joints, causes and deflection."""
+    """Draw the robot with its joints, causes and deflection."""
     sheet = PixelSheet(_WIDE, _HIGH, say)
     arm = arm_of(tables, _HIGH - _FOOT, _TOP)
     arm.bodies(sheet, arm.solid)
@@ -222,7 +234,7 @@ def _draw(answer: Answer, tables: Tables, say: Say = str) -> str:
 
 
 def _joints(sheet: PixelSheet, arm: Arm, stands: dict[int, tuple[Stiffness, Stand]]) -> None:
-    """A disc at each joint, and its name with its share of nominal in a row above."""
+    """Draw a disc at each joint, and in a row above its name and its ratio to nominal or U."""
     at = {k: place for k, place in arm.joints.items() if k in stands}
     step = (_WIDE - 20) / max(len(at), 1)
     told = _any(stands.values())
@@ -242,23 +254,23 @@ def _joints(sheet: PixelSheet, arm: Arm, stands: dict[int, tuple[Stiffness, Stan
 
 
 def drawn_as(joint: Stiffness) -> str:
-    """What the drawing calls a joint."""
+    """Name of a joint in the drawing."""
     name = joint.axis or joint.joint_name
     return name if len(name) <= _NAME else f"J{joint.joint}"
 
 
 def _outline(one: Stand) -> dict[str, Any]:
-    """Dashed where nothing is known."""
+    """Dashed outline for a joint without a value."""
     return {"stroke_dasharray": "2.6 2"} if one.word == _LOST else {}
 
 
 def _any(stands: Iterable[tuple[Stiffness, Stand]]) -> bool:
-    """Whether anything is known of any joint."""
+    """Whether any joint has a value."""
     return any(joint.value is not None for joint, _ in stands)
 
 
 def _deflection(sheet: PixelSheet, arm: Arm, answer: Answer) -> None:
-    """The arrow at the load point, magnified."""
+    """Draw the deflection of the load point as an arrow of fixed length."""
     pose, tip = answer.test_pose, arm.tip
     if pose is None or pose.deflection_mm is None or tip.empty:
         return
@@ -276,7 +288,10 @@ def _deflection(sheet: PixelSheet, arm: Arm, answer: Answer) -> None:
 
 
 def _seated(arm: Arm, answer: Answer) -> dict[str, Array]:
-    """What is wrong in the robot, in words, and where [px]; each once, with its first rival."""
+    """Causes and their first rivals, in words, with their places in the robot [px], shape (2,).
+
+    If the data contain a mistake, only mistakes are listed.
+    """
     found = answer.diagnosis.causes
     wrong = [one for one in found if one.evidence] or found
     each = [(own, one.location) for one in wrong for own in (one, *one.rivals[:1])]
@@ -285,7 +300,7 @@ def _seated(arm: Arm, answer: Answer) -> dict[str, Array]:
 
 
 def _causes(sheet: PixelSheet, arm: Arm, answer: Answer) -> None:
-    """A ring with a number where each cause sits."""
+    """Draw a numbered ring at the place of each cause."""
     for k, at in enumerate(_seated(arm, answer).values()):
         sheet.disc(at, 17, fill="none", stroke=RED, stroke_width=3)
         style = {"text_anchor": "middle", "font_weight": "bold", "fill": RED}
@@ -294,11 +309,11 @@ def _causes(sheet: PixelSheet, arm: Arm, answer: Answer) -> None:
 
 
 _BESIDE = ((-24, 5), (0, 33), (24, 5), (0, -21))
-"""Where the number of a ring stands [px]; several rings may be in one place."""
+"""Offsets of a ring's number from its centre [px], in turn, as several rings may coincide."""
 
 
 def _key(sheet: PixelSheet, stands: Sequence[Stand], rings: bool) -> None:
-    """What the colours mean and when, in rows."""
+    """Draw the key of the colours, in rows."""
     dark: dict[str, Any] = {"stroke": INK, "stroke_width": 1}
     marks = {
         _RULES.get(one.word, one.word): {"fill": one.colour} | dark | _outline(one)
@@ -336,7 +351,7 @@ def _write(answer: Answer, tables: Tables) -> Figure:
 
 
 def _stands_at(pose: TestPose | None) -> tuple[str, str]:
-    """The title, and what the arrow means where the load deflects the robot."""
+    """Title, and a sentence on the arrow of the deflection; the latter is empty without a pose."""
     if pose is None:
         return "The robot", ""
     arrow = f" The arrow is the deflection, {plain(pose.deflection_mm)} mm."
@@ -350,7 +365,7 @@ CERTIFICATE = Plot("certificate", ("posture",), _write, spoken=_draw)
 
 @dataclass(frozen=True)
 class Reading:
-    """A deflection with its uncertainty and what is decided of it [mm]."""
+    """A deflection with its expanded uncertainty [mm] and the decision on its conformity."""
 
     name: str
     size: float
@@ -359,24 +374,24 @@ class Reading:
 
     @property
     def end(self) -> float:
-        """How far it reaches."""
+        """Upper end of the interval [mm]."""
         return self.size + (self.u or 0.0)
 
     @property
     def value(self) -> str:
-        """The deflection in the digits that its uncertainty allows."""
+        """The deflection [mm], rounded as its uncertainty allows."""
         return plain(self.size) if self.u is None else with_uncertainty(self.size, self.u)[0]
 
     @property
     def said(self) -> str:
-        """`0.924 ± 0.072 mm`, ± the expanded uncertainty."""
+        """`0.924 ± 0.072 mm`, with ± U."""
         if self.u is None:
             return f"{self.value} mm, U unknown"
         return f"{self.value} ± {with_uncertainty(self.size, self.u)[1]} mm"
 
 
 def readings(answer: Answer) -> Iterator[Reading]:
-    """Of the test pose, and the worst of the path."""
+    """The deflection at the test pose, and the largest on the path."""
     pose, asked = answer.test_pose, answer.tolerance
     if pose is not None and pose.deflection_mm is not None:
         decision = asked.test_pose if asked else None
@@ -391,14 +406,15 @@ def readings(answer: Answer) -> Iterator[Reading]:
 
 _GAUGE = {Decision.PASS: GREEN, Decision.UNDECIDED: BLUE, Decision.FAIL: RED, None: BLUE}
 _ACROSS, _LEFT, _RIGHT, _ROW = 440.0, 10.0, 430.0, 60.0
-"""The gauge's sheet, the ends of its bars, and one bar with its words [px]."""
+"""Width of the gauge's sheet, left and right ends of its bars, height of a bar with its text
+[px]."""
 
 _LETTERS = 46
-"""So many letters of full size stand above a bar."""
+"""Number of letters of full size that fit above a bar."""
 
 
 def _draw_gauge(answer: Answer, tables: Tables, say: Say = str) -> str:
-    """A bar for each deflection, with the tolerance as a wall."""
+    """Draw a bar for each deflection, with a line at the tolerance."""
     told = list(readings(answer))
     most = answer.tolerance.deflection_mm if answer.tolerance else None
     full = 1.15 * max([*(one.end for one in told), most or 0.0])
@@ -448,7 +464,7 @@ def _write_gauge(answer: Answer, tables: Tables) -> Figure | None:
 
 
 def _only(answer: Answer) -> str:
-    """Where the robot stands, what pulls at it, and that nothing else is said."""
+    """Joint values and force to which the prediction is limited."""
     pose, asked = answer.test_pose, answer.tolerance
     path = asked is not None and asked.path is not None
     only = "Predicted for this pose and force only"
@@ -466,11 +482,14 @@ GAUGE = Plot("gauge", (), _write_gauge, spoken=_draw_gauge)
 # --- how a cause moves the robot ------------------------------------------------------------------
 
 _LEAST_M = 1e-9
-"""Motions below are none."""
+"""Largest motion by the causes below which it is treated as zero [m]."""
 
 
 def _ghost(tables: Tables) -> tuple[pd.DataFrame, float]:
-    """The robot as the causes alone move it, and how many times that is magnified."""
+    """Table POSTURE displaced by the causes alone, magnified, and the magnification [1].
+
+    The table is empty if the causes do not move the robot.
+    """
     rows = tables["posture"]
     by = {
         end: rows[[f"{end}_caused_{a}_m" for a in "xyz"]].to_numpy(float) for end in ("from", "to")
@@ -488,7 +507,7 @@ def _ghost(tables: Tables) -> tuple[pd.DataFrame, float]:
 
 
 def _draw_motion(answer: Answer, tables: Tables) -> str:
-    """The arm as it stands, and where the causes move it."""
+    """Draw the arm at the test pose, and an outline of it displaced by the causes, magnified."""
     sheet = PixelSheet(_WIDE, 330)
     arm = arm_of(tables, 316, 14)
     arm.bodies(sheet, arm.solid, stroke_opacity=0.8)

@@ -1,4 +1,4 @@
-"""A figure of the report: what is said of it and how it is drawn, in one record."""
+"""A figure of the report: its texts and its drawing in one record."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pipeline.report.record import Figure
 from pipeline.report.summaries import Tables
 
 Tips = dict[str, list[str]]
-"""By id of an artist, the words of each of its marks in drawing order."""
+"""Texts shown at the marks of an artist, in drawing order, by id of the artist."""
 
 
 def _nothing(canvas: Canvas, answer: Answer, tables: Tables) -> Tips:
@@ -27,13 +27,14 @@ class Plot:
 
     Attributes:
         name: File name without ending.
-        needs: Tables without which there is no such figure.
-        write: Title, caption and alternative text with the numbers of a campaign in them; None
-            where the campaign has no data for it.
-        draw: Draws it, and gives what its marks say, by the name of their group.
-        live: Numbers from which the page draws it anew as its reader turns it; None for a still.
-        by_hand: Gives it as SVG, in place of `draw`.
-        spoken: The same of a figure of the certificate, in a language.
+        needs: Tables that the figure requires.
+        write: Gives title, caption and alternative text with the numbers of a campaign; None if
+            the campaign has no data for it.
+        draw: Draws the figure and returns the texts of its marks by id of their artist.
+        live: Gives the data from which the page redraws the figure while its reader turns it; None
+            for a still picture.
+        by_hand: Returns the figure as SVG, in place of `draw`.
+        spoken: Returns a figure of the certificate as SVG, with its texts translated.
     """
 
     name: str

@@ -1,4 +1,4 @@
-"""Capsules as they are seen from aside and above, and their outlines."""
+"""Perspective view of capsules from an oblique direction above, and their outlines."""
 
 from __future__ import annotations
 
@@ -10,22 +10,22 @@ import pandas as pd
 from pipeline.base.arrays import Array
 
 PITCH = np.deg2rad(22.0)
-"""From how far above the robot is seen."""
+"""Elevation of the viewing direction [rad]."""
 
 FAR = 3.0
-"""Distance of the eye over the size of the cell."""
+"""Distance of the eye over the size of the cell [1]."""
 
 FROM, TO = ([f"{end}_{a}_m" for a in "xyz"] for end in ("from", "to"))
 
 
 @dataclass(frozen=True, eq=False)
 class View:
-    """Where the cell is seen from: the eye circles about its middle and keeps z upright.
+    """A perspective view of the cell; the eye circles about its middle and z stays upright.
 
     Attributes:
-        middle: What it circles about [m], shape (3,).
-        size: Radius of what is to be seen [m].
-        yaw: Direction of the eye from x of F_b about z [rad].
+        middle: Centre of the circle in F_b [m], shape (3,).
+        size: Radius of the region to be shown [m].
+        yaw: Direction of the eye, about z from x of F_b [rad].
     """
 
     middle: Array
@@ -33,7 +33,12 @@ class View:
     yaw: float
 
     def __call__(self, points: Array) -> tuple[Array, Array, Array]:
-        """Points in F_b [m], (..., 3), as seen: to the right, upwards, and scale by nearness."""
+        """Project points in F_b [m], shape (..., 3).
+
+        Returns:
+            Coordinates to the right and upwards [m], and the scale of the perspective [1], each of
+            shape (...); the nearer a point, the larger its scale.
+        """
         c, s = np.cos(self.yaw), np.sin(self.yaw)
         d = points - self.middle
         right = c * d[..., 1] - s * d[..., 0]
@@ -45,7 +50,17 @@ class View:
 
 
 def outlines(view: View, rows: pd.DataFrame, radius: Array) -> tuple[Array, list[Array]]:
-    """Nearness and outline of capsules: two circles and what lies between them."""
+    """Outlines of projected capsules: two circular arcs and their common tangents.
+
+    Args:
+        view: The view.
+        rows: Ends of the capsules' axes, one capsule per row.
+        radius: Their radii [m], shape (c,).
+
+    Returns:
+        Mean scale of the perspective of each capsule, by which they are sorted, shape (c,), and
+        its outline [m], shape (14, 2).
+    """
     x, y, scale = view(np.stack([rows[FROM].to_numpy(float), rows[TO].to_numpy(float)]))
     r = scale * radius
     along = np.arctan2(y[1] - y[0], x[1] - x[0])

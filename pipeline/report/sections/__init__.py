@@ -1,1 +1,1 @@
-"""One file per part of the report, in the words of the people who read it."""
+"""The sections of the report, one file each, in the terms of its readers."""

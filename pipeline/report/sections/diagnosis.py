@@ -1,4 +1,4 @@
-"""What the model misses: causes, rivals and gain."""
+"""Section on what the joint springs leave out: causes, rivals and gain."""
 
 from __future__ import annotations
 
@@ -28,10 +28,10 @@ from pipeline.report.sections.unseen import blind_spots
 from pipeline.report.summaries import Tables
 
 _TO_MEASURE = "pipeline.annex.sections.to_measure:to_measure"
-"""Poses that would tell more."""
+"""Door of the annex: poses that would settle open questions."""
 
 _WORTH_SAYING = 0.01
-"""Probability from which it is said that a cause may be none of the known ones."""
+"""Probability of a cause outside the catalogue from which on it is mentioned [1]."""
 
 _TITLES = {
     Verdict.ADEQUATE: "What this campaign shows and cannot show",
@@ -42,11 +42,11 @@ _TITLES = {
 }
 
 _ALIKE = 3
-"""So many of what does as well in the place of a cause are told."""
+"""Maximum number of laws listed that predict as well in place of a cause."""
 
 
 def diagnosis(answer: Answer, tables: Tables) -> Section | None:
-    """The causes, what is gained, what to measure next and what stays unseen."""
+    """The causes, their gain, what to measure next, and effects that may be present unnoticed."""
     found = answer.diagnosis
     shared, proposed = _shared_gain(found.causes), doors.found(_TO_MEASURE)
     blocks: list[Block | None] = [Paragraph(found.why)]
@@ -63,7 +63,7 @@ def diagnosis(answer: Answer, tables: Tables) -> Section | None:
 
 
 def _shared_gain(causes: Sequence[Cause]) -> str:
-    """What several causes are worth together, where they have no worth of their own."""
+    """Common gain of several causes; empty if each has a gain of its own."""
     worth = {(one.gain, one.evidence is None) for one in causes}
     return _gain_sentences("all causes", causes[0]) if len(causes) > 1 and len(worth) == 1 else ""
 
@@ -86,7 +86,7 @@ def _cause(place: int, one: Cause, axes: words.Axes, with_gain: bool) -> list[Bl
 
 
 def _alone(single: Sequence[Alone]) -> ReportTable | None:
-    """What each of the likeliest causes does if it is the only one."""
+    """Table of the likeliest causes, with the gain of each as the only one in the model."""
     columns: list[Cells[Alone]] = [
         said("Cause", words.placed),
         said("Name", words.label),
@@ -99,7 +99,7 @@ def _alone(single: Sequence[Alone]) -> ReportTable | None:
 
 
 def _unnamed_sentence(other: Unnamed, axes: words.Axes) -> str:
-    """How likely it is none of the known causes, and which of those do as well."""
+    """Probability that no known cause is present, and laws that predict equally well."""
     said = []
     if other.probability >= _WORTH_SAYING:
         chance = probability(other.probability)
@@ -121,7 +121,7 @@ def _as_good(one: AsGood) -> str:
 
 
 def _evidence_sentences(evidence: Evidence) -> str:
-    """What speaks for a mistake in the data, and what the corrected result rests on."""
+    """Evidence for a mistake in the data, and the correction used."""
     return " ".join(f"{capital(s)}." for s in (evidence.sentence, evidence.correction) if s)
 
 
@@ -138,7 +138,7 @@ def _size_sentence(one: Cause) -> str:
 
 
 def _gain_sentences(what: str, one: Cause) -> str:
-    """What a cause is worth, or all of them: `what` is in the model, or put right."""
+    """Gain if `what` (one cause, or all causes) is in the model or, for a mistake, corrected."""
     if one.gain is None:
         return ""
     how = f"{what} corrected" if one.evidence else f"{what} in the model"
@@ -146,10 +146,12 @@ def _gain_sentences(what: str, one: Cause) -> str:
 
 
 def _error_falls(how: str, gain: Gain) -> Iterator[str]:
-    """By which share the error falls, and to what; without the share, from what.
+    """Relative decrease of the cross-validation error and its final value.
 
-    The joint springs' own error stands beside the verdict, weighted by their own noise; the share
-    compares both models at one weighting, and the two values before differ in the third digit.
+    If the relative decrease is unknown, the initial value is stated instead. The error of the joint
+    springs that is stated with the verdict is weighted by their own noise; the relative decrease
+    compares both models with the same weights, so that the two initial errors differ in the third
+    digit.
     """
     before, after = gain.held_out_rms_before_mm, gain.held_out_rms_after_mm
     if before is None or after is None or after >= before:
@@ -160,7 +162,7 @@ def _error_falls(how: str, gain: Gain) -> Iterator[str]:
 
 
 def _share(gain: Gain) -> str:
-    """The fraction by which the error falls, with its interval where that is known."""
+    """Relative decrease of the error, with its 95 % interval if that is known."""
     low, high = gain.ci95 or (None, None)
     sure = "" if low is None else f" (95 % interval {percent(low)} to {percent(high)})"
     return f"by {percent(gain.reduction)}{sure}"

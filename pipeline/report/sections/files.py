@@ -1,4 +1,4 @@
-"""Where else the answer lies: the files beside the page, and the pages over and before it."""
+"""Section with links to the files of the run, all campaigns and the previous campaign."""
 
 from __future__ import annotations
 
@@ -18,11 +18,11 @@ _HOLDS = {
     "model.xml": "the robot with its springs, for MuJoCo",
     "model.sdf": "the robot with its springs, for Drake and Gazebo",
 }
-"""What a run writes, and what for."""
+"""Files that a run writes, with their content."""
 
 
 def files(beside: Collection[str], previous: Answer | None) -> Section | None:
-    """What lies beside the page and where the other campaigns are; None of a page by itself.
+    """Links to the files in the page's folder and to other campaigns; None without such files.
 
     Args:
         beside: Names of the files in the page's folder.
@@ -48,5 +48,5 @@ def _rows(beside: Collection[str], previous: Answer | None) -> Iterator[tuple[Ta
 
 
 def _page(text: str, folder: str) -> TableEntry:
-    """A page of another folder in reports/."""
+    """Link to the page of a folder in reports/."""
     return TableEntry(text, text, f"../{folder}index.html")

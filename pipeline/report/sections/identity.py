@@ -1,4 +1,4 @@
-"""What the report is filed by: when, who, with what, which machine."""
+"""Section with the data for filing: date, operator, instruments, machine."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from pipeline.report.record import Section, section_of
 _KINDS = {"laser_tracker": "laser tracker", "arm": "measuring arm", "unknown": "unknown kind"}
 
 Row = tuple[str, str]
-"""What it is, and what is stated of it."""
+"""A heading, and what is stated under it."""
 
 NAMES = ("Campaign", "Operator", "Software")
-"""What is stated there is a name, in every language the same."""
+"""Headings whose entries are names, which are not translated."""
 
 
 def identity(answer: Answer) -> Section | None:
-    """Date, operator, instrument, scale, robot and software, and in one line what nobody said."""
+    """Date, operator, instrument, scale, robot, software, and one line on what is not stated."""
     columns: list[Cells[Row]] = [
         said("What", lambda row: row[0]),
         said("Stated", lambda row: row[1]),
@@ -32,7 +32,7 @@ def identity(answer: Answer) -> Section | None:
 
 
 def rows(answer: Answer) -> Iterator[Row]:
-    """What a report is filed by; what nobody said is left out."""
+    """Data for filing; what is not stated is omitted."""
     found = answer.identity
     if found is None:
         return
@@ -51,7 +51,7 @@ def rows(answer: Answer) -> Iterator[Row]:
 
 
 def _unsaid(answer: Answer) -> Iterator[Row]:
-    """What a file of campaigns would like to have and campaign.toml does not state."""
+    """Row listing what should be filed but is not stated in campaign.toml."""
     found, instrument = answer.identity, answer.instrument
     if found is None:
         return
@@ -77,12 +77,12 @@ def _lacking(of: Unit | Measuring | None) -> list[str]:
 
 
 def _slides(answer: Answer) -> bool:
-    """Whether the robot stands on a rail."""
+    """Whether the robot has a prismatic joint, as on a rail."""
     return any(one.joint_type == JointType.PRISMATIC for one in answer.stiffness)
 
 
 def _list(*parts: str) -> str:
-    """Those that say something."""
+    """Join the texts that are not empty."""
     return ", ".join(part for part in parts if part)
 
 
@@ -99,7 +99,7 @@ def _warm(found: Identity) -> str:
 
 
 def _unit(of: Unit | Measuring | None) -> str:
-    """Serial number and certificate of a device."""
+    """Serial number, certificate and date of calibration of a device."""
     if of is None:
         return ""
     return _list(

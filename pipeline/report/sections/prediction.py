@@ -1,4 +1,4 @@
-"""Deflection at the test pose and over the workspace, and how far to trust it."""
+"""Sections on the deflection at the test pose and over the workspace, and on its validation."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from pipeline.report.summaries import Tables
 
 
 def test_pose(answer: Answer, tables: Tables) -> Section | None:
-    """Deflection at the test pose and over the workspace, and what joint springs alone say."""
+    """Deflection at the test pose and over the workspace, also by joint springs alone."""
     title = f"Predicted deflection at the test pose, {words.values_of(answer)}"
     return section_of(
         "test-pose",
@@ -40,7 +40,7 @@ def test_pose(answer: Answer, tables: Tables) -> Section | None:
 
 
 def _asked(pose: TestPose | None) -> Paragraph | None:
-    """What U holds."""
+    """Deflection of the load point with U, and what U includes."""
     if pose is None:
         return None
     return Paragraph(
@@ -51,7 +51,7 @@ def _asked(pose: TestPose | None) -> Paragraph | None:
 
 
 def _tolerance(asked: Tolerance | None) -> ReportTable | None:
-    """Stretch by stretch, what is decided of the path."""
+    """Conformity of the path with the tolerance, stretch by stretch."""
     if asked is None or asked.path is None:
         return None
     columns: list[Cells[Stretch]] = [
@@ -72,7 +72,7 @@ def _tolerance(asked: Tolerance | None) -> ReportTable | None:
 
 
 def _beside(answer: Answer) -> ReportTable | None:
-    """What joint springs alone predict; None where the answer stands for them."""
+    """Prediction by joint springs on the data as given; None if the answer gives the same."""
     other = words.beside(answer)
     if other is None:
         return None
@@ -96,7 +96,7 @@ def _deflections(name: str, title: str, points: Sequence[TargetDeflection]) -> R
 
 
 def validation(answer: Answer, tables: Tables) -> Section | None:
-    """Poses left out, and the error of Eq. (22); None when nothing was validated."""
+    """Cross-validation error and the relative error of Eq. (22); None without validation."""
     given = answer.validation
     if given is None:
         return None

@@ -1,4 +1,4 @@
-"""Which rows were left out, and why."""
+"""Section on the rows that were left out, with reasons."""
 
 from __future__ import annotations
 
@@ -7,11 +7,12 @@ from pipeline.report.columns import Cells, said, table_of
 from pipeline.report.record import Column, Paragraph, Section, TableEntry, entry, section_of
 
 _MOST_ROWS = 400
-"""Rows of rejected readings shown; the rest is counted and stands in the tables."""
+"""Maximum number of rejected rows shown; further ones are counted here and listed in
+result.json."""
 
 
 def rejected(answer: Answer) -> Section | None:
-    """Rows that were left out and why, at most _MOST_ROWS of them."""
+    """Rows that were left out, with reasons; at most `_MOST_ROWS` of them."""
     given = answer.rejected
     columns: list[Cells[Rejected]] = [
         said("File", lambda row: row.file, code=True),

@@ -1,4 +1,4 @@
-"""Joint stiffnesses, what changed since the previous campaign, and how well the model fits."""
+"""Section on joint stiffnesses, changes since the previous campaign, and the fit of the model."""
 
 from __future__ import annotations
 
@@ -46,10 +46,11 @@ from pipeline.report.record import (
 
 
 def stiffness(answer: Answer, previous: Answer | None, wear: str | None = None) -> Section | None:
-    """The table of stiffnesses with what is odd about them.
+    """The tables of stiffnesses with their findings.
 
-    A change since the campaign before is no finding where all campaigns together say what has
-    changed (`wear`): days differ by more than a campaign's own uncertainty.
+    If all campaigns together show what has changed (`wear`), a change since the previous campaign
+    is not a finding unless both are of one day: the scatter from day to day exceeds the uncertainty
+    of one campaign.
     """
     since, before = _since(answer, previous), previous.campaign if previous else ""
     told = wear is None or bool(previous and of_one_day(previous, answer))
@@ -72,7 +73,7 @@ def stiffness(answer: Answer, previous: Answer | None, wear: str | None = None) 
 
 
 def _springs_by(answer: Answer) -> ReportTable | None:
-    """Springs by weight and by pulls beside each other, where both were measured."""
+    """Compliances estimated from the arm's weight and from the pulls, if both were measured."""
     both = answer.springs_by
     if both is None:
         return None
@@ -93,19 +94,19 @@ def _nano(one: Known | None) -> tuple[float | None, float | None]:
 
 
 def _since(answer: Answer, previous: Answer | None) -> list[Change]:
-    """What has changed since the previous campaign of the robot, as far as it can be compared."""
+    """Changes since the robot's previous campaign; none if the two cannot be compared."""
     if previous is None or not trusted(answer):
         return []
     return changes(previous.stiffness, answer.stiffness)
 
 
 def _findings(answer: Answer) -> Iterator[str]:
-    """What there is to act on: what no stiffness says of itself, then what the stiffnesses say."""
+    """Findings to act on: those of the whole campaign first, then those of single stiffnesses."""
     own = {joint.finding for joint in answer.stiffness}
     yield from dict.fromkeys(one for one in answer.findings if one not in own)
     yield from remarks.told(answer.stiffness)
     for joint in answer.stiffness:
-        if joint.finding and not joint.remarks:  # of a version that had the sentence only
+        if joint.finding and not joint.remarks:  # written by a version that had the sentence only
             yield joint.finding
 
 
@@ -143,13 +144,13 @@ _EACH_WAY = (
     "turns the controller's axis (the joint itself where the robot file has no axis); its "
     "stiffness is that of the test pose."
 )
-"""What the columns of such a joint mean."""
+"""Note on the columns with a stiffness for each sign of the torque."""
 
 _JOINT: Cells[Stiffness] = (Column("Joint"), lambda j: text_entry(j.name, sort=j.joint))
 
 
 def _axis_columns(joints: Sequence[Stiffness]) -> list[Cells[Stiffness]]:
-    """The controller's axes; nothing where the robot file has none."""
+    """Column of the controller's axes; none if the robot file maps none."""
     if all(joint.axis is None for joint in joints):
         return []
     return [said("Axis", lambda joint: joint.axis)]
@@ -180,7 +181,7 @@ def _interval(joint: Stiffness, factor: float) -> TableEntry:
 
 
 def _each_way_columns(joints: Sequence[Stiffness], factor: float) -> list[Cells[Stiffness]]:
-    """Both stiffnesses of joints that have one each way; nothing where none has."""
+    """Columns for joints with a stiffness for each sign of the torque; none without such joints."""
     if all(joint.by_sign is None for joint in joints):
         return []
     return [
@@ -190,7 +191,10 @@ def _each_way_columns(joints: Sequence[Stiffness], factor: float) -> list[Cells[
 
 
 def _one_way(joint: Stiffness, way: str, factor: float) -> TableEntry:
-    """The stiffness against a torque that turns the axis one way, or else the joint itself."""
+    """Stiffness under a torque that turns the controller's axis towards `way`.
+
+    If the robot file maps no axis, the joint itself is meant.
+    """
     both = joint.by_sign
     if both is None:
         return TableEntry(MISSING)
@@ -201,7 +205,7 @@ def _one_way(joint: Stiffness, way: str, factor: float) -> TableEntry:
 
 
 def _nominal_columns(joints: Sequence[Stiffness], factor: float) -> list[Cells[Stiffness]]:
-    """Beside the robot file's stiffnesses; nothing where it states none."""
+    """Columns of the nominal stiffness and the ratio to it; none if the robot file states none."""
     if all(joint.nominal is None for joint in joints):
         return []
     return [
@@ -217,7 +221,7 @@ def _of_nominal(joint: Stiffness) -> tuple[float | None, float | None]:
 
 
 def _beside_columns(answer: Answer, factor: float) -> list[Cells[Stiffness]]:
-    """What joint springs alone, data as given, say; nothing where the answer stands for them."""
+    """Column of joint springs on the data as given; none if the answer gives the same."""
     other = words.beside(answer)
     if other is None:
         return []
@@ -233,7 +237,7 @@ def _change_columns(since: Sequence[Change], before: str) -> list[Cells[Stiffnes
 
 
 def _combinations_table(combinations: Sequence[Combination]) -> ReportTable | None:
-    """What is determined of joints that are not determined singly."""
+    """Table of the combinations of compliances that are determined where single ones are not."""
     columns: list[Cells[Combination]] = [
         said("Combination of compliances", lambda one: one.formula),
         measured("Value ± standard uncertainty", lambda one: (one.value, one.std)),
@@ -255,7 +259,7 @@ def _ends(one: Combination) -> TableEntry:
 
 
 def _hypotheses_table(hypotheses: Sequence[Weighed]) -> ReportTable | None:
-    """What the values are averaged over; nothing where they are those of one model."""
+    """Table of the hypotheses over which the values are averaged; None for a single model."""
     columns: list[Cells[Weighed]] = [
         said("Beside the joint springs", lambda one: " and ".join(map(_believed, one.causes))),
         number("Weight", lambda one: one.weight, probability),

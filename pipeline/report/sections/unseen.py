@@ -1,4 +1,4 @@
-"""What these readings cannot see."""
+"""Effects that may be present unnoticed."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from pipeline.report.columns import Cells, said, table_of
 from pipeline.report.record import Block, Column, Paragraph, ReportTable, entry, present
 
 _WIDE = 300.0
-"""Sizes that differ by more than this factor share no prefix of their unit."""
+"""Largest ratio of two magnitudes that share a prefix of their unit [1]."""
 
 
 def blind_spots(spots: Sequence[BlindSpot]) -> list[Block]:
-    """Effects that may be there unseen, those of one kind in one row; nothing without any.
+    """Effects that may be present unnoticed, those of one kind in one row; empty without any.
 
-    How many there are is the sentence of the first screen.
+    The sentence on their number is that of the first screen.
     """
     if not spots:
         return []
@@ -81,7 +81,7 @@ def _order(spot: BlindSpot) -> tuple[int, str]:
 
 
 def _sizes(title: str, size: Callable[[BlindSpot], float | None]) -> Cells[_Group]:
-    """A column of sizes, those of one kind as a range over their places."""
+    """A column of magnitudes, as a range over the places of one kind of effect."""
     return Column(title, numeric=True), lambda group: entry(*_range(group, size))
 
 

@@ -1,0 +1,67 @@
+"""One name for two places: readings of a target in one state that contradict each other.
+
+Ingest uses none of such readings, as nothing says which is right, and what depends on them is left
+out with them. A shot that was repeated on the spot, microns apart, is a row lost; readings apart by
+more than a robot gives way, or all pulls of a pose, are a mistake in the record.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import replace
+from functools import partial
+
+from pipeline.faults.assignment import lines
+from pipeline.faults.fault import Fault, Screening
+from pipeline.faults.mistake import Mistake, as_it_is, length
+from pipeline.readers.known import GROSS_M
+from pipeline.reduction._shots import Contradiction
+from pipeline.reduction.case import Case
+
+
+def named_twice(asked: Screening) -> Iterator[Mistake]:
+    """Poses whose readings were given the name of others, or that are lost by contradictions."""
+    case = asked.case
+    pulled = set(case.readings.loc[case.readings["state"] == "loaded", "pose"])
+    by_pose: dict[int, list[Contradiction]] = {}
+    for one in case.contradictions:
+        by_pose.setdefault(one.pose, []).append(one)
+    for pose, ones in by_pose.items():
+        if pose not in pulled or max(one.apart_m for one in ones) > GROSS_M:
+            yield _of_pose(pose, ones, lost=pose not in pulled)
+
+
+def _of_pose(pose: int, ones: list[Contradiction], lost: bool) -> Mistake:
+    worst = max(ones, key=lambda one: one.apart_m)
+    groups = list(dict.fromkeys(one.group for one in ones))
+    at = tuple(place for one in ones for place in one.at)
+    more = f" (so do others in {len(groups)} groups of pose {pose})" if len(ones) > 1 else ""
+    left = f"pose {pose}" if lost else "these readings"
+    return Mistake(
+        name="exchanged",
+        where=groups[0] if len(groups) == 1 else f"{groups[0]}/{groups[-1]}",
+        evidence=f"{worst.at[0]} and {worst.at[-1]} both have the name {worst.group}/"
+        f"{worst.target} and are {length(worst.apart_m)} apart{more}: which of them has its name "
+        f"by mistake nothing in the files says ({lines(at)})",
+        correction=f"computed without {left}",
+        before=1e3 * worst.apart_m,
+        after=0.0,
+        unit="mm",
+        correct=partial(_without_pose, pose=pose) if lost else as_it_is,
+        at=at,
+    )
+
+
+def _without_pose(case: Case, pose: int) -> Case:
+    rows, loads, joints = (
+        table[table["pose"].ne(pose).fillna(True)]
+        for table in (case.readings, case.loads, case.joints)
+    )
+    return replace(case, readings=rows, loads=loads, joints=joints)
+
+
+FAULT = Fault(
+    "exchanged",
+    lambda asked: list(named_twice(asked)),
+    in_files=True,
+)
